@@ -1,0 +1,1 @@
+"""Registration with Blender, operators, panels and the command line."""

@@ -1,0 +1,1 @@
+"""Measured BRDFs to small textures: readers, tables, samplers and bundles in pure numpy (never bpy)."""

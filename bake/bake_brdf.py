@@ -1,0 +1,252 @@
+"""From a BRDF source to a bundle: the one function that the command line and the panel both call."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from .accuracy import DirectionPairs, direction_pairs
+from .albedo import albedo_facts
+from .alias_sampler import AliasSampler, SamplerLayout, build_sampler
+from .alpha_search import search_alpha, with_alpha
+from .atlas import pack
+from .bspline_fit import fit_coefficients
+from .bundle import Kind, StoredImage, write_bundle
+from .errors import BakeError
+from .parameterization import PARAMETERIZATIONS, Parameterization
+from .preview import preview_sphere
+from .source import Array, BrdfSource
+from .sources import read_source
+from .storage import Storage, quantize, scale_for
+from .table import FILTERS, BrdfTable, Filter, TableGrid, TreatedSource, tabulate
+from .table_facts import MAX_RESOLUTION
+
+AlphaChoice = Literal["error", "intensity"]
+SplineFit = Literal["plain", "fitted"]
+Progress = Callable[[str, float], None]
+
+_ERROR_PAIRS = 32768
+KIND: Kind = "brdf"
+
+
+@dataclass(frozen=True)
+class BakeSettings:
+    """What the user chooses.
+
+    Parameters
+    ----------
+    resolution : samples per elevation, N of the N x N x 2N table
+    parameterization : of the table's axes
+    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi)
+    storage : of the table's texels
+    filter : that the material reconstructs with
+    spline : coefficients for filter "bspline": the samples themselves as in MY16, or fitted >= 0
+    sampler : sizes of the alias tables
+    """
+
+    resolution: int = 64
+    parameterization: Parameterization = "bezier"
+    alpha: AlphaChoice | tuple[float, float] = "error"
+    storage: Storage = Storage.HALF
+    filter: Filter = "trilinear"
+    spline: SplineFit = "fitted"
+    sampler: SamplerLayout = field(default_factory=SamplerLayout)
+
+    def __post_init__(self) -> None:
+        _check(
+            "resolution",
+            4 <= self.resolution <= MAX_RESOLUTION,
+            f"from 4 to {MAX_RESOLUTION}",
+            self.resolution,
+        )
+        _check_choice("parameterization", self.parameterization, PARAMETERIZATIONS)
+        _check_choice("filter", self.filter, FILTERS)
+        _check_choice("spline", self.spline, get_args(SplineFit))
+        object.__setattr__(self, "storage", Storage(self.storage))
+        if isinstance(self.alpha, str):
+            _check_choice("alpha", self.alpha, get_args(AlphaChoice))
+        else:
+            _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+
+
+def _check(name: str, ok: bool, wanted: str, given: object) -> None:
+    if not ok:
+        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")
+
+
+def _check_choice(name: str, given: str, choices: tuple[str, ...]) -> None:
+    _check(name, given in choices, " or ".join(choices), given)
+
+
+@dataclass(frozen=True)
+class BakeResult:
+    """Where the bundle is, and the facts that were written into it."""
+
+    path: Path
+    facts: dict[str, Any]
+
+
+def bake_file(
+    file: str | Path, out: str | Path, settings: BakeSettings | None = None, progress: Progress | None = None
+) -> BakeResult:
+    """Bake a measurement in any known format. Raises BakeError; then nothing is written."""
+    if progress:
+        progress("reading", 0.0)
+    source = read_source(file)
+    origin = {"file": str(Path(file).resolve()), "sha256": _sha256(Path(file))}
+    return bake_source(source, out, settings, progress, origin)
+
+
+def bake_source(
+    source: BrdfSource,
+    out: str | Path,
+    settings: BakeSettings | None = None,
+    progress: Progress | None = None,
+    origin: dict[str, str] | None = None,
+) -> BakeResult:
+    """Bake any source, analytic ones included, to the bundle `out`.
+
+    Parameters
+    ----------
+    progress : called with the stage's name and its share done
+    origin : of the measurement, "file" and "sha256", kept in the bundle
+
+    Raises
+    ------
+    BakeError : the source is anisotropic, all zero or not finite, or the bundle cannot be written
+    """
+    settings = settings or BakeSettings()
+    say = progress or _silent
+    started = time.perf_counter()
+    if not source.isotropic:
+        raise BakeError(source.name, "is anisotropic, and this table is isotropic", "bake an isotropic material")
+    treated = TreatedSource(source)
+    pairs = direction_pairs(_ERROR_PAIRS)
+    truth = treated.evaluate(pairs.wi, pairs.wo)
+    if not np.isfinite(truth).all() or not truth.any():
+        raise BakeError(source.name, "reflects nothing, or holds values that are not finite", "check the file")
+
+    grid, search = _choose_grid(treated, settings, pairs, truth, say)
+    table = tabulate(treated, grid, lambda share: say("tabulating", share))
+    stored, scale = _store(table, settings, say)
+    say("sampler", 0.0)
+    sampler = build_sampler(stored_evaluator(stored, settings.filter), settings.sampler)
+    say("measuring", 0.0)
+    facts = {
+        "generator": "measured_materials 0.1.0",
+        "source": {
+            "name": source.name,
+            **(origin or {}),
+            "facts": source.facts,
+            "treatment": treated.facts(),
+        },
+        "settings": _plain_settings(settings),
+        "table": {
+            **grid.facts(),
+            "filter": settings.filter,
+            "spline": settings.spline if settings.filter == "bspline" else "none",
+            "storage": str(settings.storage),
+            "scale": scale,
+            "total_intensity": table.total_intensity,
+        },
+        "search": search,
+        "sampler": asdict(settings.sampler),
+        "errors": table_errors(stored, settings.filter, pairs, truth),
+        "albedo": albedo_facts(treated_protocol(treated)),
+        "bake_seconds": round(time.perf_counter() - started, 2),
+    }
+    say("writing", 0.0)
+    images = {
+        "table": StoredImage(pack(stored.values * np.float32(scale)), settings.storage),
+        "sampler": StoredImage(_sampler_pixels(sampler), Storage.FLOAT32),
+    }
+    path = write_bundle(out, facts, images, preview_sphere(stored), kind=KIND)
+    say("writing", 1.0)
+    return BakeResult(path, facts)
+
+
+def _silent(stage: str, share: float) -> None:
+    pass
+
+
+class _Evaluator:
+    """A table as a source, so that the sampler follows what is rendered rather than what was measured."""
+
+    isotropic = bilateral = True
+
+    def __init__(self, table: BrdfTable, filter: Filter) -> None:
+        self.table, self.filter, self.name = table, filter, "table"
+        self.facts: dict[str, Any] = {}
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return self.table.evaluate(wi, wo, self.filter)
+
+
+def stored_evaluator(table: BrdfTable, filter: Filter) -> BrdfSource:
+    """The table, reconstructed, as a BRDF source."""
+    # The sampler's cells are coarser than any filter: trilinear serves the spline as well, at an eighth of the time.
+    return _Evaluator(table, "nearest" if filter == "nearest" else "trilinear")
+
+
+def treated_protocol(treated: TreatedSource) -> BrdfSource:
+    """The treated measurement as a BRDF source."""
+    treated.isotropic = treated.bilateral = True  # type: ignore[attr-defined]
+    return treated  # type: ignore[return-value]
+
+
+def _choose_grid(
+    treated: TreatedSource, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
+) -> tuple[TableGrid, dict[str, Any] | None]:
+    grid = TableGrid(settings.resolution, settings.parameterization)
+    if settings.parameterization != "bezier":
+        return grid, None
+    if not isinstance(settings.alpha, str):
+        return TableGrid(settings.resolution, "bezier", *map(float, settings.alpha)), None
+    # A quarter of the directions ranks the trials as well as all of them; the other set measures the winner.
+    ranking = direction_pairs(_ERROR_PAIRS // 4, offset=0.25)
+    found = search_alpha(treated, grid.n, ranking, progress=lambda share: say("choosing alpha", share))
+    winner = found.by_error if settings.alpha == "error" else found.by_intensity
+    return with_alpha(grid, winner), found.facts()
+
+
+def _store(table: BrdfTable, settings: BakeSettings, say: Progress) -> tuple[BrdfTable, float]:
+    """The table as it will come back from the file (scale undone), and the scale."""
+    values = table.values
+    if settings.filter == "bspline" and settings.spline == "fitted":
+        values = fit_coefficients(values, lambda share: say("fitting spline", share))
+    scale = scale_for(values, settings.storage)
+    stored = quantize(values * np.float32(scale), settings.storage) * np.float32(1 / scale)
+    return BrdfTable(table.grid, stored), scale
+
+
+def table_errors(table: BrdfTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
+    """Cosine-weighted RMS in 1/sr and energy-relative error at directions the table was not built from."""
+    difference = table.evaluate(pairs.wi, pairs.wo, filter) - truth
+    return {
+        "rms": pairs.rms(difference),
+        "relative": pairs.relative_error(difference, truth),
+        "rms_of_signal": pairs.rms(truth),
+        "directions": len(truth),
+    }
+
+
+def _sampler_pixels(sampler: AliasSampler) -> Array:
+    return sampler.texels
+
+
+def _plain_settings(settings: BakeSettings) -> dict[str, Any]:
+    plain = asdict(settings)
+    plain["storage"] = str(settings.storage)
+    plain["alpha"] = settings.alpha if isinstance(settings.alpha, str) else list(settings.alpha)
+    return plain
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,20 @@
+"""The one error that bad input raises."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class BakeError(Exception):
+    """Input that cannot be used, told in one line: which file, what is wrong with it, what to do.
+
+    Parameters
+    ----------
+    file : path or name of the offending input
+    cause : what is wrong, in a few words, without a full stop
+    remedy : what the user can do about it, without a full stop
+    """
+
+    def __init__(self, file: str | Path, cause: str, remedy: str) -> None:
+        self.file, self.cause, self.remedy = str(file), cause, remedy
+        super().__init__(f"{self.file}: {cause}; {remedy}")

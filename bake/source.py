@@ -1,0 +1,66 @@
+"""What a BRDF source is, and how a reader of a new file format plugs in.
+
+A reader is one module in `bake/sources` that exposes a `Reader` named `READER`; listing it in
+`bake/sources/__init__.py` is all it takes for the command line, the panel and the tests to know it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@runtime_checkable
+class BrdfSource(Protocol):
+    """A BRDF that can be evaluated for any pair of directions in the upper hemisphere.
+
+    Attributes
+    ----------
+    name : short name, usually the file's stem
+    isotropic : the value depends on the azimuths only through phi_i - phi_o
+    bilateral : f(phi_delta) = f(-phi_delta) holds exactly; a table stores phi_delta in [0, pi] only, so a
+        source without it is averaged with its mirror image when baked
+    facts : what the reader found (invalid entries, negative share, interpolation, ...), JSON-ready; shown
+        by `inspect` and kept in the bundle
+    """
+
+    name: str
+    isotropic: bool
+    bilateral: bool
+    facts: dict[str, Any]
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF in 1/sr without the cosine, linear Rec.709.
+
+        Parameters
+        ----------
+        wi, wo : (..., 3) unit vectors to the light and to the viewer, z along the normal; shapes broadcast
+
+        Returns
+        -------
+        (..., 3) float array, finite. Values may be negative where the measurement is; baking counts and
+        treats them. Directions on or below the horizon give 0.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A file format: `suffixes` in lower case with the dot, `matches` sniffs the first 64 bytes."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    matches: Callable[[Path, bytes], bool]
+    read: Callable[[Path], BrdfSource]
+
+
+def luminance(rgb: Array) -> Array:
+    """Relative luminance of linear Rec.709, (..., 3) -> (...)."""
+    return rgb @ np.array([0.2126, 0.7152, 0.0722], dtype=rgb.dtype)

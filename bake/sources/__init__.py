@@ -1,0 +1,55 @@
+"""Readers of measured BRDF files and analytic BRDFs, all behind `read_source`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import BakeError
+from ..source import BrdfSource, Reader
+from . import merl, rgl
+
+READERS: tuple[Reader, ...] = (merl.READER, rgl.READER)
+
+
+def known_formats() -> str:
+    """The formats that can be read, as one phrase for messages and file dialogues."""
+    return ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in READERS)
+
+
+def read_source(path: str | Path) -> BrdfSource:
+    """Read a measured BRDF in any known format.
+
+    Content decides before the suffix, so that a renamed file is still read; a file whose content nobody
+    recognises goes to the reader of its suffix, which can say exactly what is wrong with it.
+
+    Raises
+    ------
+    BakeError : the path is no readable, non-empty file, its format is unknown, or its reader refuses it
+    """
+    path = Path(path)
+    remedy = f"give a file in one of the known formats: {known_formats()}"
+    head = _first_bytes(path, remedy)
+    by_suffix = [reader for reader in READERS if path.suffix.lower() in reader.suffixes]
+    by_content = [reader for reader in READERS if reader.matches(path, head)]
+    both = [reader for reader in by_content if reader in by_suffix]
+    for reader in (*both, *by_content, *by_suffix):
+        return reader.read(path)
+    raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
+
+
+def _first_bytes(path: Path, remedy: str) -> bytes:
+    try:
+        if path.is_dir():
+            raise BakeError(path, "is a folder, not a file", remedy)
+        if not path.exists():
+            raise BakeError(path, "does not exist", remedy)
+        if not path.is_file():
+            raise BakeError(path, "is not a plain file", remedy)
+        with path.open("rb") as stream:
+            head = stream.read(64)
+    except (OSError, ValueError) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BakeError(path, f"cannot be opened ({cause})", remedy) from error
+    if not head:
+        raise BakeError(path, "is empty", remedy)
+    return head

@@ -1,0 +1,333 @@
+"""MERL isotropic BRDF files (Matusik et al. 2003, A Data-Driven Reflectance Model).
+
+Layout: three little-endian int32 (90, 90, 180), then the red, green and blue planes as float64, each
+[theta_h, theta_d, phi_d]. theta_h is sampled at (i / 90)^2 90 degrees, theta_d and phi_d in steps of one
+degree; phi_d covers half a turn, reciprocity gives the other half. Numbers are BRDF values divided by 1/1500,
+1.15/1500 and 1.66/1500; a negative number marks an entry without a measurement.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import BakeError
+from ..source import Array, BrdfSource, Reader
+
+DIMENSIONS = (90, 90, 180)
+SCALES = (1 / 1500, 1.15 / 1500, 1.66 / 1500)
+FOLDED = 91  # phi_d nodes left in [0, pi/2] once phi_d and pi - phi_d are one
+_HEADER = np.array(DIMENSIONS, "<i4").tobytes()
+_FILE_BYTES = len(_HEADER) + 3 * int(np.prod(DIMENSIONS)) * 8
+_LARGEST = 1e30  # beyond this a number is damage, and its float32 square would overflow
+_CHUNK = 1 << 14  # directions per pass; its temporaries stay in the cache
+_HOLE_PASSES = 16
+
+
+@dataclass
+class MerlSource:
+    """A MERL table without holes, trilinear between its nodes.
+
+    Parameters
+    ----------
+    table : (90, 90, 91, 3) float32, BRDF in 1/sr over [theta_h, theta_d, phi_d folded to 0..pi/2, rgb]
+    """
+
+    name: str
+    table: Array
+    facts: dict[str, Any] = field(default_factory=dict)
+    isotropic: bool = True
+    bilateral: bool = True
+
+    def __post_init__(self) -> None:
+        rows = np.ascontiguousarray(self.table, np.float32).reshape(-1, 3)
+        # A row and its phi_d successor lie side by side, so one gather of six numbers brings both.
+        self._pairs = np.concatenate([rows, np.roll(rows, -1, 0)], 1)
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF in 1/sr, (..., 3) float32, of unit directions (..., 3); 0 on and below the horizon."""
+        wi, wo = np.broadcast_arrays(np.asarray(wi), np.asarray(wo))
+        shape, count = wi.shape, wi.size // 3
+        wi, wo = wi.reshape(-1, 3), wo.reshape(-1, 3)
+        result = np.empty((count, 3), np.float32)
+        for start in range(0, count, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            result[part] = self._lookup(wi[part], wo[part])
+        return result.reshape(shape)
+
+    def _lookup(self, wi: Array, wo: Array) -> Array:
+        theta_h, theta_d, phi_d = grid_coordinates(wi, wo)
+        i, u = _cell(theta_h, DIMENSIONS[0])
+        j, v = _cell(theta_d, DIMENSIONS[1])
+        k, w = _cell(phi_d, FOLDED)
+        base = (i * DIMENSIONS[1] + j) * FOLDED + k
+        u, v, w = u[:, None], v[:, None], w[:, None]
+        pairs = np.zeros((len(base), 6), np.float32)
+        next_theta_h = DIMENSIONS[1] * FOLDED
+        for step, weight in (
+            (0, (1 - u) * (1 - v)),
+            (FOLDED, (1 - u) * v),
+            (next_theta_h, u * (1 - v)),
+            (next_theta_h + FOLDED, u * v),
+        ):
+            pairs += weight * np.take(self._pairs, base + step, 0, mode="clip")
+        value = pairs[:, :3] + w * (pairs[:, 3:] - pairs[:, :3])
+        value[(wi[:, 2] <= 0) | (wo[:, 2] <= 0)] = 0
+        return value
+
+
+def grid_coordinates(wi: Array, wo: Array) -> tuple[Array, Array, Array]:
+    """Fractional indices on MERL's grid, each (n,) float32, of unit directions (n, 3), phi_d folded to 0..90.
+
+    Built on s = wi + wo and d = wi - wo, which are perpendicular: tan theta_h = |s_xy| / s_z,
+    tan theta_d = |d| / |s|, tan phi_d = (s_x d_y - s_y d_x) / -(|s| d_z). No cosine is inverted and the only
+    differences are taken in the precision of the input, so theta_h keeps its relative accuracy down to zero.
+    """
+    sx, sy, sz = (_single(wi[:, a] + wo[:, a]) for a in range(3))
+    dx, dy, dz = (_single(wi[:, a] - wo[:, a]) for a in range(3))
+    radius = np.hypot(sx, sy)
+    length = np.hypot(radius, sz)
+    theta_h = np.arctan2(radius, np.maximum(sz, 0))
+    theta_d = np.arctan2(np.sqrt(dx * dx + dy * dy + dz * dz), length)
+    phi_d = np.arctan2(np.abs(sx * dy - sy * dx), length * np.abs(dz))
+    degrees = np.float32(180 / np.pi)
+    return np.sqrt(theta_h * (90 * degrees)), theta_d * degrees, phi_d * degrees
+
+
+def _single(values: Array) -> Array:
+    return values.astype(np.float32, copy=False)
+
+
+def _cell(coordinate: Array, nodes: int) -> tuple[Array, Array]:
+    """Lower node and fraction; beyond the last node its value holds."""
+    lower = np.minimum(coordinate.astype(np.int32), nodes - 2)
+    return lower, np.minimum(coordinate - lower, np.float32(1))
+
+
+def read(path: Path) -> MerlSource:
+    """Read a MERL `.binary` file, average its two mirror halves and fill the entries without a measurement.
+
+    Returns
+    -------
+    MerlSource whose `facts` count, among the entries above the horizon, the invalid, negative and non-finite
+    ones per channel, and apart from them the cells below the horizon, which every MERL file marks invalid.
+
+    Raises
+    ------
+    BakeError : unreadable, not of MERL's exact size and header, a channel without any valid entry, all zero
+    """
+    path = Path(path)
+    values, valid, facts = _planes(path)
+    table, valid, facts["phi_d_asymmetry"] = _mirror_average(values, valid)
+    _collapse_poles(table, valid)
+    above = ~below_horizon()[:, :, :FOLDED]
+    facts["filled_from_neighbours"] = _fill_holes(table, valid, above)
+    facts["filled_by_holding"] = int(np.count_nonzero(~valid & above[..., None]))
+    table = _hold_nearest(table, valid)
+    return MerlSource(path.stem, table, facts)
+
+
+def _planes(path: Path) -> tuple[Array, Array, dict[str, Any]]:
+    """BRDF values (90, 90, 180, 3) float32 with 0 where invalid, the validity of each, and the counts."""
+    values = np.empty((*DIMENSIONS, 3), np.float32)
+    valid = np.empty(values.shape, bool)
+    below = below_horizon()
+    not_finite, negative, invalid, below_valid = [], [], [], []
+    for channel, plane in enumerate(_raw_planes(path)):
+        finite = np.isfinite(plane) & (np.abs(plane) < _LARGEST)
+        # Some writers put 0 below the horizon; read as a value it would draw a black ring at grazing angles.
+        good = finite & np.where(below, plane > 0, plane >= 0)
+        if not good.any():
+            cause = f"the {('red', 'green', 'blue')[channel]} plane holds no valid entry"
+            raise BakeError(path, cause, "use a complete copy of the measurement")
+        values[..., channel] = np.where(good, plane, 0) * SCALES[channel]
+        valid[..., channel] = good
+        not_finite.append(int(np.count_nonzero(~finite & ~below)))
+        negative.append(int(np.count_nonzero(finite & ~good & ~below)))
+        invalid.append(int(np.count_nonzero(~good & ~below)))
+        below_valid.append(int(np.count_nonzero(good & below)))
+    if not values.any():
+        raise BakeError(path, "every entry is zero", "use a complete copy of the measurement")
+    facts = {
+        "format": "MERL",
+        "interpolation": "trilinear in sqrt(theta_h), theta_d, phi_d",
+        "entries_per_channel": below.size,
+        "below_horizon": int(np.count_nonzero(below)),
+        "below_horizon_with_value": below_valid,
+        "invalid": invalid,
+        "negative": negative,
+        "not_finite": not_finite,
+    }
+    return values, valid, facts
+
+
+def _raw_planes(path: Path) -> list[Array]:
+    """The three float64 planes (90, 90, 180) as stored, after size and header have been checked."""
+    remedy = "use an undamaged MERL .binary file"
+    try:
+        with path.open("rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            head = stream.read(len(_HEADER))
+            if len(head) == len(_HEADER) and head != _HEADER:
+                found = " x ".join(str(n) for n in np.frombuffer(head, "<i4"))
+                cause = f"the header says {found}, MERL's is 90 x 90 x 180 ({_FILE_BYTES} bytes, found {size})"
+                raise BakeError(path, cause, remedy)
+            if size != _FILE_BYTES:
+                kind = "truncated" if size < _FILE_BYTES else "too long"
+                raise BakeError(path, f"{kind}: expected {_FILE_BYTES} bytes, found {size}", remedy)
+            data = np.fromfile(stream, "<f8")
+    except (OSError, ValueError) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BakeError(path, f"cannot be read ({cause})", remedy) from error
+    if data.nbytes + len(_HEADER) != _FILE_BYTES:
+        raise BakeError(path, f"read {data.nbytes + len(_HEADER)} of {_FILE_BYTES} bytes", remedy)
+    return list(data.reshape(3, *DIMENSIONS))
+
+
+def grid_angles() -> tuple[Array, Array, Array]:
+    """theta_h (90, 1, 1), theta_d (90, 1) and phi_d (180,) of the nodes, in radians."""
+    theta_h = (np.arange(90) / 90) ** 2 * (np.pi / 2)
+    theta_d = np.radians(np.arange(90))
+    return theta_h[:, None, None], theta_d[:, None], np.radians(np.arange(180))
+
+
+def below_horizon() -> Array:
+    """(90, 90, 180) bool: cells whose light or viewer lies below the surface or, up to rounding, in it."""
+    theta_h, theta_d, phi_d = grid_angles()
+    level = np.cos(theta_h) * np.cos(theta_d)
+    tilt = np.sin(theta_h) * np.sin(theta_d) * np.cos(phi_d)
+    return level <= np.abs(tilt) + 1e-9
+
+
+def _mirror_average(values: Array, valid: Array) -> tuple[Array, Array, float]:
+    """Mean over phi_d and pi - phi_d of the valid entries, folded to 91 nodes.
+
+    The third result is sum |f(phi_d) - f(pi - phi_d)| / sum (f(phi_d) + f(pi - phi_d)) where both are valid.
+    """
+    mirror = (180 - np.arange(FOLDED)) % 180
+    left, right = values[:, :, :FOLDED], values[:, :, mirror]
+    left_valid, right_valid = valid[:, :, :FOLDED], valid[:, :, mirror]
+    total = left + right
+    both = left_valid & right_valid
+    scale = float(np.sum(total[both], dtype=np.float64))
+    difference = float(np.sum(np.abs(left - right)[both], dtype=np.float64))
+    total[both] *= 0.5
+    return total, left_valid | right_valid, difference / scale if scale > 0 else 0.0
+
+
+def _collapse_poles(table: Array, valid: Array) -> None:
+    """One value over phi_d, which has no meaning there, where theta_h = 0 or theta_d = 0; in place."""
+    share = np.full((FOLDED, 1), 2.0, np.float32)
+    share[[0, -1]] = 1
+    for pole in (np.s_[0], np.s_[:, 0]):
+        weight = valid[pole] * share
+        total = weight.sum(1, keepdims=True)
+        mean = (table[pole] * weight).sum(1, keepdims=True) / np.maximum(total, 1)
+        table[pole], valid[pole] = mean, total > 0
+
+
+def _fill_holes(table: Array, valid: Array, above: Array) -> int:
+    """Give holes above the horizon the mean of their valid neighbours, pass by pass; in place.
+
+    Neighbours at the same theta_h come first, those across it for what is left: a BRDF varies slowest
+    when the half vector stays (Rusinkiewicz 1998), and a mean across theta_h would flatten a highlight.
+    Returns how many entries were filled.
+    """
+    holes = np.argwhere(~valid & above[..., None])
+    missing = len(holes)
+    for steps in (((0, 1), (0, -1), (1, 1), (1, -1)), ((2, 1), (2, -1))):
+        for _ in range(_HOLE_PASSES):
+            total, count = _neighbour_sum(table, valid, holes, steps)
+            ready = count > 0
+            if not ready.any():
+                break
+            at = tuple(holes[ready].T)
+            table[at], valid[at] = total[ready] / count[ready], True
+            holes = holes[~ready]
+    return missing - len(holes)
+
+
+def _neighbour_sum(table: Array, valid: Array, holes: Array, steps: tuple[tuple[int, int], ...]) -> tuple[Array, Array]:
+    """Sum and number of the valid neighbours of holes (n, 4).
+
+    A step is (0 for theta_d, 1 for phi_d or 2 for theta_h; +1 or -1).
+    """
+    total, count = np.zeros(len(holes), np.float32), np.zeros(len(holes), np.int32)
+    i, j, k, c = holes.T
+    for kind, step in steps:
+        # phi_d continues as its own mirror image; where a theta axis ends the hole meets its invalid self.
+        near_k = FOLDED - 1 - np.abs(FOLDED - 1 - np.abs(k + step)) if kind == 1 else k
+        near_j = np.clip(j + step, 0, DIMENSIONS[1] - 1) if kind == 0 else j
+        near_i = np.clip(i + step, 0, DIMENSIONS[0] - 1) if kind == 2 else i
+        known = valid[near_i, near_j, near_k, c]
+        total += np.where(known, table[near_i, near_j, near_k, c], 0)
+        count += known
+    return total, count
+
+
+def _hold_nearest(table: Array, valid: Array) -> Array:
+    """Continue the last valid value along theta_d; lines without any, along theta_h, then phi_d."""
+    for axis in (1, 0, 2):
+        if valid.all():
+            break
+        shape = [1, 1, 1, 1]
+        shape[axis] = table.shape[axis]
+        index = np.arange(table.shape[axis], dtype=np.int16).reshape(shape)
+        last = np.maximum.accumulate(np.where(valid, index, np.int16(-1)), axis)
+        after = np.flip(np.minimum.accumulate(np.flip(np.where(valid, index, np.int16(999)), axis), axis), axis)
+        nearest = np.where(last >= 0, last, after)
+        found = nearest < 999
+        table = np.take_along_axis(table, np.where(found, nearest, 0).astype(np.intp), axis)
+        valid = found
+    return table
+
+
+def grid_directions(row: int, phi_h: float = 0.0) -> tuple[Array, Array]:
+    """wi and wo, (90, 180, 3) each, of the nodes with one theta_h index."""
+    theta_h, theta_d, phi_d = grid_angles()
+    cos_h, sin_h = np.cos(theta_h[row, 0]), np.sin(theta_h[row, 0])
+    along, across, up = np.sin(theta_d) * np.cos(phi_d), np.sin(theta_d) * np.sin(phi_d), np.cos(theta_d)
+    cos_p, sin_p = np.cos(phi_h), np.sin(phi_h)
+    pair = []
+    for sign in (1, -1):
+        x, y, z = cos_h * sign * along + sin_h * up, sign * across, cos_h * up - sin_h * sign * along
+        pair.append(np.stack([cos_p * x - sin_p * y, sin_p * x + cos_p * y, z], -1))
+    return pair[0], pair[1]
+
+
+def write_merl(path: str | Path, source: BrdfSource) -> None:
+    """Sample a BRDF on MERL's grid and write the file, as a measurement of it would be.
+
+    Cells below the horizon are written as -1. An anisotropic source is averaged over 8 azimuths of the
+    half vector. The file appears complete or not at all.
+
+    Raises
+    ------
+    BakeError : the file cannot be written
+    """
+    path = Path(path)
+    azimuths = [0.0] if source.isotropic else list(np.arange(8) * (np.pi / 4))
+    planes = np.empty((3, *DIMENSIONS))
+    for row in range(DIMENSIONS[0]):
+        pairs = (grid_directions(row, phi_h) for phi_h in azimuths)
+        mean = sum(source.evaluate(wi, wo).astype(np.float64) for wi, wo in pairs) / len(azimuths)
+        planes[:, row] = np.moveaxis(mean / np.array(SCALES), -1, 0)
+    planes[:, below_horizon()] = -1
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with temporary.open("wb") as stream:
+            stream.write(_HEADER)
+            planes.astype("<f8", copy=False).tofile(stream)
+        os.replace(temporary, path)
+    except OSError as error:
+        cause = f"cannot be written ({error.strerror or error})"
+        raise BakeError(path, cause, "choose a folder you may write to, with 35 MB free") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+READER = Reader("MERL", (".binary",), lambda path, head: head.startswith(_HEADER), read)

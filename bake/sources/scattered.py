@@ -1,0 +1,312 @@
+"""Scattered goniometer samples to a smooth, reciprocal, isotropic BRDF.
+
+Every quantity here is a function of four invariants of a direction pair that exchanging wi and wo, turning
+both about the normal or mirroring both leaves unchanged. So isotropy, bilateral symmetry and reciprocity hold
+by construction and each sample stands for all its mirror images, without storing them.
+
+Values are interpolated as asinh(f / scale): linear for dark samples, which may be 0 or slightly negative, and
+logarithmic for the peak, which may be a hundred thousand times brighter. Several interpolants compete on
+leave-one-out error, and the winner is kept:
+
+* `kernel`: Gaussian kernel regression with a bandwidth per sample (Nadaraya 1964, Watson 1964);
+* `spline`: polyharmonic smoothing spline r^3 with a linear tail (Duchon 1977; Wahba 1990), twice
+  continuously differentiable;
+* `lobes`: diffuse plus GGX lobes alone, see `scattered_lobes`;
+* `lobes+spline`: the same spline on what the lobes leave over.
+
+Beyond the measured range each invariant is held at its last measured value (the lobes go on), because a spline
+in the logarithm of a rising Fresnel peak would explode on the last degrees before grazing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..source import Array
+from .scattered_lobes import Lobes, fit_lobes
+
+MAX_CENTRES = 2000
+"""Dense solves grow with the cube; beyond this, well-spread samples are chosen (and `facts` says so)."""
+
+MIN_SAMPLES = 12
+PEAK_WIDTHS = (0.01, 0.03, 0.1)
+SMOOTHINGS = (1e-4, 1e-3)
+_GRAZING_OFFSET = 0.03
+_NEIGHBOURS = 4
+_CHUNK = 512
+
+
+def coordinates(wi: Array, wo: Array, peak_width: float) -> Array:
+    """Invariants of direction pairs, stretched so that a BRDF varies about equally fast along each.
+
+    Parameters
+    ----------
+    wi, wo : (..., 3) unit vectors above the horizon; shapes broadcast
+    peak_width : theta_h in radians below which the first coordinate is quadratic, above logarithmic: there
+        the logarithm of a GGX lobe of that alpha is a straight line
+
+    Returns
+    -------
+    (..., 4): distance to the peak (theta_h), Fresnel term (theta_d), difference of the cosines, and the
+    product of the cosines, in whose logarithm grazing shadowing is smooth. Weights chosen once by
+    leave-one-out error on gonioreflectometer paints.
+    """
+    total, difference = wi + wo, wi[..., 2] - wo[..., 2]
+    length2 = np.maximum((total**2).sum(-1), 1e-12)
+    sin2_h = np.minimum((total[..., 0] ** 2 + total[..., 1] ** 2) / length2, 1.0)
+    product = np.maximum(wi[..., 2] * wo[..., 2], 0.0)
+    return np.stack(
+        [
+            3.0 * np.log1p(sin2_h / peak_width**2) / np.log1p(1 / peak_width**2),
+            1.0 - np.sqrt(length2) / 2,
+            difference**2,
+            np.log(product + _GRAZING_OFFSET) / 3,
+        ],
+        -1,
+    )
+
+
+def _squared_distance(x: Array, centres: Array) -> Array:
+    """(Q, N) in the precision of x; the expansion |x|^2 - 2 x.c + |c|^2 is one matrix product."""
+    d2 = x @ (-2 * centres.T)
+    d2 += (x**2).sum(-1)[:, None]
+    d2 += (centres**2).sum(-1)
+    return np.maximum(d2, 0, out=d2)
+
+
+class _Interpolant(Protocol):
+    def __call__(self, x: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class _Spline:
+    centres: Array  # (N, 4), relative to `origin`
+    origin: Array
+    weights: Array  # (N, C)
+    tail: Array  # (5, C)
+
+    def __call__(self, x: Array) -> Array:
+        x = x - self.origin
+        cube = _squared_distance(x.astype(self.centres.dtype), self.centres)
+        cube *= np.sqrt(cube)
+        return cube @ self.weights + self.tail[0] + x @ self.tail[1:]
+
+
+@dataclass(frozen=True)
+class _Kernel:
+    centres: Array  # (N, 4)
+    rate: Array  # (N,) 1 / (2 bandwidth^2)
+    values: Array  # (N, C)
+
+    def __call__(self, x: Array) -> Array:
+        exponent = _squared_distance(x.astype(self.centres.dtype), self.centres) * self.rate
+        exponent -= exponent.min(-1, keepdims=True)  # so that the nearest sample never underflows
+        weight = np.exp(-exponent)
+        return (weight @ self.values) / weight.sum(-1, keepdims=True)
+
+
+def _spline_inverse(x: Array, smoothing: float) -> Array:
+    """Inverse of the bordered spline matrix, (N + 5, N + 5), for coordinates x about their mean."""
+    n, k = len(x), x.shape[1] + 1
+    matrix = np.zeros((n + k, n + k))
+    cube = _squared_distance(x, x)
+    matrix[:n, :n] = cube * np.sqrt(cube)
+    matrix[np.arange(n), np.arange(n)] = smoothing
+    matrix[:n, n] = matrix[n, :n] = 1
+    matrix[:n, n + 1 :] = x
+    matrix[n + 1 :, :n] = x.T
+    # Samples in one plane leave the tail undetermined; this tiny ridge picks its flattest version.
+    matrix[np.arange(n, n + k), np.arange(n, n + k)] = -1e-8
+    return np.linalg.inv(matrix)
+
+
+def _kernel_fit(x: Array, y: Array) -> tuple[_Kernel, Array]:
+    """Kernel regression and its leave-one-out predictions; a bandwidth reaches the fourth neighbour."""
+    d2 = _squared_distance(x, x)
+    np.fill_diagonal(d2, np.inf)
+    reach = np.partition(d2, _NEIGHBOURS - 1, axis=0)[_NEIGHBOURS - 1]
+    rate = 2.0 / np.maximum(reach, 1e-9)
+    exponent = d2 * rate
+    exponent -= exponent.min(-1, keepdims=True)
+    weight = np.exp(-exponent)
+    left_out = (weight @ y) / weight.sum(-1, keepdims=True)
+    return _Kernel(x.astype(np.float32), rate.astype(np.float32), y.astype(np.float32)), left_out
+
+
+def spread_subset(x: Array, count: int) -> Array:
+    """Indices of `count` points by farthest-point sampling from the first; deterministic, keeps the peak."""
+    chosen = np.zeros(count, dtype=int)
+    d2 = ((x - x[0]) ** 2).sum(-1)
+    for k in range(1, count):
+        chosen[k] = np.argmax(d2)
+        d2 = np.minimum(d2, ((x - x[chosen[k]]) ** 2).sum(-1))
+    return np.sort(chosen)
+
+
+def sample_errors(truth: Array, guess: Array, cosine: Array, scale: float) -> dict[str, float]:
+    """How far a guess is from samples.
+
+    Parameters
+    ----------
+    truth, guess : (N, C) BRDF values
+    cosine : (N,) weight, the smaller of the two cosines, so that the error is reciprocal too
+    scale : BRDF value below which errors count linearly, above relatively (the median sample)
+
+    Returns
+    -------
+    `log_cos_rms` : RMS of log(1 + f cos / scale), after Low et al. 2012, section 5, made independent of the unit;
+    `cos_rms` : RMS of f cos, which one sample of a mirror-like peak can decide alone;
+    `median_relative` : median of |error| / (f + scale / 10).
+    """
+    weight = cosine[:, None]
+
+    def compressed(f: Array) -> Array:
+        return np.log1p(np.maximum(f, 0) * weight / scale)
+
+    relative = np.abs(guess - truth) / (np.abs(truth) + scale / 10)
+    return {
+        "log_cos_rms": float(np.sqrt(np.mean((compressed(guess) - compressed(truth)) ** 2))),
+        "cos_rms": float(np.sqrt(np.mean(((guess - truth) * weight) ** 2))),
+        "median_relative": float(np.median(relative)),
+    }
+
+
+@dataclass(frozen=True)
+class ScatteredBrdf:
+    """A smooth BRDF through scattered samples; build it with `fit_scattered`.
+
+    Attributes
+    ----------
+    method : the interpolant that won
+    facts : errors of every candidate and the parameters of the winner, JSON-ready
+    """
+
+    method: str
+    facts: dict[str, Any]
+    scale: float
+    peak_width: float
+    lower: Array  # (4,) measured range of the coordinates
+    upper: Array
+    ceiling: Array  # (C,) largest compressed sample
+    lobes: Lobes | None
+    interpolant: _Interpolant | None
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF of direction pairs in the channels of the samples, >= 0 and finite.
+
+        Parameters
+        ----------
+        wi, wo : (..., 3) unit vectors, broadcast; on or below the horizon the value is 0
+
+        Returns
+        -------
+        (..., C) float64. Works in chunks: 500,000 pairs take about as many megabytes as their results.
+        """
+        wi, wo = np.broadcast_arrays(np.asarray(wi, dtype=float), np.asarray(wo, dtype=float))
+        shape, wi, wo = wi.shape[:-1], wi.reshape(-1, 3), wo.reshape(-1, 3)
+        result = np.zeros((len(wi), len(self.ceiling)))
+        above = np.flatnonzero((wi[:, 2] > 0) & (wo[:, 2] > 0))
+        for start in range(0, len(above), _CHUNK):
+            part = above[start : start + _CHUNK]
+            result[part] = self._above_horizon(wi[part], wo[part])
+        return result.reshape(*shape, -1)
+
+    def _above_horizon(self, wi: Array, wo: Array) -> Array:
+        level: Array | float = 0.0
+        if self.lobes is not None:
+            level = np.arcsinh(self.lobes.evaluate(wi, wo) / self.scale)
+        if self.interpolant is not None:
+            x = np.clip(coordinates(wi, wo, self.peak_width), self.lower, self.upper)
+            level = level + self.interpolant(x)
+        # Between samples a spline may overshoot; no measured value is exceeded, except where the lobes go on.
+        level = np.minimum(level, self.ceiling)
+        return self.scale * np.sinh(np.maximum(level, 0.0))
+
+
+def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None) -> ScatteredBrdf:
+    """Fit every candidate to the samples and keep the one of least leave-one-out `log_cos_rms`.
+
+    Parameters
+    ----------
+    wi, wo : (N, 3) unit vectors above the horizon, N >= `MIN_SAMPLES`
+    values : (N, C) BRDF in 1/sr, in channels that cannot be negative in truth (CIE XYZ rather than RGB)
+    method : keep this candidate instead of the best
+
+    Raises
+    ------
+    ValueError : too few samples, or none that differ
+    """
+    if len(values) < MIN_SAMPLES:
+        raise ValueError(f"{len(values)} samples are too few for a fit; {MIN_SAMPLES} are needed")
+    total = len(values)
+    if total > MAX_CENTRES:
+        keep = spread_subset(coordinates(wi, wo, PEAK_WIDTHS[0]), MAX_CENTRES)
+        wi, wo, values = wi[keep], wo[keep], values[keep]
+    scale = float(np.median(np.abs(values).mean(-1))) or float(np.abs(values).mean()) or 1.0
+    y = np.arcsinh(values / scale)
+    lobes = fit_lobes(wi, wo, values, scale)
+    lobe_level = np.arcsinh(lobes.evaluate(wi, wo) / scale)
+    try:
+        candidates = _spline_candidates(wi, wo, y, lobe_level)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("the samples do not determine a surface") from error
+    candidates += _other_candidates(wi, wo, y, lobe_level)
+    cosine = np.minimum(wi[:, 2], wo[:, 2])
+    errors = [
+        sample_errors(values, scale * np.sinh(np.clip(c.left_out, 0, y.max(0))), cosine, scale) for c in candidates
+    ]
+    ranking = sorted(range(len(candidates)), key=lambda k: errors[k]["log_cos_rms"])
+    best = next(candidates[k] for k in ranking if method in (None, candidates[k].name))
+    x = coordinates(wi, wo, best.peak_width)
+    facts: dict[str, Any] = {
+        "interpolation": best.name,
+        "peak_width": best.peak_width,
+        "smoothing": best.smoothing,
+        "samples_fitted": len(values),
+        "samples_left_aside": total - len(values),
+        "left_out_errors": {candidates[k].name: errors[k] for k in reversed(ranking)},
+        "largest_measured_theta_deg": float(np.degrees(np.arccos(cosine.min()))),
+    }
+    used = lobes if best.name.startswith("lobes") else None
+    return ScatteredBrdf(best.name, facts, scale, best.peak_width, x.min(0), x.max(0), y.max(0), used, best.interpolant)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    name: str
+    peak_width: float
+    smoothing: float
+    left_out: Array  # (N, C) compressed prediction of each sample from the others
+    interpolant: _Interpolant | None
+
+
+def _spline_candidates(wi: Array, wo: Array, y: Array, lobe_level: Array) -> list[_Candidate]:
+    """Splines with and without lobes; one matrix inverse serves both and yields the exact leave-one-out
+    residual c_i / (A^-1)_ii (Wahba 1990, section 4.2)."""
+    channels, found = y.shape[1], []
+    target = np.hstack([y, y - lobe_level])
+    for peak_width, smoothing in product(PEAK_WIDTHS, SMOOTHINGS):
+        x = coordinates(wi, wo, peak_width)
+        origin = x.mean(0)
+        x = x - origin
+        inverse = _spline_inverse(x, smoothing)[:, : len(x)]
+        coefficients = inverse @ target
+        residual = coefficients[: len(x)] / np.diag(inverse)[:, None]
+        for name, own in (("spline", slice(channels)), ("lobes+spline", slice(channels, None))):
+            weights, tail = coefficients[: len(x), own], coefficients[len(x) :, own]
+            spline = _Spline(x.astype(np.float32), origin, weights.astype(np.float32), tail)
+            found.append(_Candidate(name, peak_width, smoothing, y - residual[:, own], spline))
+    return found
+
+
+def _other_candidates(wi: Array, wo: Array, y: Array, lobe_level: Array) -> list[_Candidate]:
+    """Kernel regression for each peak width, and the lobes alone (whose dozen parameters saw all samples)."""
+    found = [_Candidate("lobes", PEAK_WIDTHS[0], 0.0, lobe_level, None)]
+    for peak_width in PEAK_WIDTHS:
+        kernel, left_out = _kernel_fit(coordinates(wi, wo, peak_width), y)
+        found.append(_Candidate("kernel", peak_width, 0.0, left_out, kernel))
+    return found

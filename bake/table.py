@@ -1,0 +1,212 @@
+"""Tabulated isotropic BRDFs in the normal-vector basis (Mallett & Yuksel 2016), and their evaluation in numpy.
+
+Axes are [theta_o, theta_i, phi_delta, rgb] of sizes N, N, 2N. Sample 0 of an elevation lies at the horizon and the
+last at the normal; sample 0 of the azimuth lies at pi and the last at 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from . import xp_numpy
+from .parameterization import Parameterization, normal_basis_coordinates, phi_nodes, theta_nodes
+from .source import Array, BrdfSource
+
+Filter = Literal["nearest", "trilinear", "bspline"]
+FILTERS: tuple[str, ...] = get_args(Filter)
+
+# Texels beside a slice that belong to its continuation: a cubic filter reaches one beyond the neighbour.
+GUTTER = 2
+# Measurements end before the horizon and analytic BRDFs may diverge there: the last sample is taken at this cosine.
+HORIZON_COSINE = 1e-3
+# At the pole itself no azimuth is left: the mean over the azimuth is taken at this chord beside it.
+_POLE_CHORD = 1e-5
+_CHUNK = 1 << 17
+
+
+@dataclass(frozen=True)
+class TableGrid:
+    """Where the samples of a table lie.
+
+    Parameters
+    ----------
+    n : samples per elevation; the azimuth has 2 n
+    parameterization : of every axis
+    alpha_theta, alpha_phi : Bezier shape of the elevations and the azimuth, in [0, 1]; unused by the others
+    """
+
+    n: int
+    parameterization: Parameterization
+    alpha_theta: float = 0.5
+    alpha_phi: float = 0.5
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(theta_o, theta_i, phi_delta) sizes."""
+        return self.n, self.n, 2 * self.n
+
+    def coordinates(self, wi: Array, wo: Array) -> tuple[Array, Array, Array]:
+        """Fractional sample indices (theta_o, theta_i, phi_delta) of direction pairs."""
+        u_o, u_i, u_phi = normal_basis_coordinates(
+            xp_numpy, wi, wo, self.parameterization, self.alpha_theta, self.alpha_phi
+        )
+        n = self.n
+        return u_o * (n - 1), u_i * (n - 1), u_phi * (2 * n - 1)
+
+    def directions(self, i_o: Array, i_i: Array, i_phi: Array) -> tuple[Array, Array]:
+        """(wi, wo), each (..., 3), at integer sample indices that broadcast; wo lies in the x-z plane."""
+        i_o, i_i, i_phi = np.broadcast_arrays(i_o, i_i, i_phi)
+        v = theta_nodes(self.parameterization, self.n, self.alpha_theta)
+        v = np.clip(v, _POLE_CHORD, np.sqrt(1 - HORIZON_COSINE))
+        cosine, sine = (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
+        cos_phi, sin_phi = phi_nodes(self.parameterization, 2 * self.n, self.alpha_phi)
+        wi = np.stack([sine[i_i] * cos_phi[i_phi], sine[i_i] * sin_phi[i_phi], cosine[i_i]], -1)
+        wo = np.stack([sine[i_o], np.zeros_like(sine[i_o]), cosine[i_o]], -1)
+        return wi, wo
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready description."""
+        return {
+            "basis": "normal",
+            "n": self.n,
+            "parameterization": self.parameterization,
+            "alpha_theta": self.alpha_theta,
+            "alpha_phi": self.alpha_phi,
+        }
+
+
+class TreatedSource:
+    """A source as tables can hold it: averaged with its mirror image, negative values set to 0.
+
+    `negative_share` and `asymmetry` grow with every evaluation, so that baking can state what was treated.
+    """
+
+    def __init__(self, source: BrdfSource) -> None:
+        self.source, self.name = source, source.name
+        self._values = self._negative = self._asymmetry = self._total = 0.0
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF (..., 3) >= 0, symmetric in phi_delta."""
+        value = self.source.evaluate(wi, wo)
+        if not self.source.bilateral:
+            # Mirroring both directions in the x-z plane turns phi_delta to -phi_delta for any wo.
+            mirror = np.array([1.0, -1.0, 1.0])
+            other = self.source.evaluate(wi * mirror, wo * mirror)
+            self._asymmetry += float(np.abs(value - other).sum()) / 2
+            self._total += float(np.abs(value + other).sum()) / 2
+            value = 0.5 * (value + other)
+        self._values += value.size
+        self._negative += int((value < 0).sum())
+        return np.maximum(value, 0)
+
+    def facts(self) -> dict[str, float]:
+        """Share of evaluated values that were negative, and relative L1 difference to the mirror image."""
+        return {
+            "negative_share": self._negative / max(self._values, 1.0),
+            "asymmetry": self._asymmetry / self._total if self._total else 0.0,
+        }
+
+
+@dataclass(frozen=True)
+class BrdfTable:
+    """Sampled values (or B-spline coefficients), float32, of shape grid.shape + (3,)."""
+
+    grid: TableGrid
+    values: Array
+
+    def evaluate(self, wi: Array, wo: Array, filter: Filter = "trilinear") -> Array:
+        """BRDF (..., 3) reconstructed at direction pairs; the truth the shader nodes are compared with."""
+        wi, wo = np.broadcast_arrays(wi, wo)
+        shape = wi.shape
+        wi, wo = wi.reshape(-1, 3), wo.reshape(-1, 3)
+        padded = pad_slices(self.values)
+        out = np.empty((len(wi), 3))
+        for start in range(0, len(wi), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            out[part] = _reconstruct(padded, self.grid.coordinates(wi[part], wo[part]), filter)
+        # Positions below the horizon have no value; the lookup itself would return the horizon's.
+        out[(wi[:, 2] <= 0) | (wo[:, 2] <= 0)] = 0
+        return out.reshape(shape)
+
+    @property
+    def total_intensity(self) -> float:
+        """Sum over all entries, the metric by which MY16 section 4.2 chooses alpha."""
+        return float(self.values.sum(dtype=np.float64))
+
+
+def tabulate(
+    source: BrdfSource | TreatedSource, grid: TableGrid, progress: Callable[[float], None] | None = None
+) -> BrdfTable:
+    """Sample a source on a grid; `progress` is called with the share done."""
+    n_o, n_i, n_phi = grid.shape
+    values = np.empty((*grid.shape, 3), np.float32)
+    i_i, i_phi = np.meshgrid(np.arange(n_i), np.arange(n_phi), indexing="ij")
+    step = max(1, _CHUNK // i_i.size)
+    for start in range(0, n_o, step):
+        i_o = np.arange(start, min(start + step, n_o))
+        wi, wo = grid.directions(i_o[:, None, None], i_i, i_phi)
+        values[i_o] = source.evaluate(wi, wo)
+        if progress:
+            progress((start + len(i_o)) / n_o)
+    # Real measurements disagree with themselves at the pole (70 % in one RGL file); a table must not.
+    values[:, -1] = values[:, -1].mean(1, keepdims=True)
+    values[-1] = values[-1].mean(1, keepdims=True)
+    return BrdfTable(grid, values)
+
+
+def pad_slices(values: Array) -> Array:
+    """Continue a table beyond its ends: (N, N, 2N, 3) -> (N + 1, N + 2 G, 2N + 2 G, 3) with G = GUTTER.
+
+    The azimuth is mirrored at 0 and pi, so that the derivative vanishes there and no crease runs through the
+    highlight. Beyond the normal an elevation comes down on the other side, at phi_delta -> pi - phi_delta. Beyond
+    the horizon there is nothing: the last sample is held. theta_o gets the one slice a cubic filter needs.
+    """
+    over_pole = values[-2:-1, :, ::-1]
+    values = np.concatenate([values, over_pole], 0)
+    rows = [np.repeat(values[:, :1], GUTTER, 1), values]
+    rows += [values[:, -2 - k : -1 - k, ::-1] for k in range(GUTTER)]
+    values = np.concatenate(rows, 1)
+    return np.pad(values, ((0, 0), (0, 0), (GUTTER, GUTTER), (0, 0)), mode="reflect")
+
+
+def bspline_weights(xp: Any, t: Any) -> tuple[Any, Any, Any, Any]:
+    """Weights of the uniform cubic B-spline for the samples -1, 0, 1, 2 around a position t in [0, 1]."""
+    r = 1 - t
+    return (
+        r * r * r * (1 / 6),
+        (t * t) * (0.5 * t - 1) + 2 / 3,
+        (r * r) * (0.5 * r - 1) + 2 / 3,
+        t * t * t * (1 / 6),
+    )
+
+
+def _taps(position: Array, filter: Filter) -> list[tuple[Array, Array]]:
+    """(index, weight) pairs of a one-dimensional filter."""
+    if filter == "nearest":
+        return [(np.floor(position + 0.5).astype(np.intp), np.ones_like(position))]
+    base = np.floor(position)
+    t = position - base
+    index = base.astype(np.intp)
+    if filter == "trilinear":
+        return [(index, 1 - t), (index + 1, t)]
+    return [(index + k - 1, w) for k, w in enumerate(bspline_weights(xp_numpy, t))]
+
+
+def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array], filter: Filter) -> Array:
+    """Tensor-product filter over a padded table; coordinates are fractional indices of the unpadded one."""
+    n_slices, n_rows, n_columns = padded.shape[:3]
+    flat = padded.reshape(-1, 3)
+    out = np.zeros((len(coordinates[0]), 3))
+    o_taps, i_taps, phi_taps = (_taps(c, filter) for c in coordinates)
+    for o, w_o in o_taps:
+        o = np.clip(o, 0, n_slices - 1)
+        for i, w_i in i_taps:
+            row = (o * n_rows + (i + GUTTER)) * n_columns + GUTTER
+            w_oi = w_o * w_i
+            for p, w_p in phi_taps:
+                out += flat[row + p] * (w_oi * w_p)[:, None]
+    return out

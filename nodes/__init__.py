@@ -1,0 +1,1 @@
+"""Shader node groups and the material builder: the formulas of `bake`, written as Cycles nodes."""

@@ -1,0 +1,166 @@
+"""Node groups as Python: a function over sockets becomes a shader group, reused only while its content is equal."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import bpy
+
+from . import expr
+
+HASH_KEY = "measured_materials_hash"
+_SOCKETS = {"float": "NodeSocketFloat", "vector": "NodeSocketVector", "shader": "NodeSocketShader"}
+_SKIPPED = frozenset(
+    (
+        "location",
+        "location_absolute",
+        "width",
+        "height",
+        "select",
+        "name",
+        "label",
+        "color",
+        "parent",
+        "dimensions",
+    )
+    + ("show_options", "show_preview", "show_texture", "hide", "mute", "use_custom_color", "internal_links")
+    + ("inputs", "outputs", "rna_type", "warning_propagation", "color_tag", "is_active_output")
+)
+
+
+def node_group(
+    name: str,
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, str],
+    function: Callable[..., Any],
+    defaults: Mapping[str, float] | None = None,
+) -> bpy.types.ShaderNodeTree:
+    """A group whose inputs are the function's arguments and whose outputs are its results, in order.
+
+    Parameters
+    ----------
+    name : of the group, shown to artists; Blender appends a number where it is taken by other content
+    inputs, outputs : socket name to "float", "vector" or "shader"
+    function : takes `expr` values and returns one or a tuple of them
+    defaults : of inputs
+
+    Returns
+    -------
+    A group of exactly this content: the existing one of this name if its content still hashes equal (an artist may
+    have edited it), otherwise a new one.
+    """
+    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    try:
+        for socket, kind in inputs.items():
+            made = tree.interface.new_socket(socket, in_out="INPUT", socket_type=_SOCKETS[kind])
+            if defaults and socket in defaults:
+                made.default_value = defaults[socket]
+        for socket, kind in outputs.items():
+            tree.interface.new_socket(socket, in_out="OUTPUT", socket_type=_SOCKETS[kind])
+        source, sink = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+        with expr.building(tree):
+            arguments = [_value(source.outputs[s], kind) for s, kind in inputs.items()]
+            results = function(*arguments)
+            for socket, value in zip(outputs, results if isinstance(results, tuple) else (results,), strict=True):
+                expr.feed(tree, sink.inputs[socket], value)
+    except BaseException:
+        bpy.data.node_groups.remove(tree)
+        raise
+    digest = content_hash(tree)
+    for other in bpy.data.node_groups:
+        if other != tree and other.get(HASH_KEY) == digest and content_hash(other) == digest:
+            bpy.data.node_groups.remove(tree)
+            return other
+    tree[HASH_KEY] = digest
+    arrange(tree)
+    return tree
+
+
+def call(group: bpy.types.ShaderNodeTree, *arguments: Any) -> Any:
+    """Use a group inside the tree being built; returns its output, or a tuple of outputs."""
+    items = [i for i in group.interface.items_tree if i.item_type == "SOCKET" and i.in_out == "INPUT"]
+    inputs = {item.name: value for item, value in zip(items, arguments, strict=True)}
+    made = expr.node("ShaderNodeGroup", {"node_tree": group}, inputs)
+    results = tuple(_value(socket, _kind(socket)) for socket in made.outputs if socket.enabled)
+    return results[0] if len(results) == 1 else results
+
+
+def _kind(socket: Any) -> str:
+    return {"VALUE": "float", "SHADER": "shader"}.get(socket.type, "vector")
+
+
+def _value(socket: Any, kind: str) -> Any:
+    return expr.Vector(socket) if kind == "vector" else expr.Scalar(socket)
+
+
+def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
+    """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks."""
+    order = {node.name: i for i, node in enumerate(tree.nodes)}
+    interface = [
+        (i.name, i.in_out, i.socket_type, _plain(getattr(i, "default_value", None)))
+        for i in tree.interface.items_tree
+        if i.item_type == "SOCKET"
+    ]
+    nodes = [(n.bl_idname, _properties(n), _defaults(n)) for n in tree.nodes]
+    links = sorted(
+        (order[k.from_node.name], k.from_socket.identifier, order[k.to_node.name], k.to_socket.identifier)
+        for k in tree.links
+    )
+    text = json.dumps([interface, nodes, links], default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _properties(node: Any) -> dict[str, Any]:
+    return {
+        p.identifier: _plain(getattr(node, p.identifier))
+        for p in node.bl_rna.properties
+        if p.identifier not in _SKIPPED and not p.identifier.startswith("bl_") and p.type != "COLLECTION"
+    }
+
+
+def _defaults(node: Any) -> list[Any]:
+    return [_plain(getattr(s, "default_value", None)) for s in node.inputs if not s.is_linked]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bpy.types.NodeTree):
+        return value.get(HASH_KEY, value.name)
+    if isinstance(value, bpy.types.ID):
+        return value.name
+    if isinstance(value, (bool, int, float, str, type(None))):
+        return value
+    if isinstance(value, bpy.types.bpy_struct):
+        # Settings of a sub-structure (an image user, a mapping) are never changed by us.
+        return None
+    return [float(x) for x in value]
+
+
+def arrange(tree: bpy.types.ShaderNodeTree) -> None:
+    """Place nodes left to right by their depth, so that an opened group can be read."""
+    sources: dict[str, list[str]] = {node.name: [] for node in tree.nodes}
+    for link in tree.links:
+        sources[link.to_node.name].append(link.from_node.name)
+    depth: dict[str, int] = {}
+    for node in tree.nodes:
+        _measure_depth(node.name, sources, depth)
+    heights: dict[int, int] = {}
+    for node in tree.nodes:
+        column = depth[node.name]
+        node.location = (column * 190, -heights.get(column, 0))
+        heights[column] = heights.get(column, 0) + (320 if node.bl_idname == "ShaderNodeTexImage" else 170)
+
+
+def _measure_depth(start: str, sources: Mapping[str, list[str]], depth: dict[str, int]) -> None:
+    """Longest path to a node from any source, iteratively: groups are deeper than Python's recursion limit."""
+    pending = [start]
+    while pending:
+        name = pending[-1]
+        unknown = [s for s in sources[name] if s not in depth]
+        if unknown:
+            pending += unknown
+        else:
+            depth[name] = 1 + max((depth[s] for s in sources[name]), default=-1)
+            pending.pop()

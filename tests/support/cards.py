@@ -1,0 +1,124 @@
+"""Render cards: evaluate a formula of shader nodes at given inputs, exactly and without noise.
+
+The inputs travel in 32-bit images, one texel per pixel of the picture, read with "Closest"; the result is emitted by
+a plane that fills an orthographic view. What comes back is what Cycles' SVM (or OSL) computed in float32.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from measured_materials.nodes import expr
+
+
+def card(function: Callable[..., Any], *inputs: np.ndarray, osl: bool = False) -> list[np.ndarray]:
+    """Results of `function` over sockets, each (P,) or (P, 3) float32, for inputs (P,) or (P, 3)."""
+    count = len(inputs[0])
+    side = int(np.ceil(np.sqrt(count)))
+    images = [_input_image(f"card {k}", values, side) for k, values in enumerate(inputs)]
+    results: list[np.ndarray] = []
+    while True:
+        parts = [_evaluate(function, images, inputs, len(results), sign, osl) for sign in (1.0, -1.0)]
+        vector, remaining = parts[0][1:]
+        pixels = (parts[0][0] - parts[1][0])[:count]
+        results.append(pixels if vector else pixels[:, 0])
+        if not remaining:
+            return results
+
+
+def _evaluate(
+    function: Callable[..., Any], images: list[Any], inputs: Any, which: int, sign: float, osl: bool
+) -> tuple[np.ndarray, bool, bool]:
+    """Positive part of sign * result number `which`; whether it is a vector; whether more results follow.
+
+    A film cannot be trusted with negative light, so the two signs travel apart.
+    """
+    side = images[0].size[0]
+    scene, tree = _card_scene(side, osl)
+    with expr.building(tree):
+        x, y, _ = expr.components(expr.Vector(expr.node("ShaderNodeTexCoord", {}, {}).outputs["UV"]))
+        arguments = []
+        for image, values in zip(images, inputs, strict=True):
+            colour = expr.image_tap(image, x, y, "Closest")[0]
+            arguments.append(colour if values.ndim == 2 else expr.components(colour)[0])
+        results = function(*arguments)
+        results = results if isinstance(results, tuple) else (results,)
+        value = results[which]
+        vector = isinstance(value, expr.Vector)
+        if not vector:
+            value = expr.vec(value, value, value)
+        value = expr.vector_node("MAXIMUM", value if sign > 0 else -value, expr.vec(0.0, 0.0, 0.0))
+        emission = tree.nodes.new("ShaderNodeEmission")
+        expr.feed(tree, emission.inputs["Color"], value)
+        tree.links.new(emission.outputs[0], tree.nodes["out"].inputs["Surface"])
+    return _render(scene, side), vector, which + 1 < len(results)
+
+
+def _input_image(name: str, values: np.ndarray, side: int) -> bpy.types.Image:
+    pixels = np.zeros((side * side, 3), np.float32)
+    pixels[: len(values)] = values if values.ndim == 2 else values[:, None]
+    return data_image(name, pixels.reshape(side, side, 3)[::-1])
+
+
+def data_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A float32 image of these numbers, (H, W, 3 or 4) with row 0 on top, that Cycles reads unchanged."""
+    height, width, channels = pixels.shape
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :channels] = pixels
+    image = bpy.data.images.new(name, width, height, float_buffer=True, is_data=True, alpha=True)
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.use_half_precision = False
+    image.pixels.foreach_set(np.ascontiguousarray(rgba[::-1]).ravel())
+    image.pack()
+    return image
+
+
+def _card_scene(side: int, osl: bool) -> tuple[bpy.types.Scene, Any]:
+    scene = bpy.data.scenes.new("card")
+    mesh = bpy.data.meshes.new("card")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    layer = mesh.uv_layers.new()
+    for loop, corner in zip(layer.data, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
+        loop.uv = corner
+    plane = bpy.data.objects.new("card", mesh)
+    scene.collection.objects.link(plane)
+    camera = bpy.data.objects.new("card", bpy.data.cameras.new("card"))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", 1.0
+    camera.location = (0.5, 0.5, 1)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    material = bpy.data.materials.new("card")
+    material.use_nodes = True
+    material.node_tree.nodes.clear()
+    material.node_tree.nodes.new("ShaderNodeOutputMaterial").name = "out"
+    mesh.materials.append(material)
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x = scene.render.resolution_y = side
+    scene.render.resolution_percentage = 100
+    scene.cycles.samples = 1
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
+    scene.cycles.shading_system = osl
+    return scene, material.node_tree
+
+
+def _render(scene: bpy.types.Scene, side: int) -> np.ndarray:
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_depth = "OPEN_EXR", "32"
+    scene.view_settings.view_transform = "Raw"
+    with tempfile.TemporaryDirectory() as folder:
+        scene.render.filepath = str(Path(folder) / "card.exr")
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        image = bpy.data.images.load(scene.render.filepath)
+        pixels = np.empty(side * side * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+        bpy.data.images.remove(image)
+    bpy.data.scenes.remove(scene)
+    return pixels.reshape(-1, 4)[:, :3]

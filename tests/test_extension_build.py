@@ -1,0 +1,109 @@
+"""The zip that users install: accepted by Blender's own tool, complete, and free of development files."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPTS = Path(bpy.utils.resource_path("LOCAL")) / "scripts"
+TOP = {
+    "__init__.py",
+    "blender_manifest.toml",
+    "LICENSE",
+    "README.md",
+    "CHANGELOG.md",
+    "addon",
+    "bake",
+    "nodes",
+}
+NEEDED = {"__init__.py", "blender_manifest.toml", "LICENSE"}
+
+
+def blender_ext(*arguments: str | Path) -> str:
+    """Run Blender's extension tool, which comes with the wheel; returns what it prints."""
+    tool = SCRIPTS / "addons_core/bl_pkg/cli/blender_ext.py"
+    command = [sys.executable, str(tool), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def tags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The tags Blender knows, in the form its tool wants."""
+    known = SCRIPTS / "modules/_bpy_internal/extensions/tags.py"
+    file = tmp_path_factory.mktemp("tags") / "tags.py"
+    file.write_text(known.read_text() + '\nresult = {"add-on": addons, "theme": themes}\n')
+    return file
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("extension")
+    blender_ext("build", "--source-dir", ROOT, "--output-dir", folder)
+    (file,) = folder.glob("*.zip")
+    return file
+
+
+def test_manifest_is_valid(tags: Path) -> None:
+    blender_ext("validate", "--valid-tags", tags, ROOT)
+
+
+def test_zip_is_valid(archive: Path, tags: Path) -> None:
+    blender_ext("validate", "--valid-tags", tags, archive)
+
+
+def test_zip_holds_all_that_runs_and_nothing_else(archive: Path) -> None:
+    names = {name for name in zipfile.ZipFile(archive).namelist() if not name.endswith("/")}
+    assert {name.split("/")[0] for name in names} <= TOP
+    assert NEEDED <= names
+    sources = {
+        path.relative_to(ROOT).as_posix()
+        for folder in ("addon", "bake", "nodes")
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in {".py", ".osl", ".h", ".json"} and "docs" not in path.parts
+    }
+    assert sources and sources <= names
+    assert not [name for name in names if "__pycache__" in name or "/." in name or name.endswith((".pyc", ".zip"))]
+
+
+def test_zip_is_small(archive: Path) -> None:
+    # Source only; data or pictures that slipped in would be far above.
+    assert archive.stat().st_size < 2_000_000
+
+
+INSTALL = """
+import sys
+import bpy
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.extensions.package_install_files(repo="user_default", filepath=sys.argv[1], enable_on_install=True)
+name = "bl_ext.user_default.measured_materials"
+assert name in bpy.context.preferences.addons, "not enabled after installation"
+for _ in range(2):
+    bpy.ops.preferences.addon_disable(module=name)
+    assert name not in bpy.context.preferences.addons
+    bpy.ops.preferences.addon_enable(module=name)
+    assert name in bpy.context.preferences.addons, "not enabled again"
+assert not [module for module in sys.modules if module.split(".")[0] == "measured_materials"]
+print("INSTALLED")
+"""
+
+
+def test_zip_installs_enables_and_enables_again(archive: Path, tmp_path: Path) -> None:
+    environment = os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "user")}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", INSTALL, str(archive)],
+        env=environment, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    output = done.stdout + done.stderr
+    assert done.returncode == 0 and "INSTALLED" in done.stdout, output
+    assert "Traceback" not in output, output
