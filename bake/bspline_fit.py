@@ -14,6 +14,7 @@ import numpy as np
 from .source import Array
 
 _ITERATIONS = 60
+_MOMENTUM = np.float32((27**0.5 - 1) / (27**0.5 + 1))
 
 
 def sample_spline(coefficients: Array) -> Array:
@@ -42,17 +43,16 @@ def _along(values: Array, axis: int) -> Array:
 def fit_coefficients(samples: Array, progress: Callable[[float], None] | None = None) -> Array:
     """Non-negative coefficients, float32, whose spline is close to the samples (N, N, 2N, 3) >= 0.
 
-    Image-space reconstruction by multiplicative updates (Daube-Witherspoon & Muehllehner 1986, ISRA): the fixed
-    point is the constrained least-squares solution, every step keeps the sign, and a sample of 0 beside a peak pulls
-    its neighbours to 0 instead of below. The kernel is its own transpose but for the ends, where the difference is a
-    weight that cancels in the ratio.
+    Projected gradient descent with Nesterov's constant momentum on c B c / 2 - c f, where B samples the spline: its
+    eigenvalues lie between 1/27 and 1, so that the step is 1 and sixty iterations reach float32's last digits. Where
+    no coefficient is held at 0 the spline then meets the samples.
     """
     samples = samples.astype(np.float32)
-    target = sample_spline(samples)
-    coefficients = samples.copy()
+    coefficients = ahead = samples.copy()
     for k in range(_ITERATIONS):
-        model = sample_spline(sample_spline(coefficients))
-        coefficients *= np.divide(target, model, out=np.zeros_like(target), where=model > 0)
+        previous = coefficients
+        coefficients = np.maximum(ahead + samples - sample_spline(ahead), 0)
+        ahead = coefficients + _MOMENTUM * (coefficients - previous)
         if progress:
             progress((k + 1) / _ITERATIONS)
     return coefficients

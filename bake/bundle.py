@@ -179,7 +179,8 @@ def _refuse_strangers(target: Path) -> None:
         require(document, "schema", int, target)
         require(document, "kind", str, target)
     except BakeError as error:
-        raise BakeError(target, "is not a bundle and is not replaced", remedy) from error
+        cause = f"is not a bundle and is not replaced ({MATERIAL}: {error.cause})"
+        raise BakeError(target, cause, remedy) from error
 
 
 def read_bundle(path: str | Path) -> Bundle:

@@ -107,7 +107,8 @@ def _judge(attributes: dict[str, tuple[str, bytes]]) -> tuple[ExrHeader, int]:
     names, kinds = _channels(attributes["channels"][1])
     ordered = tuple(sorted(names, key=CHANNELS.find))
     if len(names) != 1 and ordered not in (tuple("RGB"), tuple(CHANNELS)):
-        raise _Unsuitable(f"has channels {', '.join(names[:8]) or 'none'}")
+        shown = ", ".join(name if name.isprintable() else ascii(name) for name in names[:8])
+        raise _Unsuitable(f"has channels {shown or 'none'}")
     if len(kinds) != 1 or not kinds <= _PIXEL_BYTES.keys():
         raise _Unsuitable("has integer channels or channels of different types")
     strings = {name: value.decode("utf-8", "replace") for name, (kind, value) in attributes.items() if kind == "string"}

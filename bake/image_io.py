@@ -216,6 +216,13 @@ def _read_exr(path: Path, header: ExrHeader) -> NDArray[Any] | None:
     oiio = load_openimageio()
     if oiio is None:
         raise _no_library(path)
+    try:
+        return _read_with_openimageio(oiio, path, len(header.channels))
+    except (RuntimeError, ValueError, TypeError):  # ValueError: also a message that is not UTF-8
+        return None
+
+
+def _read_with_openimageio(oiio: ModuleType, path: Path, channels: int) -> NDArray[Any] | None:
     stream = oiio.ImageInput.open(str(path))
     if stream is None:
         oiio.geterror()  # OpenImageIO prints errors nobody has fetched when the process ends
@@ -223,7 +230,7 @@ def _read_exr(path: Path, header: ExrHeader) -> NDArray[Any] | None:
     try:
         if stream.format_name() != "openexr":
             return None
-        pixels = stream.read_image(0, 0, 0, len(header.channels), oiio.FLOAT)
+        pixels: NDArray[Any] = stream.read_image(0, 0, 0, channels, oiio.FLOAT)
         return None if stream.geterror() else pixels
     finally:
         stream.close()

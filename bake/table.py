@@ -21,8 +21,10 @@ FILTERS: tuple[str, ...] = get_args(Filter)
 
 # Texels beside a slice that belong to its continuation: a cubic filter reaches one beyond the neighbour.
 GUTTER = 2
-# Measurements end before the horizon and analytic BRDFs may diverge there: the last sample is taken at this cosine.
-HORIZON_COSINE = 1e-3
+# At the horizon a BRDF may grow without bound (as 1 / (cos cos) in the mirror direction) and measurements have ended.
+# The last sample is taken short of it, at this share of its neighbour's cosine: taken at 1e-3 instead, the one cell
+# beside the horizon dominates the whole error (tried: 4 to 8 times the RMS on glossy paints, felt unchanged).
+_HORIZON_SHARE = 1 / 3
 # At the pole itself no azimuth is left: the mean over the azimuth is taken at this chord beside it.
 _POLE_CHORD = 1e-5
 _CHUNK = 1 << 17
@@ -61,7 +63,7 @@ class TableGrid:
         """(wi, wo), each (..., 3), at integer sample indices that broadcast; wo lies in the x-z plane."""
         i_o, i_i, i_phi = np.broadcast_arrays(i_o, i_i, i_phi)
         v = theta_nodes(self.parameterization, self.n, self.alpha_theta)
-        v = np.clip(v, _POLE_CHORD, np.sqrt(1 - HORIZON_COSINE))
+        v = np.clip(v, _POLE_CHORD, np.sqrt(1 - _HORIZON_SHARE * (1 - v[1] ** 2)))
         cosine, sine = (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
         cos_phi, sin_phi = phi_nodes(self.parameterization, 2 * self.n, self.alpha_phi)
         wi = np.stack([sine[i_i] * cos_phi[i_phi], sine[i_i] * sin_phi[i_phi], cosine[i_i]], -1)

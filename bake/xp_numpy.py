@@ -33,7 +33,7 @@ def arcsin(x: Any) -> Any:
 def divide(a: Any, b: Any) -> Any:
     """Quotient, 0 where the divisor is 0, as Cycles' Math node has it."""
     a, b = np.broadcast_arrays(a, b)
-    return np.divide(a, b, out=np.zeros(a.shape, np.result_type(a, b, np.float32)), where=b != 0)
+    return np.divide(a, b, out=np.zeros(a.shape, np.promote_types(a.dtype, b.dtype)), where=b != 0)
 
 
 def power(x: Any, exponent: Any) -> Any:

@@ -56,7 +56,7 @@ def build_material(
     images = [load_data_image(bundle.image_path(part), f"{name} {part}", pack) for part in ("table", "sampler")]
     lookup = table_lookup_group(f"MM Lookup {name}", images[0], grid, filter, scale, stochastic)
     sampler = alias_sampler_group(f"MM Sampler {name}", images[1], layout)
-    _assemble(material, reference_group(f"Measured {name}", lookup, sampler), bundle)
+    assemble(material, reference_group(f"Measured {name}", lookup, sampler), _normal_albedo(bundle))
     material[BUNDLE_KEY] = str(bundle.path)
     material[SOURCE_KEY] = str(source.get("file", ""))
     return material
@@ -80,8 +80,11 @@ def _is_half(image: bpy.types.Image) -> bool:
     return image.depth in (48, 64)
 
 
-def _assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, bundle: Bundle) -> None:
-    """Output <- group <- normal; EEVEE, which cannot follow the mirror, gets a stand-in of the same albedo."""
+def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float]) -> None:
+    """Output <- group <- normal; EEVEE, which cannot follow the mirror, gets a stand-in of the same albedo.
+
+    What an artist had linked to the group's Normal or Tint stays linked when a material is built again.
+    """
     if material.node_tree is None:
         material.use_nodes = True
     tree = material.node_tree
@@ -94,7 +97,6 @@ def _assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, bun
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     output.target = "CYCLES"
     tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
-    albedo = _normal_albedo(bundle)
     stand_in = tree.nodes.new("ShaderNodeBsdfPrincipled")
     stand_in.label = "EEVEE stand-in"
     stand_in.inputs["Base Color"].default_value = (*albedo, 1)

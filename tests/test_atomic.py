@@ -1,4 +1,4 @@
-"""A bundle's writer is interrupted everywhere; what stands under the name is the old bundle or the new one."""
+"""A bundle's writer is interrupted everywhere; under the name stands the old bundle or the new one."""
 
 from __future__ import annotations
 
@@ -144,11 +144,13 @@ def interrupted_at_line(number: int) -> Iterator[list[str]]:
         sys.settrace(before)
 
 
+# Interrupted just before it leaves a `with open`, Python closes the file later and warns of it.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_interrupted_between_any_two_lines(tmp_path: Path, renaming: str) -> None:
     path = tmp_path / "felt.mmat"
     write(path, 1)
     interruptions = 0
-    for number in range(1, 2000, 2):
+    for number in range(1, 2000):
         with interrupted_at_line(number) as functions, contextlib.suppress(KeyboardInterrupt):
             write(path, 2)
         assert version_of(path) in (1, 2)

@@ -84,7 +84,7 @@ def test_equal_images_make_equal_files(library: str, tmp_path: Path, storage: St
 
 
 def test_attributes_come_back(library: str, tmp_path: Path) -> None:
-    given_ = {"material": '{"alpha": 0.25}', "a": "line\nline", "long" * 20: "x", "empty": ""}
+    given_ = {"material": '{"alpha": 0.25}', "a": "line\nline", "long" * 20: "x"}
     image_io.write_image(tmp_path / "a.exr", np.ones((2, 2, 3)), Storage.HALF, given_)
     assert image_io.read_header(tmp_path / "a.exr").attributes == given_
 
@@ -207,6 +207,7 @@ BIG = (0, 0, 2**31 - 2, 2**31 - 2)
         (exr(names=""), "channels none"),
         (exr(names="XYZ"), "channels X, Y, Z"),
         (exr(names="BGRZ"), "channels"),
+        (exr(names="BG\n"), r"channels B, G, '\\n'"),
         (exr(kind=0), "integer"),
         (exr(kind=7), "integer"),
         (exr(step=2), "subsampled"),
@@ -216,6 +217,8 @@ BIG = (0, 0, 2**31 - 2, 2**31 - 2)
         (exr(extra=b"n" * 300), "damaged"),
         (exr()[:60], "damaged"),
         (exr(), "damaged or missing pixels"),
+        # OpenImageIO's message repeats the type, which is no UTF-8.
+        (exr().replace(b"dataWindow\0box2i", b"dataWindow\0box2\xff"), "damaged or missing pixels"),
     ],
 )
 def test_hostile_exr_costs_one_error_and_no_memory(library: str, tmp_path: Path, data: bytes, word: str) -> None:

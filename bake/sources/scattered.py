@@ -27,6 +27,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..source import Array
+from .scattered_invariants import Invariants, invariants
 from .scattered_lobes import Lobes, fit_lobes
 
 MAX_CENTRES = 2000
@@ -34,18 +35,19 @@ MAX_CENTRES = 2000
 
 MIN_SAMPLES = 12
 PEAK_WIDTHS = (0.01, 0.03, 0.1)
-SMOOTHINGS = (1e-4, 1e-3)
+SMOOTHINGS = (3e-4, 3e-5, 3e-3)
 _GRAZING_OFFSET = 0.03
+_GRAZING_NOISE = float(__import__("os").environ.get("GN", "2"))
 _NEIGHBOURS = 4
-_CHUNK = 512
+_CHUNK = 256
 
 
-def coordinates(wi: Array, wo: Array, peak_width: float) -> Array:
-    """Invariants of direction pairs, stretched so that a BRDF varies about equally fast along each.
+def coordinates(pair: Invariants, peak_width: float) -> Array:
+    """Invariants stretched so that a BRDF varies about equally fast along each.
 
     Parameters
     ----------
-    wi, wo : (..., 3) unit vectors above the horizon; shapes broadcast
+    pair : of shape (...)
     peak_width : theta_h in radians below which the first coordinate is quadratic, above logarithmic: there
         the logarithm of a GGX lobe of that alpha is a straight line
 
@@ -55,26 +57,22 @@ def coordinates(wi: Array, wo: Array, peak_width: float) -> Array:
     product of the cosines, in whose logarithm grazing shadowing is smooth. Weights chosen once by
     leave-one-out error on gonioreflectometer paints.
     """
-    total, difference = wi + wo, wi[..., 2] - wo[..., 2]
-    length2 = np.maximum((total**2).sum(-1), 1e-12)
-    sin2_h = np.minimum((total[..., 0] ** 2 + total[..., 1] ** 2) / length2, 1.0)
-    product = np.maximum(wi[..., 2] * wo[..., 2], 0.0)
     return np.stack(
         [
-            3.0 * np.log1p(sin2_h / peak_width**2) / np.log1p(1 / peak_width**2),
-            1.0 - np.sqrt(length2) / 2,
-            difference**2,
-            np.log(product + _GRAZING_OFFSET) / 3,
+            3.0 * np.log1p(pair.sin2_h / peak_width**2) / np.log1p(1 / peak_width**2),
+            1.0 - pair.cos_d,
+            (pair.cos_i - pair.cos_o) ** 2,
+            np.log(np.maximum(pair.cos_i * pair.cos_o, 0.0) + _GRAZING_OFFSET) / 3,
         ],
         -1,
     )
 
 
 def _squared_distance(x: Array, centres: Array) -> Array:
-    """(Q, N) in the precision of x; the expansion |x|^2 - 2 x.c + |c|^2 is one matrix product."""
-    d2 = x @ (-2 * centres.T)
-    d2 += (x**2).sum(-1)[:, None]
-    d2 += (centres**2).sum(-1)
+    """(Q, N), by |x|^2 - 2 x.c + |c|^2 as one matrix product."""
+    left = np.column_stack([x, (x**2).sum(-1), np.ones(len(x))])
+    right = np.column_stack([-2 * centres, np.ones(len(centres)), (centres**2).sum(-1)])
+    d2 = left @ right.T
     return np.maximum(d2, 0, out=d2)
 
 
@@ -91,7 +89,7 @@ class _Spline:
 
     def __call__(self, x: Array) -> Array:
         x = x - self.origin
-        cube = _squared_distance(x.astype(self.centres.dtype), self.centres)
+        cube = _squared_distance(x, self.centres)
         cube *= np.sqrt(cube)
         return cube @ self.weights + self.tail[0] + x @ self.tail[1:]
 
@@ -103,13 +101,13 @@ class _Kernel:
     values: Array  # (N, C)
 
     def __call__(self, x: Array) -> Array:
-        exponent = _squared_distance(x.astype(self.centres.dtype), self.centres) * self.rate
+        exponent = _squared_distance(x, self.centres) * self.rate
         exponent -= exponent.min(-1, keepdims=True)  # so that the nearest sample never underflows
         weight = np.exp(-exponent)
         return (weight @ self.values) / weight.sum(-1, keepdims=True)
 
 
-def _spline_inverse(x: Array, smoothing: float) -> Array:
+def _spline_inverse(x: Array, smoothing: Array) -> Array:
     """Inverse of the bordered spline matrix, (N + 5, N + 5), for coordinates x about their mean."""
     n, k = len(x), x.shape[1] + 1
     matrix = np.zeros((n + k, n + k))
@@ -134,7 +132,7 @@ def _kernel_fit(x: Array, y: Array) -> tuple[_Kernel, Array]:
     exponent -= exponent.min(-1, keepdims=True)
     weight = np.exp(-exponent)
     left_out = (weight @ y) / weight.sum(-1, keepdims=True)
-    return _Kernel(x.astype(np.float32), rate.astype(np.float32), y.astype(np.float32)), left_out
+    return _Kernel(x, rate, y), left_out
 
 
 def spread_subset(x: Array, count: int) -> Array:
@@ -189,8 +187,7 @@ class ScatteredBrdf:
     facts: dict[str, Any]
     scale: float
     peak_width: float
-    lower: Array  # (4,) measured range of the coordinates
-    upper: Array
+    least_cosine: float
     ceiling: Array  # (C,) largest compressed sample
     lobes: Lobes | None
     interpolant: _Interpolant | None
@@ -216,12 +213,12 @@ class ScatteredBrdf:
         return result.reshape(*shape, -1)
 
     def _above_horizon(self, wi: Array, wo: Array) -> Array:
+        pair = invariants(wi, wo, self.least_cosine)
         level: Array | float = 0.0
         if self.lobes is not None:
-            level = np.arcsinh(self.lobes.evaluate(wi, wo) / self.scale)
+            level = np.arcsinh(self.lobes.evaluate(pair) / self.scale)
         if self.interpolant is not None:
-            x = np.clip(coordinates(wi, wo, self.peak_width), self.lower, self.upper)
-            level = level + self.interpolant(x)
+            level = level + self.interpolant(coordinates(pair, self.peak_width))
         # Between samples a spline may overshoot; no measured value is exceeded, except where the lobes go on.
         level = np.minimum(level, self.ceiling)
         return self.scale * np.sinh(np.maximum(level, 0.0))
@@ -244,24 +241,25 @@ def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None
         raise ValueError(f"{len(values)} samples are too few for a fit; {MIN_SAMPLES} are needed")
     total = len(values)
     if total > MAX_CENTRES:
-        keep = spread_subset(coordinates(wi, wo, PEAK_WIDTHS[0]), MAX_CENTRES)
+        keep = spread_subset(coordinates(invariants(wi, wo), PEAK_WIDTHS[0]), MAX_CENTRES)
         wi, wo, values = wi[keep], wo[keep], values[keep]
     scale = float(np.median(np.abs(values).mean(-1))) or float(np.abs(values).mean()) or 1.0
     y = np.arcsinh(values / scale)
-    lobes = fit_lobes(wi, wo, values, scale)
-    lobe_level = np.arcsinh(lobes.evaluate(wi, wo) / scale)
+    pair = invariants(wi, wo)
+    lobes = fit_lobes(pair, values, scale)
+    lobe_level = np.arcsinh(lobes.evaluate(pair) / scale)
+    noise = 1 + wi[:, 2] ** -_GRAZING_NOISE / (1 + (values.mean(-1) / scale) ** 2)
     try:
-        candidates = _spline_candidates(wi, wo, y, lobe_level)
+        candidates = _spline_candidates(pair, y, lobe_level, noise)
     except np.linalg.LinAlgError as error:
         raise ValueError("the samples do not determine a surface") from error
-    candidates += _other_candidates(wi, wo, y, lobe_level)
+    candidates += _other_candidates(pair, y, lobe_level, noise)
     cosine = np.minimum(wi[:, 2], wo[:, 2])
     errors = [
         sample_errors(values, scale * np.sinh(np.clip(c.left_out, 0, y.max(0))), cosine, scale) for c in candidates
     ]
     ranking = sorted(range(len(candidates)), key=lambda k: errors[k]["log_cos_rms"])
     best = next(candidates[k] for k in ranking if method in (None, candidates[k].name))
-    x = coordinates(wi, wo, best.peak_width)
     facts: dict[str, Any] = {
         "interpolation": best.name,
         "peak_width": best.peak_width,
@@ -272,7 +270,9 @@ def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None
         "largest_measured_theta_deg": float(np.degrees(np.arccos(cosine.min()))),
     }
     used = lobes if best.name.startswith("lobes") else None
-    return ScatteredBrdf(best.name, facts, scale, best.peak_width, x.min(0), x.max(0), y.max(0), used, best.interpolant)
+    return ScatteredBrdf(
+        best.name, facts, scale, best.peak_width, float(cosine.min()), y.max(0), used, best.interpolant
+    )
 
 
 @dataclass(frozen=True)
@@ -284,29 +284,38 @@ class _Candidate:
     interpolant: _Interpolant | None
 
 
-def _spline_candidates(wi: Array, wo: Array, y: Array, lobe_level: Array) -> list[_Candidate]:
-    """Splines with and without lobes; one matrix inverse serves both and yields the exact leave-one-out
-    residual c_i / (A^-1)_ii (Wahba 1990, section 4.2)."""
-    channels, found = y.shape[1], []
-    target = np.hstack([y, y - lobe_level])
-    for peak_width, smoothing in product(PEAK_WIDTHS, SMOOTHINGS):
-        x = coordinates(wi, wo, peak_width)
-        origin = x.mean(0)
-        x = x - origin
-        inverse = _spline_inverse(x, smoothing)[:, : len(x)]
-        coefficients = inverse @ target
-        residual = coefficients[: len(x)] / np.diag(inverse)[:, None]
-        for name, own in (("spline", slice(channels)), ("lobes+spline", slice(channels, None))):
-            weights, tail = coefficients[: len(x), own], coefficients[len(x) :, own]
-            spline = _Spline(x.astype(np.float32), origin, weights.astype(np.float32), tail)
-            found.append(_Candidate(name, peak_width, smoothing, y - residual[:, own], spline))
+def _spline_candidates(pair: Invariants, y: Array, lobe_level: Array, noise: Array) -> list[_Candidate]:
+    """Splines for every peak width, then less and more smoothing at the one that served best."""
+    found = [c for width in PEAK_WIDTHS for c in _spline_pair(pair, y, lobe_level, noise, width, SMOOTHINGS[0])]
+    best = min(found, key=lambda c: float(np.mean((c.left_out - y) ** 2)))
+    for smoothing in SMOOTHINGS[1:]:
+        found += _spline_pair(pair, y, lobe_level, noise, best.peak_width, smoothing)
     return found
 
 
-def _other_candidates(wi: Array, wo: Array, y: Array, lobe_level: Array) -> list[_Candidate]:
+def _spline_pair(
+    pair: Invariants, y: Array, lobe_level: Array, noise: Array, peak_width: float, smoothing: float
+) -> list[_Candidate]:
+    """The spline with and without lobes; one matrix inverse serves both and yields the exact leave-one-out
+    residual c_i / (A^-1)_ii (Wahba 1990, section 4.2)."""
+    channels, found = y.shape[1], []
+    x = coordinates(pair, peak_width)
+    origin = x.mean(0)
+    x = x - origin
+    inverse = _spline_inverse(x, smoothing * noise)[:, : len(x)]
+    coefficients = inverse @ np.hstack([y, y - lobe_level])
+    residual = coefficients[: len(x)] / np.diag(inverse)[:, None]
+    for name, own in (("spline", slice(channels)), ("lobes+spline", slice(channels, None))):
+        weights, tail = coefficients[: len(x), own], coefficients[len(x) :, own]
+        spline = _Spline(x, origin, weights, tail)
+        found.append(_Candidate(name, peak_width, smoothing, y - residual[:, own], spline))
+    return found
+
+
+def _other_candidates(pair: Invariants, y: Array, lobe_level: Array, noise: Array) -> list[_Candidate]:
     """Kernel regression for each peak width, and the lobes alone (whose dozen parameters saw all samples)."""
     found = [_Candidate("lobes", PEAK_WIDTHS[0], 0.0, lobe_level, None)]
     for peak_width in PEAK_WIDTHS:
-        kernel, left_out = _kernel_fit(coordinates(wi, wo, peak_width), y)
+        kernel, left_out = _kernel_fit(coordinates(pair, peak_width), y)
         found.append(_Candidate("kernel", peak_width, 0.0, left_out, kernel))
     return found

@@ -12,8 +12,10 @@ from itertools import product
 import numpy as np
 
 from ..source import Array
+from .scattered_invariants import Invariants
 
 NARROW_ALPHAS = (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.12)
+NARROW_SHAPES = ("ggx", "beckmann")
 BROAD_ALPHAS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
 NORMAL_REFLECTANCES = (0.02, 0.04, 0.08)
 
@@ -23,7 +25,7 @@ def _shadowing(cosine: Array, alpha: float) -> Array:
     return 2 / (cosine + np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2))
 
 
-def lobe_basis(wi: Array, wo: Array, narrow: float, broad: float, f0: float) -> Array:
+def lobe_basis(pair: Invariants, shape: str, narrow: float, broad: float, f0: float) -> Array:
     """Unit-amplitude terms of the model, (..., 5), all reciprocal.
 
     Lambert; a diffuse term dimmed by Fresnel transmission both ways (Ashikhmin and Shirley 2000, equation 5);
@@ -31,25 +33,26 @@ def lobe_basis(wi: Array, wo: Array, narrow: float, broad: float, f0: float) -> 
 
     Parameters
     ----------
-    wi, wo : (..., 3) unit vectors above the horizon
+    pair : of shape (...)
     narrow, broad : GGX alpha
     f0 : reflectance at normal incidence
     """
-    total = wi + wo
-    length2 = np.maximum((total**2).sum(-1), 1e-12)
-    sin2_h = np.minimum((total[..., 0] ** 2 + total[..., 1] ** 2) / length2, 1.0)
-    cos_i, cos_o, cos_d = wi[..., 2], wo[..., 2], np.minimum(np.sqrt(length2) / 2, 1.0)
+    sin2_h, cos_d, cos_i, cos_o = pair
     fresnel = f0 + (1 - f0) * (1 - cos_d) ** 5
 
-    def ggx(alpha: float) -> Array:
-        # The chord form alpha^2 + (1 - alpha^2) sin^2 keeps its digits at the peak of a narrow lobe.
-        ndf = alpha**2 / (np.pi * (alpha**2 + (1 - alpha**2) * sin2_h) ** 2)
+    def lobe(alpha: float, shape: str) -> Array:
+        if shape == "ggx":
+            # The chord form alpha^2 + (1 - alpha^2) sin^2 keeps its digits at the peak of a narrow lobe.
+            ndf = alpha**2 / (np.pi * (alpha**2 + (1 - alpha**2) * sin2_h) ** 2)
+        else:
+            cos2_h = np.maximum(1 - sin2_h, 1e-6)
+            ndf = np.exp(-sin2_h / (cos2_h * alpha**2)) / (np.pi * alpha**2 * cos2_h**2)
         return ndf * _shadowing(cos_i, alpha) * _shadowing(cos_o, alpha) / 4
 
-    broad_lobe = ggx(broad)
+    broad_lobe = lobe(broad, "ggx")
     transmitted = (1 - (1 - cos_i / 2) ** 5) * (1 - (1 - cos_o / 2) ** 5) / np.pi
     lambert = np.full_like(cos_i, 1 / np.pi)
-    return np.stack([lambert, transmitted, ggx(narrow) * fresnel, broad_lobe * fresnel, broad_lobe], -1)
+    return np.stack([lambert, transmitted, lobe(narrow, shape) * fresnel, broad_lobe * fresnel, broad_lobe], -1)
 
 
 def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
@@ -67,7 +70,7 @@ def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
     columns = matrix.shape[1]
     normal, right = matrix.T @ matrix, matrix.T @ target
     # Lobes whose samples are missing leave empty columns; the ridge keeps them out without an exception.
-    normal[np.diag_indices(columns)] += 1e-10 * max(float(np.trace(normal)), 1e-30)
+    normal += np.eye(columns) * 1e-10 * max(float(np.trace(normal)), 1e-30)
     best, least = np.zeros(columns), 0.0
     for support in product((False, True), repeat=columns):
         picked = np.flatnonzero(support)
@@ -86,17 +89,18 @@ def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
 class Lobes:
     """Fitted model: shape parameters and amplitudes (5, C) of `lobe_basis`."""
 
+    shape: str
     narrow: float
     broad: float
     f0: float
     amplitude: Array
 
-    def evaluate(self, wi: Array, wo: Array) -> Array:
-        """(..., C) BRDF in 1/sr, >= 0, for directions above the horizon."""
-        return lobe_basis(wi, wo, self.narrow, self.broad, self.f0) @ self.amplitude
+    def evaluate(self, pair: Invariants) -> Array:
+        """(..., C) BRDF in 1/sr, >= 0, of invariants of shape (...)."""
+        return lobe_basis(pair, self.shape, self.narrow, self.broad, self.f0) @ self.amplitude
 
 
-def fit_lobes(wi: Array, wo: Array, values: Array, scale: float) -> Lobes:
+def fit_lobes(pair: Invariants, values: Array, scale: float) -> Lobes:
     """Lobes of least squared error in asinh(f / scale), over a grid of shapes.
 
     Amplitudes are the least-squares ones for errors relative to f + scale, so that dark samples weigh as much
@@ -104,17 +108,17 @@ def fit_lobes(wi: Array, wo: Array, values: Array, scale: float) -> Lobes:
 
     Parameters
     ----------
-    wi, wo : (N, 3)
+    pair : of shape (N,)
     values : (N, C)
     scale : BRDF value below which errors count linearly
     """
     weight = 1 / (np.abs(values) + scale)
     level = np.arcsinh(values / scale)
     best, least = None, np.inf
-    for narrow, broad, f0 in product(NARROW_ALPHAS, BROAD_ALPHAS, NORMAL_REFLECTANCES):
+    for shape, narrow, broad, f0 in product(NARROW_SHAPES, NARROW_ALPHAS, BROAD_ALPHAS, NORMAL_REFLECTANCES):
         if broad < 1.5 * narrow:
             continue
-        basis = lobe_basis(wi, wo, narrow, broad, f0)
+        basis = lobe_basis(pair, shape, narrow, broad, f0)
         amplitude = np.stack(
             [
                 nonnegative_least_squares(basis * weight[:, c : c + 1], values[:, c] * weight[:, c])
@@ -124,7 +128,7 @@ def fit_lobes(wi: Array, wo: Array, values: Array, scale: float) -> Lobes:
         )
         error = float(np.mean((np.arcsinh(basis @ amplitude / scale) - level) ** 2))
         if error < least:
-            best, least = Lobes(narrow, broad, f0, amplitude), error
+            best, least = Lobes(shape, narrow, broad, f0, amplitude), error
     if best is None:
         raise ValueError("the samples are not finite")
     return best

@@ -1,0 +1,164 @@
+"""What the artist can set for a bake, as Blender properties: the same on the import operator and on a material."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from typing import Any
+
+import bpy
+
+from ..bake.bake_brdf import BakeSettings
+from ..bake.storage import Storage
+from ..bake.table_facts import MAX_RESOLUTION
+
+_USUAL = BakeSettings()
+
+_RESOLUTION = bpy.props.IntProperty(
+    name="Resolution",
+    description="Samples per elevation, N of the N x N x 2N table. Time and memory grow with its cube",
+    default=_USUAL.resolution,
+    min=4,
+    soft_min=16,
+    soft_max=128,
+    max=MAX_RESOLUTION,
+)
+_PARAMETERIZATION = bpy.props.EnumProperty(
+    name="Spacing",
+    description="How the table's samples are spread over the angles",
+    items=[
+        ("bezier", "Bezier", "Samples gathered where the material needs them, the most accurate"),
+        ("uniform", "Uniform", "Evenly in angle"),
+        ("identity", "Cosine", "Evenly in the cosine of the angle"),
+    ],
+    default=_USUAL.parameterization,
+)
+_ALPHA = bpy.props.EnumProperty(
+    name="Alpha",
+    description="How the shape of the Bezier spacing is chosen",
+    items=[
+        ("error", "Least Error", "By the error measured at directions that are not in the table"),
+        ("intensity", "Intensity", "By the largest total intensity of the table (Mallett & Yuksel 2016)"),
+        ("given", "Given", "By hand"),
+    ],
+    default=_USUAL.alpha,
+)
+_ALPHA_THETA = bpy.props.FloatProperty(
+    name="Elevation", description="0 gathers samples at the normal, 1 at grazing angles", default=0.5, min=0, max=1
+)
+_ALPHA_PHI = bpy.props.FloatProperty(
+    name="Azimuth",
+    description="0 gathers samples towards the mirror direction and the light, 1 at right angles to them",
+    default=0.5,
+    min=0,
+    max=1,
+)
+_STORAGE = bpy.props.EnumProperty(
+    name="Storage",
+    description="Format of the table's texels",
+    items=[
+        ("half", "Half", "OpenEXR, 16 bits per channel"),
+        ("float32", "Float", "OpenEXR, 32 bits per channel"),
+        ("rgbe", "RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
+    ],
+    default=str(_USUAL.storage),
+)
+_FILTER = bpy.props.EnumProperty(
+    name="Filter",
+    description="How the material reconstructs between samples",
+    items=[
+        ("nearest", "Nearest", "No interpolation, the fastest"),
+        ("trilinear", "Linear", "Between the nearest samples"),
+        ("bspline", "B-Spline", "Smooth cubic spline"),
+    ],
+    default=_USUAL.filter,
+)
+_SPLINE = bpy.props.EnumProperty(
+    name="Spline",
+    description="Coefficients of the spline",
+    items=[
+        ("fitted", "Fitted", "Passing as near to the samples as it can without turning negative"),
+        ("plain", "Plain", "The samples themselves, which blurs them (Mallett & Yuksel 2016)"),
+    ],
+    default=_USUAL.spline,
+)
+_PACK = bpy.props.BoolProperty(
+    name="Pack into .blend",
+    description="Keep the textures inside the .blend file. While rendering they then take 16 bytes per texel",
+    default=True,
+)
+
+
+class BakeProperties:
+    """Mixed into a PropertyGroup or an Operator."""
+
+    resolution: _RESOLUTION
+    parameterization: _PARAMETERIZATION
+    alpha: _ALPHA
+    alpha_theta: _ALPHA_THETA
+    alpha_phi: _ALPHA_PHI
+    storage: _STORAGE
+    filter: _FILTER
+    spline: _SPLINE
+    pack: _PACK
+
+
+class MEASURED_MATERIALS_PG_bake(BakeProperties, bpy.types.PropertyGroup):
+    """Settings of a material's next bake."""
+
+
+def settings_of(properties: Any) -> BakeSettings:
+    """The properties as bake settings. Raises BakeError."""
+    given = properties.alpha == "given"
+    return BakeSettings(
+        resolution=properties.resolution,
+        parameterization=properties.parameterization,
+        alpha=(properties.alpha_theta, properties.alpha_phi) if given else properties.alpha,
+        storage=Storage(properties.storage),
+        filter=properties.filter,
+        spline=properties.spline,
+    )
+
+
+def show_settings(properties: Any, settings: BakeSettings) -> None:
+    """Set the properties to what a bake was made with."""
+    for name in ("resolution", "parameterization", "filter", "spline"):
+        setattr(properties, name, getattr(settings, name))
+    properties.storage = str(settings.storage)
+    if isinstance(settings.alpha, str):
+        properties.alpha = settings.alpha
+    else:
+        properties.alpha = "given"
+        properties.alpha_theta, properties.alpha_phi = settings.alpha
+
+
+def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
+    """Those of the settings that have an effect."""
+    column = layout.column()
+    column.use_property_split, column.use_property_decorate = True, False
+    column.prop(properties, "resolution")
+    column.prop(properties, "parameterization")
+    if properties.parameterization == "bezier":
+        column.prop(properties, "alpha")
+        if properties.alpha == "given":
+            shape = column.column(align=True)
+            shape.prop(properties, "alpha_theta", slider=True)
+            shape.prop(properties, "alpha_phi", slider=True)
+    column.prop(properties, "filter")
+    if properties.filter == "bspline":
+        column.prop(properties, "spline")
+    column.prop(properties, "storage")
+    column.prop(properties, "pack")
+
+
+classes = (MEASURED_MATERIALS_PG_bake,)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    _register_classes()
+    bpy.types.Material.measured_materials = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_bake)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    del bpy.types.Material.measured_materials
+    _unregister_classes()

@@ -1,0 +1,35 @@
+"""Sub-command `demo`: the demonstration of the README."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from .cli_render import need_blender
+from .cli_result import Result
+from .progress import Progress
+
+
+def add_to(commands: Any) -> None:
+    """Add `demo`."""
+    parser = commands.add_parser(
+        "demo",
+        help="bake, build and render the demonstration",
+        description="Bake, build and render the demonstration.",
+    )
+    parser.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="where to (%(default)s)")
+    parser.add_argument("--quick", action="store_true", help="small pictures, for a first look")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.set_defaults(run=run, command="demo")
+
+
+def run(options: argparse.Namespace) -> Result:
+    """Run it. Raises BakeError."""
+    need_blender("demo")
+    from .demo import run_demo
+
+    with Progress({}) as progress:
+        progress.start("")
+        found = run_demo(options.out, quick=options.quick, progress=progress)
+    return Result({"command": options.command, **found}, [str(line) for line in found.get("lines", [])])

@@ -1,0 +1,50 @@
+"""What a sub-command hands back, and how complaints are told."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..bake.errors import BakeError
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")
+
+
+@dataclass
+class Result:
+    """Outcome of a sub-command.
+
+    Parameters
+    ----------
+    document : JSON-ready, for --json; "errors" is added to it
+    lines : the same for people
+    errors : what went wrong on the way; any makes the exit code 1
+    """
+
+    document: Mapping[str, Any]
+    lines: Sequence[str]
+    errors: Sequence[BakeError] = field(default_factory=list)
+
+
+def complain(message: str) -> None:
+    """One line on the error stream, whatever the message holds."""
+    with contextlib.suppress(OSError, ValueError):
+        line = f"measured_materials: {one_line(message)}\n"
+        encoding = sys.stderr.encoding or "utf-8"
+        sys.stderr.write(line.encode(encoding, "backslashreplace").decode(encoding))
+        sys.stderr.flush()
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks and other control characters, which a file's name may hold."""
+    return _CONTROL.sub(" ", text).strip()
+
+
+def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Label and value pairs as aligned lines; an empty label continues the one above."""
+    width = max((len(label) for label, _ in rows), default=0)
+    return [f"{label:<{width}}  {one_line(value)}" for label, value in rows]

@@ -1,0 +1,184 @@
+"""Measured materials in the open .blend: made from a file, baked again in place, and what is known of them."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..bake.bake_brdf import BakeResult, BakeSettings, Progress, bake_file, bake_source
+from ..bake.bundle import SUFFIX, read_bundle
+from ..bake.errors import BakeError
+from ..bake.material_json import dump_json
+from ..bake.sources.analytic import by_name
+from ..nodes.material import BUNDLE_KEY, SOURCE_KEY, build_material
+from .describe import image_sizes
+
+# The bundle's facts as JSON text, so that the panel knows them wherever the .blend goes.
+FACTS_KEY = "measured_materials_facts"
+
+
+def import_brdf(
+    file: Path, folder: Path, settings: BakeSettings, *, pack: bool, progress: Progress | None = None
+) -> bpy.types.Material:
+    """Bake a measurement to a bundle in `folder`, which must exist, and make a material of it. Raises BakeError.
+
+    The bundle gets a name that is free, since an older one of the same name may serve another material.
+    """
+    result = bake_file(file, free_bundle(folder, Path(file).stem), settings, progress)
+    return material_from(result, pack=pack)
+
+
+def bake_again(
+    material: bpy.types.Material,
+    settings: BakeSettings,
+    *,
+    pack: bool,
+    file: Path | None = None,
+    progress: Progress | None = None,
+) -> bpy.types.Material:
+    """Bake the material's measurement, or another one, and rebuild it in place. Raises BakeError."""
+    target = _target_of(material)
+    if file is None:
+        file = source_file(material)
+    if file is not None:
+        result = bake_file(file, target, settings, progress)
+    else:
+        result = bake_source(_analytic_of(material), target, settings, progress)
+    return material_from(result, material, pack=pack)
+
+
+def material_from(result: BakeResult, material: bpy.types.Material | None = None, *, pack: bool) -> bpy.types.Material:
+    """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
+    bundle = read_bundle(result.path)
+    with _leftovers_removed(material):
+        material = build_material(bundle, material, pack=pack)
+    facts = dict(bundle.material)
+    facts["images"] = {
+        name: {**entry, "file_bytes": size["file_bytes"]}
+        for (name, entry), size in zip(
+            facts["images"].items(), image_sizes(facts, bundle.path, bundle.path).values(), strict=True
+        )
+    }
+    material[FACTS_KEY] = dump_json(facts, bundle.path)
+    return material
+
+
+def is_measured(material: bpy.types.Material | None) -> bool:
+    """Whether the material was made here."""
+    return material is not None and isinstance(material.get(FACTS_KEY), str)
+
+
+def facts_of(material: bpy.types.Material) -> dict[str, Any]:
+    """What its bundle said of it; empty if that is not to be read. Do not change it."""
+    return _parsed(material[FACTS_KEY])
+
+
+@functools.lru_cache(maxsize=64)
+def _parsed(text: str) -> dict[str, Any]:
+    try:
+        facts = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return facts if isinstance(facts, dict) else {}
+
+
+def source_file(material: bpy.types.Material) -> Path | None:
+    """The measurement the material was baked from, as a path that may no longer exist; None for a model."""
+    text = material.get(SOURCE_KEY)
+    return Path(text) if isinstance(text, str) and text else None
+
+
+def why_not_bakeable(material: bpy.types.Material) -> str:
+    """Why the material cannot be baked again without being given a file; empty if it can."""
+    file = source_file(material)
+    if file is not None:
+        return "" if _exists(file) else f"The measurement {file} is not there"
+    try:
+        _analytic_of(material)
+    except BakeError:
+        return "The material does not say what it was baked from"
+    return ""
+
+
+def assign(material: bpy.types.Material, obj: bpy.types.Object | None) -> bool:
+    """Put the material into the object's active slot; where that cannot be, keep it by a fake user."""
+    if obj is not None and obj.is_editable and hasattr(obj.data, "materials") and obj.data.is_editable:
+        obj.active_material = material
+        return True
+    material.use_fake_user = True
+    return False
+
+
+def bundle_folder(chosen: str, file: Path) -> Path:
+    """Where a bundle goes: the chosen folder, else beside the .blend, else beside the measurement."""
+    if chosen:
+        return Path(bpy.path.abspath(chosen))
+    if bpy.data.filepath:
+        return Path(bpy.data.filepath).parent
+    return Path(file).parent
+
+
+def free_bundle(folder: Path, stem: str) -> Path:
+    """A bundle's path in `folder` that nothing has yet."""
+    number = 1
+    while _exists(path := folder / f"{stem}{f'_{number}' if number > 1 else ''}{SUFFIX}"):
+        number += 1
+    return path
+
+
+def _target_of(material: bpy.types.Material) -> Path:
+    """The material's own bundle, or a new one if a copy of the material reads the same or its folder is gone."""
+    own = Path(str(material.get(BUNDLE_KEY) or f"{material.name}{SUFFIX}"))
+    shared = any(
+        other != material and other.get(BUNDLE_KEY) == material.get(BUNDLE_KEY) for other in bpy.data.materials
+    )
+    if own.is_absolute() and _exists(own.parent):
+        return free_bundle(own.parent, own.stem) if shared else own
+    file = source_file(material)
+    return free_bundle(bundle_folder("", file if file and _exists(file) else own.absolute()), own.stem)
+
+
+def _analytic_of(material: bpy.types.Material) -> Any:
+    """The model that the material was baked from. Raises BakeError where it was not one."""
+    source = facts_of(material).get("source")
+    about = dict(source["facts"]) if isinstance(source, dict) and isinstance(source.get("facts"), dict) else {}
+    if about.pop("format", None) != "analytic":
+        raise BakeError(material.name, "was not baked from a model", "choose the measurement")
+    model = str(about.pop("model", ""))
+    parameters = {key: tuple(value) if isinstance(value, list) else value for key, value in about.items()}
+    return by_name(model, **parameters)
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+@contextlib.contextmanager
+def _leftovers_removed(material: bpy.types.Material | None) -> Iterator[None]:
+    """After the block remove groups and images that only the material's tree before it used."""
+    before = list(_used_by(material.node_tree)) if material is not None and material.node_tree else []
+    yield
+    # Outer groups first: only then do the inner ones and their images lose their last user.
+    for datablock in dict.fromkeys(before):
+        if datablock.users == 0:
+            collection = bpy.data.images if isinstance(datablock, bpy.types.Image) else bpy.data.node_groups
+            collection.remove(datablock)
+
+
+def _used_by(tree: bpy.types.NodeTree) -> Iterator[bpy.types.ID]:
+    """Groups and images in a tree, level by level."""
+    level = [tree]
+    while level:
+        nodes = [node for each in level for node in each.nodes]
+        level = [node.node_tree for node in nodes if getattr(node, "node_tree", None)]
+        yield from level
+        yield from (node.image for node in nodes if getattr(node, "image", None))

@@ -1,0 +1,327 @@
+"""The built-in studio: a scene in which a material shows highlights, folds and grazing rims, and its rendering."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
+from ..bake.errors import BakeError
+from ..nodes import compat
+from . import studio_shapes
+from .picture_sheet import to_display, write_png
+
+_OWNED = "measured_materials_studio"  # custom property of every datablock that remove_studio may delete
+
+
+def build_studio(
+    material: bpy.types.Material,
+    *,
+    resolution: tuple[int, int] = (480, 480),
+    samples: int = 64,
+    seed: int = 0,
+    environment: Path | None = None,
+    shape: str = "ball",
+) -> bpy.types.Scene:
+    """Make a new scene around a material; the current scene stays as it is. Take it away by `remove_studio`.
+
+    Parameters
+    ----------
+    resolution : width, height in pixels
+    environment : image of the surroundings (latitude and longitude) in place of the soft light and the lamp
+    shape : "ball" (a grooved ball in a ring, and a folded swatch) or "sphere" (one plain sphere)
+
+    Raises
+    ------
+    BakeError : the environment cannot be read
+    ValueError : unknown shape
+    """
+    if shape not in ("ball", "sphere"):
+        raise ValueError(f"shape is 'ball' or 'sphere', not {shape!r}")
+    world = _soft_world() if environment is None else _image_world(Path(environment))
+    compat.ensure_cycles()
+    scene = bpy.data.scenes.new("Measured Materials Studio")
+    scene[_OWNED] = True
+    scene.world = world
+    _place_shapes(scene, material, shape)
+    ground = _add(scene, studio_shapes.backdrop_mesh(curved=environment is None))
+    ground.data.materials.append(_ground_material())
+    if environment is None:
+        _add_lamp(scene)
+    _add_camera(scene, shape)
+    scene.render.resolution_x, scene.render.resolution_y = resolution
+    set_unbiased(scene, samples, seed)
+    return scene
+
+
+def set_unbiased(scene: bpy.types.Scene, samples: int, seed: int) -> None:
+    """CPU Cycles with nothing that biases a stochastic mirror, cleans noise up or spends samples unevenly."""
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_percentage = 100
+    scene.render.use_compositing = scene.render.use_sequencer = False
+    scene.render.film_transparent = False
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.samples, cycles.seed = samples, seed
+    cycles.use_animated_seed = False
+    cycles.time_limit = 0
+    cycles.blur_glossy = 0  # Filter Glossy would blur the mirror after a diffuse bounce
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    cycles.caustics_reflective = cycles.caustics_refractive = True
+    cycles.use_denoising = cycles.use_adaptive_sampling = cycles.use_guiding = cycles.use_fast_gi = False
+    cycles.max_bounces = cycles.glossy_bounces = 12
+    cycles.diffuse_bounces = 8
+    cycles.use_auto_tile = False
+
+
+def remove_studio(scene: bpy.types.Scene) -> None:
+    """Delete the scene and everything `build_studio` made for it; the material it showed stays."""
+    owned = [obj.data for obj in scene.collection.all_objects if obj.data is not None]
+    slots = [slot for data in owned for slot in getattr(data, "materials", ()) if slot is not None and _OWNED in slot]
+    world = scene.world
+    images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"] if world else []
+    objects = list(scene.collection.all_objects)
+    bpy.data.scenes.remove(scene)
+    bpy.data.batch_remove({*objects, *owned, *slots, *images, *([world] if world else [])})
+
+
+def render_linear(
+    scene: bpy.types.Scene, path: Path | None = None, *, progress: Callable[[float], None] | None = None
+) -> NDArray[np.float32]:
+    """Render any Cycles scene without its chatter; errors still reach stderr.
+
+    The scene's output format and file path are changed.
+
+    Parameters
+    ----------
+    path : where to keep the 32-bit OpenEXR file as well
+    progress : called with the share of samples done, in [0, 1]
+
+    Returns
+    -------
+    (H, W, 3) float32, scene-linear Rec.709, row 0 on top
+
+    Raises
+    ------
+    BakeError : `path` cannot be written
+    RuntimeError : Blender could not render
+    """
+    return render_rgba(scene, path, progress=progress)[..., :3].copy()
+
+
+def render_rgba(
+    scene: bpy.types.Scene, path: Path | None = None, *, progress: Callable[[float], None] | None = None
+) -> NDArray[np.float32]:
+    """As `render_linear`, with alpha: (H, W, 4)."""
+    compat.save_as_exr(scene.render.image_settings)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "render.exr"
+        scene.render.filepath = str(file)
+        scene.render.use_file_extension = True
+        with _quiet(), _reporting(progress):
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+        if not file.exists():
+            raise RuntimeError(f"Blender gave no picture of scene {scene.name!r}")
+        pixels = _read_pixels(file)
+        if path is not None:
+            _keep(file, Path(path))
+    return pixels
+
+
+def render_png(
+    scene: bpy.types.Scene, path: Path, *, exposure: float = 0.0, progress: Callable[[float], None] | None = None
+) -> NDArray[np.float32]:
+    """Render to an sRGB PNG that looks the same in every Blender version, and return the linear pixels.
+
+    The view transform is `to_display`, as on the contact sheets: measured colours stay exact, only highlights
+    are compressed. Raises as `render_linear`.
+    """
+    linear = render_linear(scene, progress=progress)
+    write_png(Path(path), to_display(linear, exposure))
+    return linear
+
+
+# --- scene ----------------------------------------------------------------------------------------------
+
+
+def _add(scene: bpy.types.Scene, data: Any, matrix: Matrix | None = None) -> bpy.types.Object:
+    obj = bpy.data.objects.new(data.name, data)
+    if matrix is not None:
+        obj.matrix_world = matrix
+    scene.collection.objects.link(obj)
+    return obj
+
+
+def _place_shapes(scene: bpy.types.Scene, material: bpy.types.Material, shape: str) -> None:
+    height = Matrix.Translation((0, 0, 1.0 if shape == "sphere" else studio_shapes.RESTING_HEIGHT))
+    if shape == "sphere":
+        placed = [(studio_shapes.sphere_mesh(), height)]
+    else:
+        aside = Matrix.Translation((-0.40, 0.25, 0))
+        tilt = Matrix.Rotation(0.30, 4, "X") @ Matrix.Rotation(0.22, 4, "Y")
+        swatch = Matrix.Translation((0.98, -0.62, 0)) @ Matrix.Rotation(0.5, 4, "Z")
+        placed = [
+            (studio_shapes.sphere_mesh(256, 256, grooved=True), aside @ height @ tilt),
+            (studio_shapes.ring_mesh(), aside),
+            (studio_shapes.swatch_mesh(), swatch),
+        ]
+    for mesh, matrix in placed:
+        mesh.materials.append(material)
+        _add(scene, mesh, matrix)
+
+
+def _ground_material() -> bpy.types.Material:
+    material = compat.new_material("Studio ground")
+    material[_OWNED] = True
+    tree = material.node_tree
+    matte, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+    matte.inputs["Color"].default_value = (0.13, 0.13, 0.13, 1)
+    tree.links.new(matte.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _look_at(position: tuple[float, float, float], target: tuple[float, float, float]) -> Matrix:
+    eye = Vector(position)
+    return Matrix.Translation(eye) @ (Vector(target) - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+
+
+def _add_lamp(scene: bpy.types.Scene) -> None:
+    """A soft box to the left of the camera; a lamp without extent or MIS would be invisible to a mirror."""
+    lamp = bpy.data.lights.new("Studio lamp", "AREA")
+    lamp.shape, lamp.size, lamp.size_y = "RECTANGLE", 2.0, 3.0
+    lamp.energy, lamp.color = 290, (1.0, 0.965, 0.92)
+    lamp.cycles.use_multiple_importance_sampling = True
+    _add(scene, lamp, _look_at((-3.8, -2.2, 4.4), (-0.3, 0, 0.9)))
+
+
+def _add_camera(scene: bpy.types.Scene, shape: str) -> None:
+    camera = bpy.data.cameras.new("Studio camera")
+    camera.lens, camera.sensor_fit = 78, "AUTO"
+    target = (0.0, 0.0, 0.95) if shape == "sphere" else (0.18, 0.0, 0.89)
+    scene.camera = _add(scene, camera, _look_at((0.7, -6.9, 2.55), target))
+
+
+def _soft_world() -> bpy.types.World:
+    """Dim below, bright above, with one broad glow behind that draws the grazing rim."""
+    world, background = compat.new_world("Studio light")
+    tree = world.node_tree
+
+    def node(kind: str, operation: str | None, *inputs: Any) -> Any:
+        made = tree.nodes.new(kind)
+        if operation:
+            made.operation = operation
+        for socket, value in zip(made.inputs, inputs):
+            if isinstance(value, bpy.types.NodeSocket):
+                tree.links.new(value, socket)
+            else:
+                socket.default_value = value
+        return made
+
+    direction = node("ShaderNodeTexCoord", None).outputs["Generated"]
+    height = node("ShaderNodeSeparateXYZ", None, direction).outputs["Z"]
+    sky = node("ShaderNodeMapRange", None, height, -0.3, 1.0, 0.05, 0.50)
+    sky.interpolation_type = "SMOOTHSTEP"
+    glow_at = Vector((0.75, 0.62, 0.60)).normalized()
+    cosine = node("ShaderNodeVectorMath", "DOT_PRODUCT", direction, glow_at).outputs["Value"]
+    falloff = node("ShaderNodeMath", "MULTIPLY_ADD", cosine, 14.0, -14.0).outputs[0]
+    glow = node("ShaderNodeMath", "EXPONENT", falloff).outputs[0]
+    strength = node("ShaderNodeMath", "MULTIPLY_ADD", glow, 3.0, sky.outputs["Result"]).outputs[0]
+    background.inputs["Color"].default_value = (0.93, 0.97, 1.0, 1)
+    tree.links.new(strength, background.inputs["Strength"])
+    return world
+
+
+def _image_world(file: Path) -> bpy.types.World:
+    try:
+        image = bpy.data.images.load(str(file.resolve()), check_existing=False)
+    except RuntimeError as error:
+        raise BakeError(file, "cannot be read as a picture", "give an .exr or .hdr environment image") from error
+    if not image.has_data and image.size[0] == 0:
+        bpy.data.images.remove(image)
+        raise BakeError(file, "cannot be read as a picture", "give an .exr or .hdr environment image")
+    world, background = compat.new_world("Studio environment")
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = image
+    world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    return world
+
+
+# --- rendering ------------------------------------------------------------------------------------------
+
+
+def _read_pixels(file: Path) -> NDArray[np.float32]:
+    image = bpy.data.images.load(str(file), check_existing=False)
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+    finally:
+        bpy.data.images.remove(image)
+    return pixels.reshape(height, width, 4)[::-1]
+
+
+def _keep(file: Path, path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(file.read_bytes())
+    except OSError as error:
+        raise BakeError(path, f"cannot be written ({error.strerror})", "choose another place for it") from error
+
+
+@contextlib.contextmanager
+def _reporting(progress: Callable[[float], None] | None) -> Iterator[None]:
+    """Tell `progress` what Cycles says about its samples."""
+    if progress is None:
+        yield
+        return
+
+    def listen(text: str, *_: Any) -> None:
+        if found := re.search(r"Sample (\d+)/(\d+)", str(text)):
+            progress(int(found[1]) / int(found[2]))
+
+    bpy.app.handlers.render_stats.append(listen)
+    try:
+        yield
+    finally:
+        # Left in place it would keep a Python that runs the bpy wheel from ending.
+        bpy.app.handlers.render_stats.remove(listen)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Hold back what Blender prints to stdout, lines about errors excepted; a window's console is left alone."""
+    if not bpy.app.background:
+        yield
+        return
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with tempfile.TemporaryFile() as log:
+        os.dup2(log.fileno(), 1)
+        try:
+            yield
+        finally:
+            _flush_c()
+            os.dup2(kept, 1)
+            os.close(kept)
+            log.seek(0)
+            for line in log.read().decode(errors="replace").splitlines():
+                if re.search(r"\berror\b", line, re.IGNORECASE):
+                    print(line, file=sys.stderr)
+
+
+def _flush_c() -> None:
+    """Blender writes through C's buffers, which would otherwise empty after the diversion has ended."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None).fflush(None)

@@ -1,0 +1,74 @@
+"""Everything that differs between Blender 4.2 and 5.x, in one place."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import bpy
+
+
+def blender_version() -> tuple[int, int]:
+    """Major and minor version of the running Blender, e.g. (4, 5)."""
+    return bpy.app.version[0], bpy.app.version[1]
+
+
+def eevee_engine() -> str:
+    """Identifier of EEVEE: 4.2 to 4.5 kept the old name for the engine that 4.2 removed."""
+    return "BLENDER_EEVEE" if blender_version() >= (5, 0) else "BLENDER_EEVEE_NEXT"
+
+
+def ensure_cycles() -> None:
+    """Enable Cycles, which is an add-on and may be switched off; nothing happens where it runs already."""
+    if not hasattr(bpy.types.Scene, "cycles"):
+        bpy.ops.preferences.addon_enable(module="cycles")
+
+
+def add_bundled_packages() -> None:
+    """Make what Blender brings for Python (oslquery, OpenImageIO) importable under the bpy wheel as well.
+
+    The wheel leaves these off Python's path; appended, they cannot hide an installed package.
+    """
+    root = Path(bpy.utils.system_resource("PYTHON"))
+    patterns = "lib/python*/site-packages", "lib/site-packages"  # the latter on Windows
+    for folder in (str(path) for pattern in patterns for path in root.glob(pattern)):
+        if folder not in sys.path:
+            sys.path.append(folder)
+
+
+def node_tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
+    """The node tree of a datablock, switched on; its nodes are left as they are.
+
+    5.0 gives every material and world a tree and warns whoever touches `use_nodes`, which 6.0 removes.
+    """
+    if blender_version() < (5, 0):
+        owner.use_nodes = True
+    return owner.node_tree
+
+
+def new_material(name: str) -> bpy.types.Material:
+    """A material whose node tree is empty."""
+    material = bpy.data.materials.new(name)
+    node_tree(material).nodes.clear()
+    return material
+
+
+def new_world(name: str) -> tuple[bpy.types.World, bpy.types.Node]:
+    """A world of an empty tree but for Background and output, and the Background node."""
+    world = bpy.data.worlds.new(name)
+    tree = node_tree(world)
+    tree.nodes.clear()
+    background = tree.nodes.new("ShaderNodeBackground")
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    tree.links.new(background.outputs[0], output.inputs["Surface"])
+    return world, background
+
+
+def save_as_exr(settings: bpy.types.ImageFormatSettings) -> None:
+    """Make renders 32-bit RGBA OpenEXR in linear Rec.709, whatever the file's working space and view."""
+    if hasattr(settings, "media_type"):  # 5.0: the choice of formats hangs on it
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_depth, settings.color_mode = "OPEN_EXR", "32", "RGBA"
+    settings.exr_codec = "NONE"
+    settings.color_management = "OVERRIDE"
+    settings.linear_colorspace_settings.name = "Linear Rec.709"

@@ -1,0 +1,43 @@
+"""`./run bench [NAME] [--quick] [--out DIR]`: time and accuracy, measured on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+import time
+from pathlib import Path
+
+BENCHES = {
+    "speed": "measurement file to bundle; table lookups per second; material against Principled BSDF",
+    "tables": "RMS and total intensity of identity, uniform and Bezier tables: 70 MERL reconstructions, 12 RGL files",
+    "sampling": "variance of cosine against table sampling, and of the sampler's warps",
+    "figures": "picture sheets after figures 4 and 7 of Mallett & Yuksel 2016",
+    "gallery": "pictures of the twelve RGL and three Cornell materials",
+    "cornell": "error of the Cornell paints on held-out samples",
+}
+
+
+def main() -> int:
+    """Run one bench; without a name, `speed`."""
+    listing = "\n".join(f"  {name:10s} {what}" for name, what in BENCHES.items())
+    parser = argparse.ArgumentParser(
+        prog="./run bench",
+        description=__doc__,
+        epilog="benches:\n" + listing,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("name", nargs="?", default="speed", choices=BENCHES, metavar="NAME")
+    parser.add_argument("--quick", action="store_true", help="fewer materials, samples or repeats")
+    parser.add_argument("--out", type=Path, default=Path("out") / "bench", help="folder of pictures and tables")
+    arguments = parser.parse_args()
+    out = arguments.out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    started = time.perf_counter()
+    importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick)
+    print(f"bench {arguments.name}: {time.perf_counter() - started:.0f} s; files in {out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
