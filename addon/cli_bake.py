@@ -20,6 +20,7 @@ from ..bake.table import FILTERS
 from .cli_result import Result
 from .describe import bake_summary
 from .progress import Progress
+from .stages import bake_stages
 
 Bake = Callable[[Path, BakeSettings, Progress], BakeResult]
 
@@ -104,7 +105,7 @@ def run(options: argparse.Namespace) -> Result:
     targets = _targets(jobs, options.out)
     done: list[BakeResult] = []
     with _made(options.out if options.out.suffix.lower() != SUFFIX else None):
-        with Progress(stage_seconds(settings), len(jobs)) as progress:
+        with Progress(bake_stages(settings), len(jobs)) as progress:
             for job, target in zip(jobs, targets):
                 progress.start(job.title)
                 try:
@@ -202,19 +203,3 @@ def _made(folder: Path | None) -> Iterator[None]:
         with contextlib.suppress(OSError):
             for place in missing:
                 place.rmdir()
-
-
-def stage_seconds(settings: BakeSettings) -> dict[str, float]:
-    """Typical seconds of the stages of `bake_file`, for time estimates."""
-    size = (settings.resolution / 64) ** 3
-    searches = settings.parameterization == "bezier" and isinstance(settings.alpha, str)
-    fits = settings.filter == "bspline" and settings.spline == "fitted"
-    return {
-        "reading": 0.5,
-        "choosing alpha": 1 + 2 * size if searches else 0.0,
-        "tabulating": 0.5 * size,
-        "fitting spline": 2.6 * size if fits else 0.0,
-        "sampler": 0.9 + 0.3 * size,
-        "measuring": 0.4,
-        "writing": 0.4 + 0.2 * size,
-    }

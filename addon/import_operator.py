@@ -1,8 +1,6 @@
 """Operator: bake measured BRDF files and make materials of them; file menu, drag and drop."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from .bake_properties import BakeProperties, draw_settings, settings_of, show_se
 from .cli_result import one_line
 from .describe import error_rows
 from .measured_material import assign, bundle_folder, facts_of, import_brdf
-from .progress import Progress
+from .window_progress import window_progress
 
 SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
 
@@ -76,19 +74,22 @@ class MEASURED_MATERIALS_OT_import_brdf(BakeProperties, bpy.types.Operator):
         if not paths:
             self.report({"ERROR"}, f"No file was chosen; known formats: {known_formats()}")
             return {"CANCELLED"}
+        try:
+            settings = settings_of(self)
+        except BakeError as error:
+            self.report({"ERROR"}, one_line(str(error)))
+            return {"CANCELLED"}
         made = []
-        for number, path in enumerate(paths):
-            with window_progress(context, number, len(paths)) as progress:
+        with window_progress(context, settings, len(paths)) as progress_of:
+            for number, path in enumerate(paths):
                 try:
-                    settings = settings_of(self)
                     folder = bundle_folder(self.bundles, path)
-                    material = import_brdf(path, folder, settings, pack=self.pack, progress=progress)
+                    made.append(import_brdf(path, folder, settings, pack=self.pack, progress=progress_of(number)))
                 except BakeError as error:
                     self.report({"ERROR"}, one_line(str(error)))
-                    continue
+        for material in made:
             show_settings(material.measured_materials, settings)
             material.measured_materials.pack = self.pack
-            made.append(material)
         if not made:
             return {"CANCELLED"}
         obj = bpy.data.objects.get(self.object_name) or context.object
@@ -124,20 +125,6 @@ def error_words(material: bpy.types.Material) -> str:
     """Its measured error, short."""
     rows = dict(error_rows(facts_of(material), material.name))
     return f"RMS error {rows['RMS error']} ({rows['Relative']})"
-
-
-@contextmanager
-def window_progress(context: bpy.types.Context, job: int = 0, jobs: int = 1) -> Iterator[Callable[[str, float], None]]:
-    """Progress at the mouse pointer while Blender is busy; `job` of `jobs`."""
-    from .cli_bake import stage_seconds
-
-    manager = context.window_manager
-    gauge = Progress(stage_seconds(_Any()), stream=_Nowhere())
-    manager.progress_begin(0, 100)
-    try:
-        yield lambda stage, share: None
-    finally:
-        manager.progress_end()
 
 
 def _others(count: int) -> str:

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TextIO
 
+from .stages import share_done
+
 _PLAIN_PAUSE = 10.0  # seconds between two plain lines of one stage
 _REDRAW_PAUSE = 0.1
 _BAR = 24
@@ -74,11 +76,7 @@ class Progress:
 
     def overall(self) -> float:
         """Share of all jobs that is done."""
-        names = list(self._stages)
-        within = 0.0
-        if self._stage in self._stages:
-            before = sum(self._stages[name] for name in names[: names.index(self._stage)])
-            within = (before + self._share * self._stages[self._stage]) / sum(self._stages.values())
+        within = share_done(self._stages, self._stage, self._share)
         return min((max(self._job, 0) + within) / self._jobs, 1.0)
 
     def seconds_left(self) -> float | None:

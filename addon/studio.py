@@ -170,7 +170,7 @@ def _place_shapes(scene: bpy.types.Scene, material: bpy.types.Material, shape: s
     else:
         aside = Matrix.Translation((-0.40, 0.25, 0))
         tilt = Matrix.Rotation(0.30, 4, "X") @ Matrix.Rotation(0.22, 4, "Y")
-        swatch = Matrix.Translation((0.98, -0.62, 0)) @ Matrix.Rotation(0.5, 4, "Z")
+        swatch = Matrix.Translation((1.10, -0.80, 0)) @ Matrix.Rotation(0.38, 4, "Z")
         placed = [
             (studio_shapes.sphere_mesh(256, 256, grooved=True), aside @ height @ tilt),
             (studio_shapes.ring_mesh(), aside),
@@ -200,15 +200,15 @@ def _add_lamp(scene: bpy.types.Scene) -> None:
     """A soft box to the left of the camera; a lamp without extent or MIS would be invisible to a mirror."""
     lamp = bpy.data.lights.new("Studio lamp", "AREA")
     lamp.shape, lamp.size, lamp.size_y = "RECTANGLE", 2.0, 3.0
-    lamp.energy, lamp.color = 290, (1.0, 0.965, 0.92)
+    lamp.energy, lamp.color = 310, (1.0, 0.965, 0.92)
     lamp.cycles.use_multiple_importance_sampling = True
     _add(scene, lamp, _look_at((-3.8, -2.2, 4.4), (-0.3, 0, 0.9)))
 
 
 def _add_camera(scene: bpy.types.Scene, shape: str) -> None:
     camera = bpy.data.cameras.new("Studio camera")
-    camera.lens, camera.sensor_fit = 78, "AUTO"
-    target = (0.0, 0.0, 0.95) if shape == "sphere" else (0.18, 0.0, 0.89)
+    camera.lens, camera.sensor_fit = 73, "AUTO"
+    target = (0.0, 0.0, 0.95) if shape == "sphere" else (0.27, 0.0, 0.86)
     scene.camera = _add(scene, camera, _look_at((0.7, -6.9, 2.55), target))
 
 
@@ -236,7 +236,7 @@ def _soft_world() -> bpy.types.World:
     cosine = node("ShaderNodeVectorMath", "DOT_PRODUCT", direction, glow_at).outputs["Value"]
     falloff = node("ShaderNodeMath", "MULTIPLY_ADD", cosine, 14.0, -14.0).outputs[0]
     glow = node("ShaderNodeMath", "EXPONENT", falloff).outputs[0]
-    strength = node("ShaderNodeMath", "MULTIPLY_ADD", glow, 3.0, sky.outputs["Result"]).outputs[0]
+    strength = node("ShaderNodeMath", "MULTIPLY_ADD", glow, 4.2, sky.outputs["Result"]).outputs[0]
     background.inputs["Color"].default_value = (0.93, 0.97, 1.0, 1)
     tree.links.new(strength, background.inputs["Strength"])
     return world

@@ -47,7 +47,7 @@ def swatch_mesh(side: int = 160) -> bpy.types.Mesh:
 
 def backdrop_mesh(curved: bool = True) -> bpy.types.Mesh:
     """Matte ground, on demand rising behind in a wide quarter circle."""
-    near, far, bend, half_width = -14.0, 5.5, 2.4, 16.0
+    near, far, bend, half_width = -14.0, 5.5, 3.4, 16.0
     profile = [(near, 0.0), (far - bend, 0.0)]
     if curved:
         turn = np.linspace(0, np.pi / 2, 65)[1:]

@@ -9,7 +9,7 @@ from typing import Any
 def metallic_paint(
     xp: Any, wi: Any, wo: Any, diffuse: Any, flake: Any, flake_alpha: float, coat_alpha: float, coat_eta: float
 ) -> Any:
-    """BRDF in 1/sr of a clear-coated metallic paint, directions strictly above the horizon.
+    """BRDF in 1/sr of metal flakes and a pigment under a smooth clear coat, directions strictly above the horizon.
 
     coat GGX(coat_alpha) F(coat_eta) + T(theta_i) T(theta_o) (Schlick(flake) GGX(flake_alpha) + diffuse / pi), where T
     is what Fresnel leaves the coat at that angle; light reflected back up inside the coat is lost.

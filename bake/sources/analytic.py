@@ -16,7 +16,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .. import xp_numpy
 from ..errors import BakeError
+from ..metallic_paint import metallic_paint
 from ..source import Array
 
 Rgb = tuple[float, float, float]
@@ -238,11 +240,9 @@ class OrenNayar(Analytic):
 
 @dataclass(frozen=True)
 class MetallicPaint(Analytic):
-    """Glossy car paint: a smooth dielectric coat over metallic flakes and a pigment.
+    """Glossy car paint: a smooth dielectric coat over metallic flakes and a pigment (`bake.metallic_paint`).
 
-    coat GGX(coat_alpha, coat_eta) + T(theta_i) T(theta_o) (flake Schlick GGX(flake_alpha) + diffuse /
-    pi), where T is what Fresnel leaves the coat at that angle; light reflected back up inside the coat is
-    lost. Reciprocal, and at most 1 in albedo wherever flake + diffuse is.
+    Reciprocal, and at most 1 in albedo wherever flake + diffuse is.
     """
 
     diffuse: Rgb = (0.02, 0.03, 0.08)
@@ -253,12 +253,8 @@ class MetallicPaint(Analytic):
     LABEL = "metallic-paint"
 
     def _value(self, wi: Array, wo: Array) -> Array:
-        cos_d, eta = _cos_difference(wi, wo), np.array([self.coat_eta])
-        coat = dielectric(cos_d, eta) * ggx_lobe(wi, wo, self.coat_alpha, self.coat_alpha)[:, None]
-        through = (1 - dielectric(wi[:, 2:], eta)) * (1 - dielectric(wo[:, 2:], eta))
-        flakes = ggx_lobe(wi, wo, self.flake_alpha, self.flake_alpha)[:, None]
-        below = schlick(cos_d, np.array(self.flake)) * flakes + np.array(self.diffuse) / math.pi
-        return coat + through * below
+        colours = np.array(self.diffuse), np.array(self.flake)
+        return metallic_paint(xp_numpy, wi, wo, *colours, self.flake_alpha, self.coat_alpha, self.coat_eta)
 
 
 def ggx_ndf(half: Array, alpha_x: float, alpha_y: float) -> Array:

@@ -243,12 +243,14 @@ def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None
     if total > MAX_CENTRES:
         keep = spread_subset(coordinates(invariants(wi, wo), PEAK_WIDTHS[0]), MAX_CENTRES)
         wi, wo, values = wi[keep], wo[keep], values[keep]
-    scale = float(np.median(np.abs(values).mean(-1))) or float(np.abs(values).mean()) or 1.0
+    import os; LV=float(os.environ.get('LV','1')); N0=float(os.environ.get('N0','1'))
+    typical = float(np.median(np.abs(values).mean(-1))) or float(np.abs(values).mean()) or 1.0
+    scale = typical*LV
     y = np.arcsinh(values / scale)
     pair = invariants(wi, wo)
-    lobes = fit_lobes(pair, values, scale)
+    lobes = fit_lobes(pair, values, typical)
     lobe_level = np.arcsinh(lobes.evaluate(pair) / scale)
-    noise = 1 + wi[:, 2] ** -_GRAZING_NOISE / (1 + (values.mean(-1) / scale) ** 2)
+    noise = 1 + (typical*N0)**2*wi[:, 2] ** -_GRAZING_NOISE / (scale**2 + values.mean(-1) ** 2)
     try:
         candidates = _spline_candidates(pair, y, lobe_level, noise)
     except np.linalg.LinAlgError as error:
@@ -256,7 +258,7 @@ def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None
     candidates += _other_candidates(pair, y, lobe_level, noise)
     cosine = np.minimum(wi[:, 2], wo[:, 2])
     errors = [
-        sample_errors(values, scale * np.sinh(np.clip(c.left_out, 0, y.max(0))), cosine, scale) for c in candidates
+        sample_errors(values, scale * np.sinh(np.clip(c.left_out, 0, y.max(0))), cosine, typical) for c in candidates
     ]
     ranking = sorted(range(len(candidates)), key=lambda k: errors[k]["log_cos_rms"])
     best = next(candidates[k] for k in ranking if method in (None, candidates[k].name))

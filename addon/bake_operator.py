@@ -1,0 +1,91 @@
+"""Operator: bake a measured material again, with other settings or from another file, in place."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from pathlib import Path
+
+import bpy
+
+from ..bake.errors import BakeError
+from .bake_properties import settings_of
+from .cli_result import one_line
+from .describe import error_rows
+from .import_operator import SUFFIXES, error_words
+from .measured_material import bake_again, facts_of, is_measured, source_file, why_not_bakeable
+from .window_progress import window_progress
+
+_FILEPATH = bpy.props.StringProperty(
+    name="Measurement",
+    description="Another file to bake; the material's own by default",
+    subtype="FILE_PATH",
+    options={"HIDDEN", "SKIP_SAVE"},
+)
+_CHOOSE = bpy.props.BoolProperty(
+    name="Choose File", description="Ask for the measurement", options={"HIDDEN", "SKIP_SAVE"}
+)
+_FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in SUFFIXES), options={"HIDDEN"})
+
+
+def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
+    """The material of the properties editor, else of the active object."""
+    material = getattr(context, "material", None)
+    if material is None and context.object is not None:
+        material = context.object.active_material
+    return material
+
+
+class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
+    """Bake the measurement again with these settings; every object keeps the material"""
+
+    bl_idname = "measured_materials.bake_again"
+    bl_label = "Bake Again"
+    bl_options = {"UNDO"}
+
+    filepath: _FILEPATH
+    choose: _CHOOSE
+    filter_glob: _FILTER_GLOB
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether there is a measured material that can be changed."""
+        material = shown_material(context)
+        if not is_measured(material):
+            cls.poll_message_set("There is no measured material here; import a measurement first")
+            return False
+        if not material.is_editable:
+            cls.poll_message_set(f"{material.name} is linked from another .blend file")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the file where the material's own is gone."""
+        material = shown_material(context)
+        lost = why_not_bakeable(material)
+        if not (self.choose or lost):
+            return self.execute(context)
+        if lost:
+            self.report({"INFO"}, f"{lost}: choose it")
+        file = source_file(material)
+        self.filepath = str(file) if file else ""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Bake and rebuild."""
+        material = shown_material(context)
+        properties = material.measured_materials
+        before = dict(error_rows(facts_of(material), material.name)) if facts_of(material) else {}
+        file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
+        try:
+            settings = settings_of(properties)
+            with window_progress(context, settings) as progress_of:
+                bake_again(material, settings, pack=properties.pack, file=file, progress=progress_of(0))
+        except BakeError as error:
+            self.report({"ERROR"}, one_line(str(error)))
+            return {"CANCELLED"}
+        was = f", was {before['RMS error']}" if before else ""
+        self.report({"INFO"}, f"{material.name}: {error_words(material)}{was}")
+        return {"FINISHED"}
+
+
+classes = (MEASURED_MATERIALS_OT_bake_again,)
+register, unregister = bpy.utils.register_classes_factory(classes)

@@ -1,0 +1,124 @@
+"""Panels: what a measured material is, how far it is from its measurement, and its next bake."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..bake.errors import BakeError
+from . import describe
+from .bake_operator import MEASURED_MATERIALS_OT_bake_again, shown_material
+from .bake_properties import draw_settings
+from .import_operator import MEASURED_MATERIALS_OT_import_brdf
+from .measured_material import facts_of, is_measured, why_not_bakeable
+
+_TITLE = "Measured Materials"
+
+
+class _Panel:
+    """What both places show."""
+
+    bl_label = _TITLE
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Facts of a measured material; for any other the way to import one."""
+        layout, material = self.layout, shown_material(context)
+        if not is_measured(material):
+            layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, icon="IMPORT")
+            return
+        _draw_facts(layout, material)
+        if context.engine != "CYCLES":
+            layout.label(text="Cycles renders it, others a stand-in", icon="INFO")
+
+
+class _BakePanel:
+    """The settings, folded away at first."""
+
+    bl_label = "Bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only for measured materials."""
+        return is_measured(shown_material(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, then the button."""
+        material = shown_material(context)
+        draw_settings(self.layout, material.measured_materials)
+        missing = why_not_bakeable(material)
+        if missing:
+            self.layout.label(text="The measurement is not there", icon="ERROR")
+        row = self.layout.row(align=True)
+        row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, icon="FILE_REFRESH")
+        row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, text="", icon="FILE_FOLDER").choose = True
+
+
+def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
+    facts = facts_of(material)
+    parts = (
+        describe.source_rows,
+        describe.error_rows,
+        describe.table_rows,
+        describe.albedo_rows,
+        describe.size_rows,
+    )
+    column = layout.column(align=True)
+    try:
+        for part in parts:
+            for label, value in part(facts, material.name):
+                _draw_row(column, label, value)
+            column.separator()
+    except BakeError as error:
+        column.label(text=f"{error.cause}; {error.remedy}", icon="ERROR")
+
+
+def _draw_row(column: bpy.types.UILayout, label: str, value: str) -> None:
+    row = column.split(factor=0.3)
+    name = row.row()
+    name.active = False
+    name.alignment = "RIGHT"
+    name.label(text=label)
+    row.label(text=value)
+
+
+class MEASURED_MATERIALS_PT_material(_Panel, bpy.types.Panel):
+    """In the material properties."""
+
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
+
+
+class MEASURED_MATERIALS_PT_material_bake(_BakePanel, bpy.types.Panel):
+    """In the material properties."""
+
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
+    bl_parent_id = "MEASURED_MATERIALS_PT_material"
+
+
+class MEASURED_MATERIALS_PT_shader(_Panel, bpy.types.Panel):
+    """In the shader editor's sidebar."""
+
+    bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only for shader nodes of objects."""
+        space: Any = context.space_data
+        return space.tree_type == "ShaderNodeTree" and space.shader_type == "OBJECT"
+
+
+class MEASURED_MATERIALS_PT_shader_bake(_BakePanel, bpy.types.Panel):
+    """In the shader editor's sidebar."""
+
+    bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
+    bl_parent_id = "MEASURED_MATERIALS_PT_shader"
+
+
+classes = (
+    MEASURED_MATERIALS_PT_material,
+    MEASURED_MATERIALS_PT_material_bake,
+    MEASURED_MATERIALS_PT_shader,
+    MEASURED_MATERIALS_PT_shader_bake,
+)
+register, unregister = bpy.utils.register_classes_factory(classes)

@@ -1,0 +1,105 @@
+"""Times of the whole chain: baking, numpy lookups, and rendering beside Principled BSDF, in one run."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.bake.accuracy import direction_pairs
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.sources.analytic import MetallicPaint
+from measured_materials.bake.sources.merl import write_merl
+from measured_materials.bake.table import FILTERS
+from measured_materials.bake.table_facts import table_of
+from measured_materials.nodes.material import build_material
+
+# Baking is timed in a process of its own, so that its peak memory is its own.
+_BAKE = """
+import json, resource, sys, time
+started = time.perf_counter()
+from measured_materials.bake.bake_brdf import BakeSettings, bake_file
+result = bake_file(sys.argv[1], sys.argv[2], BakeSettings(filter=sys.argv[3]))
+seconds = time.perf_counter() - started
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+print(f"{seconds:.2f} {peak:.0f} {result.facts['search']['trials']}")
+"""
+
+
+def run(out: Path, quick: bool) -> None:
+    """All three; with --quick shorter renders."""
+    with tempfile.TemporaryDirectory() as folder:
+        _bake(Path(folder))
+    _lookups()
+    _samples_per_second(quick)
+
+
+def _bake(folder: Path) -> None:
+    measurement = folder / "paint.binary"
+    write_merl(measurement, MetallicPaint())
+    print("MERL file to finished bundle, 64 x 64 x 128 (goal: at most 15 s and 1000 MB with at least 25 alpha pairs)")
+    for filter in ("trilinear", "bspline"):
+        command = [sys.executable, "-P", "-c", _BAKE, str(measurement), str(folder / filter), filter]
+        words = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+        print(f"  {filter:10s} {words[0]:>6s} s  {words[1]:>5s} MB peak  {words[2]} alpha pairs")
+
+
+def _lookups() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        result = bake_source(MetallicPaint(), Path(folder) / "paint", BakeSettings(alpha=(0.5, 0.1)))
+        table = table_of(read_bundle(result.path))
+    pairs = direction_pairs(250_000)
+    print("numpy lookups per second, float64 coordinates, one thread of this machine")
+    for filter in FILTERS:
+        started = time.perf_counter()
+        table.evaluate(pairs.wi, pairs.wo, filter)
+        print(f"  {filter:10s} {len(pairs.wi) / (time.perf_counter() - started) / 1e6:6.2f} million")
+
+
+def principled() -> bpy.types.Material:
+    """A Principled BSDF that looks about like the paint."""
+    material = bpy.data.materials.new("Principled")
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+    values = {"Base Color": (0.1, 0.18, 0.4, 1), "Metallic": 0.8, "Roughness": 0.53}
+    values |= {"Coat Weight": 1.0, "Coat Roughness": 0.14}
+    for name, value in values.items():
+        shader.inputs[name].default_value = value
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _samples_per_second(quick: bool) -> None:
+    size, samples = (160, 16) if quick else (320, 32)
+    with tempfile.TemporaryDirectory() as folder:
+        bundle = read_bundle(bake_source(MetallicPaint(), Path(folder) / "paint").path)
+        materials = {"Principled": principled()}
+        for filter in FILTERS:
+            materials[f"{filter}"] = build_material(bundle, filter=filter)
+            if filter != "nearest":
+                materials[f"{filter}, slices blended"] = build_material(bundle, filter=filter, stochastic=False)
+        times: dict[str, list[float]] = {name: [] for name in materials}
+        # Interleaved, so that whatever else the machine does meets all alike; the first round warms up.
+        for repeat in range(2 if quick else 4):
+            for name, material in materials.items():
+                scene = build_studio(material, resolution=(size, size), samples=samples, seed=repeat)
+                started = time.perf_counter()
+                render_linear(scene)
+                times[name].append(time.perf_counter() - started)
+                remove_studio(scene)
+    print("rendering the studio, million camera samples per second and time against Principled (Reference mode)")
+    base = float(np.median(times["Principled"][1:]))
+    for name, seconds in times.items():
+        median = float(np.median(seconds[1:]))
+        print(f"  {name:26s} {size * size * samples / median / 1e6:6.3f}   x {median / base:.2f}")
+    print(f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB")
