@@ -1,15 +1,42 @@
 """What the artist can set for a bake, as Blender properties: the same on the import operator and on a material."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from typing import Any
+from typing import Any, get_args
 
 import bpy
 
-from ..bake.bake_brdf import BakeSettings
+from ..bake.bake_brdf import AlphaChoice, BakeSettings, SplineFit
+from ..bake.parameterization import Parameterization
 from ..bake.storage import Storage
+from ..bake.table import Filter
 from ..bake.table_facts import MAX_RESOLUTION
 
 _USUAL = BakeSettings()
+
+# What a choice is called and does; choices themselves are those of the settings, in their order.
+_WORDS = {
+    "bezier": ("Bezier", "Samples gathered where the material needs them, the most accurate"),
+    "uniform": ("Uniform", "Evenly in angle"),
+    "identity": ("Cosine", "Evenly in the cosine of the angle"),
+    "error": ("Least Error", "By the error measured at directions that are not in the table"),
+    "intensity": ("Intensity", "By the largest total intensity of the table (Mallett & Yuksel 2016)"),
+    "given": ("Given", "By hand"),
+    "half": ("Half", "OpenEXR, 16 bits per channel"),
+    "float32": ("Float", "OpenEXR, 32 bits per channel"),
+    "rgbe": ("RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
+    "nearest": ("Nearest", "No interpolation, the fastest"),
+    "trilinear": ("Linear", "Between the nearest samples"),
+    "bspline": ("B-Spline", "Smooth cubic spline"),
+    "auto": ("Automatic", "Whichever has the smaller measured error"),
+    "fitted": ("Fitted", "Passing as near to the samples as it can without turning negative"),
+    "plain": ("Plain", "The samples themselves, which blurs them (Mallett & Yuksel 2016)"),
+}
+
+
+def _enum(name: str, description: str, choices: tuple[str, ...], usual: object) -> Any:
+    items = [(choice, *_WORDS.get(choice, (choice.capitalize(), ""))) for choice in choices]
+    return bpy.props.EnumProperty(name=name, description=description, items=items, default=str(usual))
+
 
 _RESOLUTION = bpy.props.IntProperty(
     name="Resolution",
@@ -20,25 +47,14 @@ _RESOLUTION = bpy.props.IntProperty(
     soft_max=128,
     max=MAX_RESOLUTION,
 )
-_PARAMETERIZATION = bpy.props.EnumProperty(
-    name="Spacing",
-    description="How the table's samples are spread over the angles",
-    items=[
-        ("bezier", "Bezier", "Samples gathered where the material needs them, the most accurate"),
-        ("uniform", "Uniform", "Evenly in angle"),
-        ("identity", "Cosine", "Evenly in the cosine of the angle"),
-    ],
-    default=_USUAL.parameterization,
+_PARAMETERIZATION = _enum(
+    "Spacing",
+    "How the table's samples are spread over the angles",
+    get_args(Parameterization),
+    _USUAL.parameterization,
 )
-_ALPHA = bpy.props.EnumProperty(
-    name="Alpha",
-    description="How the shape of the Bezier spacing is chosen",
-    items=[
-        ("error", "Least Error", "By the error measured at directions that are not in the table"),
-        ("intensity", "Intensity", "By the largest total intensity of the table (Mallett & Yuksel 2016)"),
-        ("given", "Given", "By hand"),
-    ],
-    default=_USUAL.alpha,
+_ALPHA = _enum(
+    "Alpha", "How the shape of the Bezier spacing is chosen", (*get_args(AlphaChoice), "given"), _USUAL.alpha
 )
 _ALPHA_THETA = bpy.props.FloatProperty(
     name="Elevation", description="0 gathers samples at the normal, 1 at grazing angles", default=0.5, min=0, max=1
@@ -50,35 +66,9 @@ _ALPHA_PHI = bpy.props.FloatProperty(
     min=0,
     max=1,
 )
-_STORAGE = bpy.props.EnumProperty(
-    name="Storage",
-    description="Format of the table's texels",
-    items=[
-        ("half", "Half", "OpenEXR, 16 bits per channel"),
-        ("float32", "Float", "OpenEXR, 32 bits per channel"),
-        ("rgbe", "RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
-    ],
-    default=str(_USUAL.storage),
-)
-_FILTER = bpy.props.EnumProperty(
-    name="Filter",
-    description="How the material reconstructs between samples",
-    items=[
-        ("nearest", "Nearest", "No interpolation, the fastest"),
-        ("trilinear", "Linear", "Between the nearest samples"),
-        ("bspline", "B-Spline", "Smooth cubic spline"),
-    ],
-    default=_USUAL.filter,
-)
-_SPLINE = bpy.props.EnumProperty(
-    name="Spline",
-    description="Coefficients of the spline",
-    items=[
-        ("fitted", "Fitted", "Passing as near to the samples as it can without turning negative"),
-        ("plain", "Plain", "The samples themselves, which blurs them (Mallett & Yuksel 2016)"),
-    ],
-    default=_USUAL.spline,
-)
+_STORAGE = _enum("Storage", "Format of the table's texels", tuple(map(str, Storage)), _USUAL.storage)
+_FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
+_SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline)
 _PACK = bpy.props.BoolProperty(
     name="Pack into .blend",
     description="Keep the textures inside the .blend file. While rendering they then take 16 bytes per texel",

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import Any, TextIO
+from typing import TextIO
 
 from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
 from . import cli_bake, cli_demo, cli_inspect, cli_render
 from .cli_result import Result, complain
-from .streams import keyboard_interrupts, results_stream, silence_output
+from .interrupts import INTERRUPTED, keyboard_interrupts, told
+from .streams import results_stream, silence_output
 
 PROGRAM = "measured_materials"
-INTERRUPTED, NOBODY_READS = 130, 141
+NOBODY_READS = 141
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,8 +36,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             complain(f"{options.command}: {error}")
             return 2
         except KeyboardInterrupt:
-            complain("interrupted; nothing was left half-made")
+            told()
             return INTERRUPTED
+        except OSError as error:
+            result = Result({"command": options.command}, [], [_system_error(error, options.command)])
         except MemoryError:
             result = Result({"command": options.command}, [], [_out_of_memory(options.command)])
         return _tell(result, options.json, stream)
@@ -73,5 +76,10 @@ def _tell(result: Result, as_json: bool, stream: TextIO) -> int:
     return code
 
 
-def _out_of_memory(command: Any) -> BakeError:
-    return BakeError(str(command), "ran out of memory", "choose a lower resolution or close other programs")
+def _out_of_memory(command: str) -> BakeError:
+    return BakeError(command, "ran out of memory", "choose a lower resolution or close other programs")
+
+
+def _system_error(error: OSError, command: str) -> BakeError:
+    file = error.filename if isinstance(error.filename, str) else command
+    return BakeError(file, error.strerror or str(error), "check the path, its permissions and the free space")

@@ -82,7 +82,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--spline",
         choices=get_args(SplineFit),
         default=usual.spline,
-        help="for --filter bspline: the plain samples or fitted coefficients (%(default)s)",
+        help="coefficients for --filter bspline: the plain samples, fitted ones, or the better (%(default)s)",
     )
 
 

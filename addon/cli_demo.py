@@ -29,7 +29,8 @@ def run(options: argparse.Namespace) -> Result:
     need_blender("demo")
     from .demo import run_demo
 
-    with Progress({}) as progress:
+    stages = {"simulating a measurement": 2, "baking": 12, "rendering": 14 if options.quick else 110}
+    with Progress(stages) as progress:
         progress.start("")
         found = run_demo(options.out, quick=options.quick, progress=progress)
     return Result({"command": options.command, **found}, [str(line) for line in found.get("lines", [])])

@@ -86,7 +86,7 @@ def _truth_material(bundle_path: Path) -> bpy.types.Material:
     """The analytic paint evaluated in the shader, drawn from the same alias tables."""
     bundle = read_bundle(bundle_path)
     layout = SamplerLayout(**bundle.material["sampler"])
-    image = load_data_image(bundle.image_path("sampler"), "truth sampler", False)
+    image = load_data_image(bundle.image_path("sampler"), "truth sampler")
     sampler = alias_sampler_group("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")
     assemble(material, reference_group("Analytic truth", metallic_paint_group(PAINT), sampler), (0.1, 0.2, 0.5))

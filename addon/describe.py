@@ -19,7 +19,7 @@ def source_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     name = require(source, "name", str, where)
     about = source.get("facts")
     kind = about.get("format") if isinstance(about, dict) else None
-    return [("Source", f"{name} ({kind})" if isinstance(kind, str) else name)]
+    return [("Source", name)] + ([("Format", kind)] if isinstance(kind, str) else [])
 
 
 def table_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
@@ -46,12 +46,12 @@ def _search_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     rival = require(search, "by_intensity" if by_error else "by_error", dict, where)
     factor = require(search, "error_of_intensity_choice", float, where)
     if require(search, "intensity_finds_least_error", bool, where):
-        verdict = "the same"
+        verdict = "chooses the same"
     else:
         theta, phi = (require(rival, f"alpha_{g}", float, where) for g in ("theta", "phi"))
         verdict = f"{theta:.4g}, {phi:.4g}, error x {factor if by_error else 1 / max(factor, 1e-9):.2f}"
-    names = ("measured error", "table intensity")
-    return [("Chosen by", names[not by_error]), (f"By {names[by_error].split()[-1]}", verdict)]
+    names = ("Least error", "Intensity")
+    return [("Chosen by", names[not by_error].lower()), (names[by_error], verdict)]
 
 
 def error_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
@@ -60,7 +60,7 @@ def error_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     rms, relative = (require(errors, key, float, where) for key in ("rms", "relative"))
     rows = [("RMS error", f"{rms:.3g} 1/sr"), ("Relative", f"{100 * relative:.3g} %")]
     if "directions" in errors:
-        rows.append(("Measured at", f"{require(errors, 'directions', int, where):,} directions not in the table"))
+        rows.append(("Tested at", f"{require(errors, 'directions', int, where):,} other directions"))
     return rows
 
 
@@ -69,7 +69,7 @@ def albedo_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     albedo = require(facts, "albedo", dict, where)
     directional = require(albedo, "directional", list, where, minimum=1)
     rows = [
-        ("Albedo", f"{_colour(directional[0])} at the normal"),
+        ("Albedo 0°", _colour(directional[0])),
         ("White sky", _colour(require(albedo, "white_sky", list, where))),
     ]
     above = require(albedo, "above_one_deg", list, where)
@@ -91,7 +91,7 @@ def size_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
 def image_sizes(facts: Mapping[str, Any], where: str | Path, folder: Path | None = None) -> dict[str, dict[str, Any]]:
     """Of each image of a bundle: width, height, render_bytes, and file_bytes if `folder` holds the files.
 
-    `render_bytes` is for images read from their files; packed into the .blend they take 16 bytes a texel.
+    `render_bytes` is for images read from their files, or, where the facts say "packed", from inside a .blend.
     """
     sizes = {}
     for name, entry in require(facts, "images", dict, where).items():
@@ -103,7 +103,7 @@ def image_sizes(facts: Mapping[str, Any], where: str | Path, folder: Path | None
             "width": width,
             "height": height,
             "storage": str(storage),
-            "render_bytes": width * height * storage.render_bytes(channels),
+            "render_bytes": width * height * storage.render_bytes(channels, facts.get("packed") is True),
         }
         if folder is not None:
             sizes[name]["file_bytes"] = (folder / (name + storage.suffix)).stat().st_size

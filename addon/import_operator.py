@@ -39,7 +39,7 @@ class MEASURED_MATERIALS_OT_import_brdf(BakeProperties, bpy.types.Operator):
     """Bake measured BRDFs and make Cycles materials of them"""
 
     bl_idname = "measured_materials.import_brdf"
-    bl_label = "Import Measured BRDF"
+    bl_label = "Import BRDF"
     bl_options = {"UNDO", "PRESET"}
 
     files: _FILES

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +41,9 @@ def bake_again(
     progress: Progress | None = None,
 ) -> bpy.types.Material:
     """Bake the material's measurement, or another one, and rebuild it in place. Raises BakeError."""
-    target = _target_of(material)
     if file is None:
         file = source_file(material)
+    target = _target_of(material, file)
     if file is not None:
         result = bake_file(file, target, settings, progress)
     else:
@@ -56,9 +54,8 @@ def bake_again(
 def material_from(result: BakeResult, material: bpy.types.Material | None = None, *, pack: bool) -> bpy.types.Material:
     """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
-    with _leftovers_removed(material):
-        material = build_material(bundle, material, pack=pack)
-    facts = dict(bundle.material)
+    material = build_material(bundle, material, pack=pack)
+    facts = {**bundle.material, "packed": pack}
     facts["images"] = {
         name: {**entry, "file_bytes": size["file_bytes"]}
         for (name, entry), size in zip(
@@ -132,7 +129,7 @@ def free_bundle(folder: Path, stem: str) -> Path:
     return path
 
 
-def _target_of(material: bpy.types.Material) -> Path:
+def _target_of(material: bpy.types.Material, file: Path | None) -> Path:
     """The material's own bundle, or a new one if a copy of the material reads the same or its folder is gone."""
     own = Path(str(material.get(BUNDLE_KEY) or f"{material.name}{SUFFIX}"))
     shared = any(
@@ -140,8 +137,9 @@ def _target_of(material: bpy.types.Material) -> Path:
     )
     if own.is_absolute() and _exists(own.parent):
         return free_bundle(own.parent, own.stem) if shared else own
-    file = source_file(material)
-    return free_bundle(bundle_folder("", file if file and _exists(file) else own.absolute()), own.stem)
+    if file is None and not bpy.data.filepath:
+        raise BakeError(own, "lay in a folder that is gone", "save the .blend file first; the bundle goes beside it")
+    return free_bundle(bundle_folder("", file or own), own.stem)
 
 
 def _analytic_of(material: bpy.types.Material) -> Any:
@@ -160,25 +158,3 @@ def _exists(path: Path) -> bool:
         return path.exists()
     except (OSError, ValueError):
         return False
-
-
-@contextlib.contextmanager
-def _leftovers_removed(material: bpy.types.Material | None) -> Iterator[None]:
-    """After the block remove groups and images that only the material's tree before it used."""
-    before = list(_used_by(material.node_tree)) if material is not None and material.node_tree else []
-    yield
-    # Outer groups first: only then do the inner ones and their images lose their last user.
-    for datablock in dict.fromkeys(before):
-        if datablock.users == 0:
-            collection = bpy.data.images if isinstance(datablock, bpy.types.Image) else bpy.data.node_groups
-            collection.remove(datablock)
-
-
-def _used_by(tree: bpy.types.NodeTree) -> Iterator[bpy.types.ID]:
-    """Groups and images in a tree, level by level."""
-    level = [tree]
-    while level:
-        nodes = [node for each in level for node in each.nodes]
-        level = [node.node_tree for node in nodes if getattr(node, "node_tree", None)]
-        yield from level
-        yield from (node.image for node in nodes if getattr(node, "image", None))

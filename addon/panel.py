@@ -25,7 +25,7 @@ class _Panel:
         """Facts of a measured material; for any other the way to import one."""
         layout, material = self.layout, shown_material(context)
         if not is_measured(material):
-            layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, icon="IMPORT")
+            layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
             return
         _draw_facts(layout, material)
         if context.engine != "CYCLES":
@@ -75,7 +75,7 @@ def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> Non
 
 
 def _draw_row(column: bpy.types.UILayout, label: str, value: str) -> None:
-    row = column.split(factor=0.3)
+    row = column.split(factor=0.33)
     name = row.row()
     name.active = False
     name.alignment = "RIGHT"

@@ -11,7 +11,7 @@ def bake_stages(settings: BakeSettings) -> dict[str, float]:
     """Typical seconds of the stages of `bake_file`, in their order."""
     size = (settings.resolution / 64) ** 3
     searches = settings.parameterization == "bezier" and isinstance(settings.alpha, str)
-    fits = settings.filter == "bspline" and settings.spline == "fitted"
+    fits = settings.filter == "bspline" and settings.spline != "plain"
     return {
         "reading": 0.5,
         "choosing alpha": 1 + 2 * size if searches else 0.0,

@@ -1,4 +1,4 @@
-"""The output stream kept for results alone, and interruption by Ctrl-C, inside Blender and outside."""
+"""The output stream kept for results alone, inside Blender and outside."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import contextlib
 import ctypes
 import io
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from typing import TextIO
 
@@ -27,9 +25,11 @@ def results_stream(to_the_end: bool) -> Iterator[TextIO]:
     if not diverted:  # a test or a notebook has taken the streams
         yield sys.stdout
         return
-    _flush()
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
     with os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding, errors="backslashreplace") as stream:
         os.dup2(2, 1)
+        _flush()  # Blender's greeting, which a pipe has kept back so far, is no result either
         try:
             yield stream
         finally:
@@ -44,21 +44,6 @@ def silence_output(stream: TextIO) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
-
-
-@contextlib.contextmanager
-def keyboard_interrupts() -> Iterator[None]:
-    """Have Ctrl-C raise KeyboardInterrupt, which Blender's own handler in the background does not."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        # None: the handler was not set from Python, and cannot be set back by it.
-        if before is not None:
-            signal.signal(signal.SIGINT, before)
 
 
 def _flush() -> None:

@@ -14,6 +14,8 @@ from .table import TableGrid, TreatedSource
 
 _COARSE = (0.0, 0.25, 0.5, 0.75, 1.0)
 _FINE = (-0.125, 0.0, 0.125)
+# Summing the 67 million samples of the largest table for every trial would take minutes and rank them alike.
+_INTENSITY_N = 64
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,9 @@ def search_alpha(
     def attempt(alpha_theta: float, alpha_phi: float) -> None:
         key = (min(max(alpha_theta, 0.0), 1.0), min(max(alpha_phi, 0.0), 1.0))
         if key not in tried:
-            grid = TableGrid(n, "bezier", *key)
-            rms = pairs.rms(trilinear_estimate(source, grid, pairs) - truth)
-            tried[key] = AlphaTrial(*key, estimate_intensity(source, grid), rms)
+            rms = pairs.rms(trilinear_estimate(source, TableGrid(n, "bezier", *key), pairs) - truth)
+            intensity = estimate_intensity(source, TableGrid(min(n, _INTENSITY_N), "bezier", *key))
+            tried[key] = AlphaTrial(*key, intensity, rms)
         if progress:
             progress(min(len(tried) / 41, 1.0))
 

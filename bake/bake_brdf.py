@@ -13,7 +13,7 @@ import numpy as np
 
 from .accuracy import DirectionPairs, direction_pairs
 from .albedo import albedo_facts
-from .alias_sampler import AliasSampler, SamplerLayout, build_sampler
+from .alias_sampler import SamplerLayout, build_sampler
 from .alpha_search import search_alpha, with_alpha
 from .atlas import pack
 from .bspline_fit import fit_coefficients
@@ -28,7 +28,7 @@ from .table import FILTERS, BrdfTable, Filter, TableGrid, TreatedSource, tabulat
 from .table_facts import MAX_RESOLUTION
 
 AlphaChoice = Literal["error", "intensity"]
-SplineFit = Literal["plain", "fitted"]
+SplineFit = Literal["auto", "plain", "fitted"]
 Progress = Callable[[str, float], None]
 
 _ERROR_PAIRS = 32768
@@ -46,7 +46,8 @@ class BakeSettings:
     alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi)
     storage : of the table's texels
     filter : that the material reconstructs with
-    spline : coefficients for filter "bspline": the samples themselves as in MY16, or fitted >= 0
+    spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
+        two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : sizes of the alias tables
     """
 
@@ -55,7 +56,7 @@ class BakeSettings:
     alpha: AlphaChoice | tuple[float, float] = "error"
     storage: Storage = Storage.HALF
     filter: Filter = "trilinear"
-    spline: SplineFit = "fitted"
+    spline: SplineFit = "auto"
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
 
     def __post_init__(self) -> None:
@@ -68,6 +69,7 @@ class BakeSettings:
         _check_choice("parameterization", self.parameterization, PARAMETERIZATIONS)
         _check_choice("filter", self.filter, FILTERS)
         _check_choice("spline", self.spline, get_args(SplineFit))
+        _check_choice("storage", str(self.storage), tuple(Storage))
         object.__setattr__(self, "storage", Storage(self.storage))
         if isinstance(self.alpha, str):
             _check_choice("alpha", self.alpha, get_args(AlphaChoice))
@@ -134,7 +136,7 @@ def bake_source(
 
     grid, search = _choose_grid(treated, settings, pairs, truth, say)
     table = tabulate(treated, grid, lambda share: say("tabulating", share))
-    stored, scale = _store(table, settings, say)
+    stored, scale, spline = _store(table, settings, pairs, truth, say)
     say("sampler", 0.0)
     sampler = build_sampler(stored_evaluator(stored, settings.filter), settings.sampler)
     say("measuring", 0.0)
@@ -150,7 +152,7 @@ def bake_source(
         "table": {
             **grid.facts(),
             "filter": settings.filter,
-            "spline": settings.spline if settings.filter == "bspline" else "none",
+            "spline": spline,
             "storage": str(settings.storage),
             "scale": scale,
             "total_intensity": table.total_intensity,
@@ -164,7 +166,7 @@ def bake_source(
     say("writing", 0.0)
     images = {
         "table": StoredImage(pack(stored.values * np.float32(scale)), settings.storage),
-        "sampler": StoredImage(_sampler_pixels(sampler), Storage.FLOAT32),
+        "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     path = write_bundle(out, facts, images, preview_sphere(stored), kind=KIND)
     say("writing", 1.0)
@@ -215,13 +217,30 @@ def _choose_grid(
     return with_alpha(grid, winner), found.facts()
 
 
-def _store(table: BrdfTable, settings: BakeSettings, say: Progress) -> tuple[BrdfTable, float]:
-    """The table as it will come back from the file (scale undone), and the scale."""
-    values = table.values
-    if settings.filter == "bspline" and settings.spline == "fitted":
-        values = fit_coefficients(values, lambda share: say("fitting spline", share))
-    scale = scale_for(values, settings.storage)
-    stored = quantize(values * np.float32(scale), settings.storage) * np.float32(1 / scale)
+def _store(
+    table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
+) -> tuple[BrdfTable, float, str]:
+    """The table as it will come back from the file (scale undone), the scale, and what its values are."""
+    if settings.filter != "bspline":
+        return *_quantized(table, settings.storage), "none"
+    candidates = {}
+    if settings.spline != "fitted":
+        candidates["plain"] = _quantized(table, settings.storage)
+    if settings.spline != "plain":
+        coefficients = fit_coefficients(table.values, lambda share: say("fitting spline", share))
+        candidates["fitted"] = _quantized(BrdfTable(table.grid, coefficients), settings.storage)
+    if len(candidates) == 1:
+        ((name, chosen),) = candidates.items()
+    else:
+        rms = {k: table_errors(stored, "bspline", pairs, truth)["rms"] for k, (stored, _) in candidates.items()}
+        name = min(rms, key=rms.__getitem__)
+        chosen = candidates[name]
+    return *chosen, name
+
+
+def _quantized(table: BrdfTable, storage: Storage) -> tuple[BrdfTable, float]:
+    scale = scale_for(table.values, storage)
+    stored = quantize(table.values * np.float32(scale), storage) * np.float32(1 / scale)
     return BrdfTable(table.grid, stored), scale
 
 
@@ -234,10 +253,6 @@ def table_errors(table: BrdfTable, filter: Filter, pairs: DirectionPairs, truth:
         "rms_of_signal": pairs.rms(truth),
         "directions": len(truth),
     }
-
-
-def _sampler_pixels(sampler: AliasSampler) -> Array:
-    return sampler.texels
 
 
 def _plain_settings(settings: BakeSettings) -> dict[str, Any]:

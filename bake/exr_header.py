@@ -45,7 +45,7 @@ def read_exr_header(path: Path, max_bytes: int) -> ExrHeader:
         stream.seek(0)
         data = stream.read(min(size, _HEADER_LIMIT))  # Python takes the memory for a whole request at once
     try:
-        attributes, end = _attributes(data)
+        attributes, end = header_attributes(data)
         header, compression = _judge(attributes)
     except _Unsuitable as error:
         raise BakeError(path, str(error), _REMEDY) from error
@@ -70,7 +70,8 @@ class _Unsuitable(Exception):
     pass
 
 
-def _attributes(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
+def header_attributes(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
+    """Name to (type, value) of a header, and where the file goes on; raises what struct and bytes do on damage."""
     if data[:4] != _MAGIC:
         raise ValueError
     (version,) = struct.unpack_from("<I", data, 4)

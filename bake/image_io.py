@@ -1,8 +1,9 @@
 """Float images on disk: OpenEXR and Radiance .hdr in and out, PNG out for previews.
 
 Arrays are (H, W, C) float32 with row 0 at the top of the file and C = 1, 3 or 4. Values pass through bit by
-bit: no colour management, no premultiplication by alpha. EXR needs the Python package OpenEXR (3.3 or newer)
-or OpenImageIO, which every Blender brings; .hdr and PNG need numpy alone.
+bit: no colour management, no premultiplication by alpha. EXR goes through the Python package OpenEXR (3.3 or
+newer) or OpenImageIO, which the Blender of blender.org brings; without either, numpy reads and writes what
+bundles hold. .hdr and PNG need numpy alone.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import exr_plain
 from .atomic import replacing_file
 from .errors import BakeError
 from .exr_header import CHANNELS, ExrHeader, read_exr_header
@@ -202,8 +204,8 @@ def _unwritable(path: Path, error: OSError) -> BakeError:
 
 
 def _no_library(path: Path) -> BakeError:
-    cause = "OpenEXR files need the Python package OpenEXR or OpenImageIO, and neither is here"
-    return BakeError(path, cause, "'pip install OpenEXR', or run inside Blender, which brings OpenImageIO")
+    cause = "this compression needs the Python package OpenEXR or OpenImageIO, and neither is here"
+    return BakeError(path, cause, "save it with ZIP compression, or 'pip install OpenEXR'")
 
 
 def _read_exr(path: Path, header: ExrHeader) -> NDArray[Any] | None:
@@ -215,7 +217,9 @@ def _read_exr(path: Path, header: ExrHeader) -> NDArray[Any] | None:
             return None
     oiio = load_openimageio()
     if oiio is None:
-        raise _no_library(path)
+        if not exr_plain.can_read(path):
+            raise _no_library(path)
+        return exr_plain.read_exr(path, header)
     try:
         return _read_with_openimageio(oiio, path, len(header.channels))
     except (RuntimeError, ValueError, TypeError):  # ValueError: also a message that is not UTF-8
@@ -249,7 +253,8 @@ def _write_exr(path: Path, pixels: NDArray[Any], attributes: Mapping[str, str]) 
         return
     oiio = load_openimageio()
     if oiio is None:
-        raise _no_library(path)
+        exr_plain.write_exr(path, pixels, names, strings)
+        return
     kind = "half" if pixels.dtype == np.float16 else "float"
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), kind)
     spec.channelnames = tuple(names)

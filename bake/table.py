@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -120,16 +121,19 @@ class BrdfTable:
     grid: TableGrid
     values: Array
 
+    @cached_property
+    def _padded(self) -> Array:
+        return pad_slices(self.values)
+
     def evaluate(self, wi: Array, wo: Array, filter: Filter = "trilinear") -> Array:
         """BRDF (..., 3) reconstructed at direction pairs; the truth the shader nodes are compared with."""
         wi, wo = np.broadcast_arrays(wi, wo)
         shape = wi.shape
         wi, wo = wi.reshape(-1, 3), wo.reshape(-1, 3)
-        padded = pad_slices(self.values)
         out = np.empty((len(wi), 3))
         for start in range(0, len(wi), _CHUNK):
             part = slice(start, start + _CHUNK)
-            out[part] = _reconstruct(padded, self.grid.coordinates(wi[part], wo[part]), filter)
+            out[part] = _reconstruct(self._padded, self.grid.coordinates(wi[part], wo[part]), filter)
         # Positions below the horizon have no value; the lookup itself would return the horizon's.
         out[(wi[:, 2] <= 0) | (wo[:, 2] <= 0)] = 0
         return out.reshape(shape)

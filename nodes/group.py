@@ -116,9 +116,10 @@ def _defaults(node: Any) -> list[Any]:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, bpy.types.NodeTree):
-        return value.get(HASH_KEY, value.name)
+        # Its content now, not the hash it was built with: an image it used may be gone since.
+        return content_hash(value)
     if isinstance(value, bpy.types.ID):
-        return value.name
+        return value.name_full
     if isinstance(value, (bool, int, float, str, type(None))):
         return value
     if isinstance(value, bpy.types.bpy_struct):

@@ -22,13 +22,14 @@ from measured_materials.bake.storage import Storage, quantize
 CASES = [(storage, c) for storage in Storage for c in (1, 3, 4) if storage != "rgbe" or c == 3]
 
 
-@pytest.fixture(params=["OpenEXR", "OpenImageIO"])
+@pytest.fixture(params=["OpenEXR", "OpenImageIO", "numpy"])
 def library(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each of the two libraries alone, as if the other were not installed."""
-    other = {"OpenEXR": "load_openimageio", "OpenImageIO": "load_openexr"}[request.param]
-    monkeypatch.setattr(image_io, other, lambda: None)
-    if image_io.load_openexr() is None and image_io.load_openimageio() is None:
+    """Each of the libraries alone, as if the others were not installed."""
+    loaders = {"OpenEXR": image_io.load_openexr, "OpenImageIO": image_io.load_openimageio}
+    if request.param in loaders and loaders[request.param]() is None:
         pytest.skip(f"{request.param} is not installed")
+    for name in loaders.keys() - {request.param}:
+        monkeypatch.setattr(image_io, f"load_{name.lower()}", lambda: None)
     return str(request.param)
 
 
@@ -132,16 +133,65 @@ def test_unwritable_images(tmp_path: Path, name: str, pixels: np.ndarray, storag
     assert not list(tmp_path.iterdir())
 
 
-def test_without_a_library_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    image_io.write_image(tmp_path / "a.exr", np.ones((2, 2, 3)), Storage.HALF)
+@pytest.fixture
+def no_library(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(image_io, "load_openexr", lambda: None)
     monkeypatch.setattr(image_io, "load_openimageio", lambda: None)
-    with pytest.raises(BakeError, match="pip install OpenEXR"):
-        image_io.read_image(tmp_path / "a.exr")
-    with pytest.raises(BakeError, match="pip install OpenEXR"):
-        image_io.write_image(tmp_path / "a.exr", np.ones((2, 2, 3)), Storage.HALF)
-    image_io.write_image(tmp_path / "a.hdr", np.ones((2, 2, 3)), Storage.RGBE)  # needs neither
-    assert image_io.read_image(tmp_path / "a.hdr").shape == (2, 2, 3)
+
+
+def test_without_a_library_other_compressions_are_refused(tmp_path: Path, no_library: None) -> None:
+    for compression in (1, 4):  # run lengths, PIZ
+        (tmp_path / "a.exr").write_bytes(exr(compression=compression))
+        with pytest.raises(BakeError, match="pip install OpenEXR"):
+            image_io.read_image(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("storage, channels", [case for case in CASES if case[0] != "rgbe"])
+def test_numpy_and_the_libraries_read_each_other(tmp_path: Path, storage: Storage, channels: int) -> None:
+    pixels = quantize(nasty_pixels(storage, channels), storage)
+    none = {"load_openexr": lambda: None, "load_openimageio": lambda: None}
+    attributes = {"note": "x" * 5000, "a name of more than thirty-one letters": "y"}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, nothing in none.items():
+            patch.setattr(image_io, name, nothing)
+        image_io.write_image(tmp_path / "numpy.exr", pixels, storage, attributes)
+    assert image_io.read_header(tmp_path / "numpy.exr").attributes.items() >= attributes.items()
+    for library in none:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(image_io, (none.keys() - {library}).pop(), none[library])
+            if getattr(image_io, library)() is None:
+                continue
+            np.testing.assert_array_equal(bits(image_io.read_image(tmp_path / "numpy.exr")), bits(pixels))
+            image_io.write_image(tmp_path / "library.exr", pixels, storage, attributes)
+            patch.setattr(image_io, library, none[library])
+            np.testing.assert_array_equal(bits(image_io.read_image(tmp_path / "library.exr")), bits(pixels))
+
+
+@pytest.mark.parametrize("compression", [0, 2, 3])
+def test_numpy_reads_flat_and_line_by_line_compressed_files(tmp_path: Path, no_library: None, compression: int) -> None:
+    openimageio = pytest.importorskip("OpenImageIO")
+    pixels = np.random.default_rng(3).normal(size=(35, 19, 3)).astype(np.float32)
+    spec = openimageio.ImageSpec(19, 35, 3, "float")
+    spec.attribute("compression", {0: "none", 2: "zips", 3: "zip"}[compression])
+    spec.y = -5  # the data window need not start at 0
+    stream = openimageio.ImageOutput.create("openexr")
+    assert stream.open(str(tmp_path / "a.exr"), spec) and stream.write_image(pixels)
+    stream.close()
+    np.testing.assert_array_equal(bits(image_io.read_image(tmp_path / "a.exr")), bits(pixels))
+
+
+def test_numpy_survives_damage_anywhere(tmp_path: Path, no_library: None) -> None:
+    path = tmp_path / "a.exr"
+    image_io.write_image(path, np.random.default_rng(4).random((40, 9, 3)), Storage.HALF)
+    whole = path.read_bytes()
+    for position in range(0, len(whole), 7):
+        data = bytearray(whole)
+        data[position] ^= 0xFF
+        path.write_bytes(data)
+        try:
+            assert image_io.read_image(path).ndim == 3
+        except BakeError:
+            pass
 
 
 @pytest.mark.parametrize("blocked", [False, True])

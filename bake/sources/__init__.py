@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ..errors import BakeError
 from ..source import BrdfSource, Reader
-from . import merl, rgl
+from . import cornell, merl, rgl
 
-READERS: tuple[Reader, ...] = (merl.READER, rgl.READER)
+READERS: tuple[Reader, ...] = (merl.READER, rgl.READER, cornell.READER)
 
 
 def known_formats() -> str:

@@ -15,7 +15,6 @@ from ..source import Array
 from .scattered_invariants import Invariants
 
 NARROW_ALPHAS = (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.12)
-NARROW_SHAPES = ("ggx", "beckmann")
 BROAD_ALPHAS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
 NORMAL_REFLECTANCES = (0.02, 0.04, 0.08)
 
@@ -25,7 +24,7 @@ def _shadowing(cosine: Array, alpha: float) -> Array:
     return 2 / (cosine + np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2))
 
 
-def lobe_basis(pair: Invariants, shape: str, narrow: float, broad: float, f0: float) -> Array:
+def lobe_basis(pair: Invariants, narrow: float, broad: float, f0: float) -> Array:
     """Unit-amplitude terms of the model, (..., 5), all reciprocal.
 
     Lambert; a diffuse term dimmed by Fresnel transmission both ways (Ashikhmin and Shirley 2000, equation 5);
@@ -40,19 +39,15 @@ def lobe_basis(pair: Invariants, shape: str, narrow: float, broad: float, f0: fl
     sin2_h, cos_d, cos_i, cos_o = pair
     fresnel = f0 + (1 - f0) * (1 - cos_d) ** 5
 
-    def lobe(alpha: float, shape: str) -> Array:
-        if shape == "ggx":
-            # The chord form alpha^2 + (1 - alpha^2) sin^2 keeps its digits at the peak of a narrow lobe.
-            ndf = alpha**2 / (np.pi * (alpha**2 + (1 - alpha**2) * sin2_h) ** 2)
-        else:
-            cos2_h = np.maximum(1 - sin2_h, 1e-6)
-            ndf = np.exp(-sin2_h / (cos2_h * alpha**2)) / (np.pi * alpha**2 * cos2_h**2)
+    def ggx(alpha: float) -> Array:
+        # The chord form alpha^2 + (1 - alpha^2) sin^2 keeps its digits at the peak of a narrow lobe.
+        ndf = alpha**2 / (np.pi * (alpha**2 + (1 - alpha**2) * sin2_h) ** 2)
         return ndf * _shadowing(cos_i, alpha) * _shadowing(cos_o, alpha) / 4
 
-    broad_lobe = lobe(broad, "ggx")
+    broad_lobe = ggx(broad)
     transmitted = (1 - (1 - cos_i / 2) ** 5) * (1 - (1 - cos_o / 2) ** 5) / np.pi
     lambert = np.full_like(cos_i, 1 / np.pi)
-    return np.stack([lambert, transmitted, lobe(narrow, shape) * fresnel, broad_lobe * fresnel, broad_lobe], -1)
+    return np.stack([lambert, transmitted, ggx(narrow) * fresnel, broad_lobe * fresnel, broad_lobe], -1)
 
 
 def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
@@ -89,7 +84,6 @@ def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
 class Lobes:
     """Fitted model: shape parameters and amplitudes (5, C) of `lobe_basis`."""
 
-    shape: str
     narrow: float
     broad: float
     f0: float
@@ -97,7 +91,7 @@ class Lobes:
 
     def evaluate(self, pair: Invariants) -> Array:
         """(..., C) BRDF in 1/sr, >= 0, of invariants of shape (...)."""
-        return lobe_basis(pair, self.shape, self.narrow, self.broad, self.f0) @ self.amplitude
+        return lobe_basis(pair, self.narrow, self.broad, self.f0) @ self.amplitude
 
 
 def fit_lobes(pair: Invariants, values: Array, scale: float) -> Lobes:
@@ -115,10 +109,10 @@ def fit_lobes(pair: Invariants, values: Array, scale: float) -> Lobes:
     weight = 1 / (np.abs(values) + scale)
     level = np.arcsinh(values / scale)
     best, least = None, np.inf
-    for shape, narrow, broad, f0 in product(NARROW_SHAPES, NARROW_ALPHAS, BROAD_ALPHAS, NORMAL_REFLECTANCES):
+    for narrow, broad, f0 in product(NARROW_ALPHAS, BROAD_ALPHAS, NORMAL_REFLECTANCES):
         if broad < 1.5 * narrow:
             continue
-        basis = lobe_basis(pair, shape, narrow, broad, f0)
+        basis = lobe_basis(pair, narrow, broad, f0)
         amplitude = np.stack(
             [
                 nonnegative_least_squares(basis * weight[:, c : c + 1], values[:, c] * weight[:, c])
@@ -128,7 +122,7 @@ def fit_lobes(pair: Invariants, values: Array, scale: float) -> Lobes:
         )
         error = float(np.mean((np.arcsinh(basis @ amplitude / scale) - level) ** 2))
         if error < least:
-            best, least = Lobes(shape, narrow, broad, f0, amplitude), error
+            best, least = Lobes(narrow, broad, f0, amplitude), error
     if best is None:
         raise ValueError("the samples are not finite")
     return best

@@ -27,7 +27,9 @@ def run(out: Path, quick: bool) -> None:
     count = 20_000 if quick else 100_000
     random = np.random.default_rng(0).random((count, 4))
     print("standard deviation of one sample, as a share of its mean (uniform sky, four viewing angles)")
-    print(f"  {'material':28s} {'cosine':>8s} {'warp 1':>8s} {'warp 2':>8s} {'warp 3':>8s}   gain of warp 2 in variance")
+    print(
+        f"  {'material':28s} {'cosine':>8s} {'warp 1':>8s} {'warp 2':>8s} {'warp 3':>8s}   gain of warp 2 in variance"
+    )
     for path in [*rgl_files(), *cornell_files()][:: 4 if quick else 1]:
         treated = TreatedSource(read_source(path))
         samplers = [build_sampler(treated, SamplerLayout(warp_power=p)) for p in (1, 2, 3)]

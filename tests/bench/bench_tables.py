@@ -14,9 +14,7 @@ from measured_materials.bake.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.table import TableGrid, TreatedSource, tabulate
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 N = 64
 COLUMNS = ("identity", "uniform", "by intensity", "by error")
@@ -48,15 +46,12 @@ def measure(source: BrdfSource) -> dict[str, Any]:
 
 def show(title: str, rows: list[dict[str, Any]], out: Path) -> None:
     """Print the table, its summary, and write it as CSV."""
-    console = Console(width=150)
-    table = Table(title=title)
-    for column in ("material", *(f"rms {c}" for c in COLUMNS), "gain on uniform", *(f"intensity {c}" for c in COLUMNS)):
-        table.add_column(column, justify="left" if column == "material" else "right")
+    print(f"\n{title}, {N} x {N} x {2 * N}; cosine-weighted RMS in 1/sr, then total intensity")
+    print(f"{'':30s}" + "".join(f"{c:>13s}" for c in COLUMNS) + f"{'gain':>7s}" + "".join(f"{c:>13s}" for c in COLUMNS))
     for row in rows:
-        gain = row["rms uniform"] / row["rms by error"]
-        values = [f"{row[f'rms {c}']:.4g}" for c in COLUMNS] + [f"{gain:.2f}"]
-        table.add_row(row["material"], *values, *(f"{row[f'intensity {c}']:.3g}" for c in COLUMNS))
-    console.print(table)
+        rms = "".join(f"{row[f'rms {c}']:13.4g}" for c in COLUMNS)
+        intensity = "".join(f"{row[f'intensity {c}']:13.3g}" for c in COLUMNS)
+        print(f"{row['material']:30s}{rms}{row['rms uniform'] / row['rms by error']:7.2f}{intensity}")
     gains = np.array([row["rms uniform"] / row["rms by error"] for row in rows])
     glossy = np.argsort([-row["peakedness"] for row in rows])[: len(rows) // 2]
     agree = sum(row["alpha by error"] == row["alpha by intensity"] for row in rows)

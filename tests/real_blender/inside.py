@@ -1,0 +1,46 @@
+"""Run inside a real Blender by check.py: the operators as the window calls them, and what a .blend keeps."""
+
+from pathlib import Path
+
+import bpy
+
+PACKAGE = "bl_ext.user_default.measured_materials"
+
+
+def require(good, words):
+    """Unlike assert, also under python -O."""
+    if not good:
+        raise RuntimeError(words)
+
+
+def registered():
+    """Whether the extension is there."""
+    return hasattr(bpy.types, "MEASURED_MATERIALS_PT_material") and hasattr(bpy.types.Material, "measured_materials")
+
+
+require(registered(), "not registered at the start")
+for _ in range(2):
+    bpy.ops.preferences.addon_disable(module=PACKAGE)
+    require(not registered(), "something stayed when it was disabled")
+    bpy.ops.preferences.addon_enable(module=PACKAGE)
+    require(registered(), "not registered again")
+
+cube = bpy.context.object
+here = str(Path.cwd())
+bpy.ops.measured_materials.import_brdf(
+    directory=here, files=[{"name": "lacquer.binary"}], resolution=8, alpha="given", bundles=here
+)
+material = cube.active_material
+require(material.name == "lacquer", "the cube has not got the material")
+material.measured_materials.resolution = 12
+bpy.ops.measured_materials.bake_again()
+require(cube.active_material == material, "baking again changed the material's identity")
+
+bpy.ops.wm.save_as_mainfile(filepath=str(Path(here, "saved.blend")))
+bpy.ops.wm.open_mainfile(filepath=str(Path(here, "saved.blend")))
+material = bpy.data.materials["lacquer"]
+require(material.measured_materials.resolution == 12, "the settings were not saved")
+images = [image for image in bpy.data.images if image.name.startswith("lacquer")]
+require(len(images) == 2 and all(image.packed_file for image in images), "the textures were not packed")
+require(all(image.colorspace_settings.name == "Non-Color" for image in images), "the textures have a colour space")
+print("inside: all is well")

@@ -1,0 +1,290 @@
+"""The add-on in Blender: registration, import, baking again, what the panel says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import measured_materials
+import pytest
+from measured_materials.addon import bake_operator, import_operator, measured_material, panel
+from measured_materials.addon.bake_properties import settings_of, show_settings
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sources import READERS
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.bake.sources.merl import write_merl
+from measured_materials.bake.storage import Storage
+from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
+
+QUICK: dict[str, Any] = {"resolution": 8, "alpha": "given"}
+
+
+@pytest.fixture(scope="module")
+def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("measurement") / "lacquer.binary"
+    write_merl(path, by_name("ggx", alpha=0.3, diffuse=0.2))
+    return path
+
+
+@pytest.fixture(autouse=True)
+def registered() -> Iterator[None]:
+    measured_materials.register()
+    yield
+    measured_materials.unregister()
+
+
+@pytest.fixture
+def plate() -> Iterator[Any]:
+    """An active object without a material; everything made in the test goes with it."""
+    known = {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
+    mesh = bpy.data.meshes.new("plate")
+    obj = bpy.data.objects.new("plate", mesh)
+    bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    yield obj
+    bpy.data.objects.remove(obj)
+    bpy.data.meshes.remove(mesh)
+    for kind, before in known.items():
+        bpy.data.batch_remove(set(getattr(bpy.data, kind)) - before)
+
+
+@pytest.fixture
+def lacquer(measurement: Path, plate: Any, tmp_path: Path) -> Any:
+    """A measured material on the active object."""
+    bpy.ops.measured_materials.import_brdf(filepath=str(measurement), bundles=str(tmp_path), **QUICK)
+    return plate.active_material
+
+
+# --- registration -----------------------------------------------------------------------------------------
+
+
+def test_register_unregister_register() -> None:
+    for _ in range(2):
+        assert hasattr(bpy.types.Material, "measured_materials")
+        assert bpy.ops.measured_materials.import_brdf.idname()
+        measured_materials.unregister()
+        assert not hasattr(bpy.types.Material, "measured_materials")
+        assert not hasattr(bpy.types, "MEASURED_MATERIALS_PT_material")
+        measured_materials.register()
+
+
+def test_failed_registration_leaves_nothing_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured_materials.unregister()
+
+    def fail() -> None:
+        raise RuntimeError("no panel today")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(panel, "register", fail)
+        with pytest.raises(RuntimeError, match="no panel today"):
+            measured_materials.register()
+    assert not hasattr(bpy.types.Material, "measured_materials")
+    measured_materials.register()
+
+
+def test_every_reader_can_be_browsed_and_dropped() -> None:
+    handler = import_operator.MEASURED_MATERIALS_FH_brdf
+    assert set(handler.bl_file_extensions.split(";")) == {s for reader in READERS for s in reader.suffixes}
+    assert handler.bl_import_operator == import_operator.MEASURED_MATERIALS_OT_import_brdf.bl_idname
+
+
+def test_settings_survive_the_properties() -> None:
+    material = bpy.data.materials.new("settings")
+    try:
+        properties = material.measured_materials
+        assert settings_of(properties) == BakeSettings()
+        other = BakeSettings(9, "uniform", (0.25, 0.75), Storage.RGBE, "bspline", "plain")
+        show_settings(properties, other)
+        assert settings_of(properties) == other
+    finally:
+        bpy.data.materials.remove(material)
+
+
+# --- import -----------------------------------------------------------------------------------------------
+
+
+def test_import_puts_the_material_on_the_object(lacquer: Any, measurement: Path, tmp_path: Path) -> None:
+    assert lacquer.name == "lacquer" and lacquer.users == 1 and not lacquer.use_fake_user
+    bundle = read_bundle(tmp_path / "lacquer.mmat")
+    assert lacquer[BUNDLE_KEY] == str(bundle.path) and lacquer[SOURCE_KEY] == str(measurement)
+    facts = measured_material.facts_of(lacquer)
+    assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
+    assert lacquer.measured_materials.resolution == 8 and lacquer.measured_materials.alpha == "given"
+    assert all(image.packed_file for image in bpy.data.images if image.name.startswith("lacquer"))
+
+
+def test_import_without_an_object_keeps_the_material(measurement: Path, plate: Any, tmp_path: Path) -> None:
+    bpy.context.view_layer.objects.active = None
+    known = set(bpy.data.materials)
+    files = [{"name": measurement.name}, {"name": measurement.name}]
+    bpy.ops.measured_materials.import_brdf(
+        directory=str(measurement.parent), files=files, bundles=str(tmp_path), pack=False, **QUICK
+    )
+    made = set(bpy.data.materials) - known
+    assert len(made) == 2 and all(material.use_fake_user for material in made)
+    # A second bundle of one name is not written over the first, which a material reads.
+    assert {file.name for file in tmp_path.iterdir()} == {"lacquer.mmat", "lacquer_2.mmat"}
+    assert not any(image.packed_file for image in bpy.data.images if image.name.startswith("lacquer"))
+
+
+def test_bundles_lie_beside_the_measurement_until_told_otherwise(measurement: Path) -> None:
+    assert not bpy.data.filepath
+    assert measured_material.bundle_folder("", measurement) == measurement.parent
+
+
+def test_bad_file_is_one_report_and_the_others_are_imported(measurement: Path, plate: Any, tmp_path: Path) -> None:
+    (tmp_path / "bad.binary").write_bytes(measurement.read_bytes()[:1000])
+    (tmp_path / "good.binary").symlink_to(measurement)
+    files = [{"name": "bad.binary"}, {"name": "good.binary"}]
+    with pytest.raises(RuntimeError) as failed:  # how Blender hands an error report to Python
+        bpy.ops.measured_materials.import_brdf(directory=str(tmp_path), files=files, **QUICK)
+    assert str(failed.value).strip().count("\n") == 0 and "bad.binary" in str(failed.value)
+    assert plate.active_material.name == "good"
+    assert not (tmp_path / "bad.mmat").exists()
+
+
+# --- bake again -------------------------------------------------------------------------------------------
+
+
+def test_baking_again_keeps_the_users(lacquer: Any, plate: Any, tmp_path: Path) -> None:
+    before = measured_material.facts_of(lacquer)["errors"]["rms"]
+    images = {image.name for image in bpy.data.images}
+    groups = len(bpy.data.node_groups)
+    lacquer.measured_materials.resolution = 16
+    assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
+    assert plate.active_material == lacquer and lacquer.users == 1
+    facts = measured_material.facts_of(lacquer)
+    assert facts["table"]["n"] == 16 and facts["errors"]["rms"] < before
+    assert [file.name for file in tmp_path.iterdir()] == ["lacquer.mmat"]
+    assert len(bpy.data.images) == len(images) and len(bpy.data.node_groups) == groups
+
+
+def test_baking_a_copy_leaves_the_original_alone(lacquer: Any, plate: Any, tmp_path: Path) -> None:
+    copy = lacquer.copy()
+    plate.active_material = copy
+    copy.measured_materials.resolution = 6
+    bpy.ops.measured_materials.bake_again()
+    assert copy[BUNDLE_KEY] != lacquer[BUNDLE_KEY]
+    assert read_bundle(lacquer[BUNDLE_KEY]).material["table"]["n"] == 8
+    assert measured_material.facts_of(lacquer)["table"]["n"] == 8
+
+
+def test_failed_baking_changes_nothing(lacquer: Any, tmp_path: Path) -> None:
+    facts, node = lacquer[measured_material.FACTS_KEY], lacquer.node_tree.nodes[0].name
+    with pytest.raises(RuntimeError, match=r"absent\.binary: does not exist"):
+        bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "absent.binary"))
+    assert lacquer[measured_material.FACTS_KEY] == facts and lacquer.node_tree.nodes[0].name == node
+    lacquer[SOURCE_KEY] = str(tmp_path / "moved.binary")
+    assert "moved.binary is not there" in measured_material.why_not_bakeable(lacquer)
+
+
+def test_lost_measurement_can_be_replaced(lacquer: Any, measurement: Path, tmp_path: Path) -> None:
+    lacquer[SOURCE_KEY] = str(tmp_path / "moved.binary")
+    lacquer[BUNDLE_KEY] = str(tmp_path / "gone" / "lacquer.mmat")
+    bpy.ops.measured_materials.bake_again(filepath=str(measurement))
+    assert lacquer[SOURCE_KEY] == str(measurement) and Path(lacquer[BUNDLE_KEY]).parent == measurement.parent
+
+
+def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
+    model = by_name("phong", diffuse=(0.1, 0.2, 0.3), exponent=7)
+    settings = BakeSettings(resolution=6, alpha=(0.5, 0.5))
+    material = measured_material.material_from(bake_source(model, tmp_path / "phong", settings), pack=True)
+    assert measured_material.why_not_bakeable(material) == ""
+    measured_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5)), pack=False)
+    facts = measured_material.facts_of(material)
+    assert facts["source"]["facts"]["exponent"] == 7 and facts["table"]["n"] == 8
+    material[BUNDLE_KEY] = str(tmp_path / "gone" / "phong.mmat")
+    with pytest.raises(BakeError, match=r"save the \.blend"):
+        measured_material.bake_again(material, settings, pack=True)
+    del material[SOURCE_KEY]
+    material[BUNDLE_KEY] = str(tmp_path / "phong.mmat")
+    material[measured_material.FACTS_KEY] = "{}"
+    with pytest.raises(BakeError, match="choose the measurement"):
+        measured_material.bake_again(material, settings, pack=True)
+    assert "does not say" in measured_material.why_not_bakeable(material)
+
+
+def test_greyed_out_button_says_why(plate: Any) -> None:
+    assert not bpy.ops.measured_materials.bake_again.poll()
+    with pytest.raises(RuntimeError, match="no measured material here"):
+        bpy.ops.measured_materials.bake_again()
+
+
+# --- panel ------------------------------------------------------------------------------------------------
+
+
+class Recorder:
+    """A layout that notes the texts put into it."""
+
+    def __init__(self, texts: list[str]) -> None:
+        self.__dict__["texts"] = texts
+
+    def __setattr__(self, name: str, value: object) -> None:
+        pass
+
+    def label(self, *, text: str, icon: str = "NONE") -> None:
+        self.texts.append(text)
+
+    def operator(self, idname: str, *, text: str = "", icon: str = "NONE") -> Recorder:
+        self.texts.append(idname)
+        return self
+
+    def prop(self, properties: Any, name: str, **options: Any) -> None:
+        assert name in properties.bl_rna.properties
+        self.texts.append(name)
+
+    def separator(self) -> None:
+        pass
+
+    def column(self, **options: Any) -> Recorder:
+        return self
+
+    row = split = column
+
+
+class Stage:
+    """What a panel sees."""
+
+    engine = "CYCLES"
+
+    def __init__(self, material: Any) -> None:
+        self.material, self.layout, self.object = material, Recorder([]), None
+
+    def drawn(self, kind: Any) -> list[str]:
+        kind.draw(self, self)
+        return self.layout.texts
+
+
+def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
+    texts = Stage(lacquer).drawn(panel._Panel)
+    for text in ("lacquer", "MERL", "RMS error", "8 x 8 x 16, bezier", "hand", "In files", "In memory"):
+        assert text in texts
+    stage = Stage(lacquer)
+    stage.engine = "BLENDER_WORKBENCH"
+    assert any("stand-in" in text for text in stage.drawn(panel._Panel))
+
+
+def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:
+    texts = Stage(lacquer).drawn(panel._BakePanel)
+    assert {"resolution", "alpha_theta", "measured_materials.bake_again"} <= set(texts) and "spline" not in texts
+    lacquer.measured_materials.filter, lacquer.measured_materials.parameterization = "bspline", "uniform"
+    texts = Stage(lacquer).drawn(panel._BakePanel)
+    assert "spline" in texts and "alpha" not in texts
+
+
+def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
+    plain = bpy.data.materials.new("plain")
+    assert Stage(plain).drawn(panel._Panel) == ["measured_materials.import_brdf"]
+    assert not panel._BakePanel.poll(Stage(plain)) and not panel._BakePanel.poll(Stage(None))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", "{}", '{"source": 1}', "[" * 99999])
+def test_panel_survives_foreign_facts(text: str, lacquer: Any) -> None:
+    lacquer[measured_material.FACTS_KEY] = text
+    assert Stage(lacquer).drawn(panel._Panel)
+    Stage(lacquer).drawn(panel._BakePanel)
+    bake_operator.shown_material(bpy.context)

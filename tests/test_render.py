@@ -1,0 +1,177 @@
+"""Whole materials in Cycles: file, bake, nodes and path tracing against Cycles' own closures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.bake.albedo import directional_albedo
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sources import analytic
+from measured_materials.bake.sources.merl import write_merl
+from measured_materials.nodes import compat, expr
+from measured_materials.nodes.material import build_material
+from support.monte_carlo import assert_agree, compare
+from support.scenes import diffuse_material, furnace, lit_sphere
+
+EFFECT = 0.01
+LIGHT_SAMPLER = SamplerLayout(n_o=16, n_h=16, n_phi=16, warp_power=1)
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Materials, groups and images of one test do not reach the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
+        for block in list(collection):
+            collection.remove(block)
+
+
+@pytest.fixture(scope="module")
+def grey(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """Grey Lambert of albedo 0.5 through a MERL file and a bake."""
+    folder = tmp_path_factory.mktemp("grey")
+    write_merl(folder / "grey.binary", analytic.Lambert())
+    settings = BakeSettings(resolution=8, storage="float32", alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER)
+    return read_bundle(bake_file(folder / "grey.binary", folder / "grey", settings).path)
+
+
+def tint(material: bpy.types.Material, factor: float) -> bpy.types.Material:
+    """The same material, planted with an error."""
+    group_node(material).inputs["Tint"].default_value = (factor,) * 3
+    return material
+
+
+def group_node(material: bpy.types.Material) -> bpy.types.Node:
+    """The node that holds the measured BRDF."""
+    return next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+
+
+@pytest.mark.parametrize("segments", [64, 12])
+def test_grey_lambert_equals_diffuse(grey: Bundle, segments: int) -> None:
+    """Sky, area lamp and bounce light; a planted error of 2 % fails the same test."""
+    with lit_sphere(diffuse_material(0.5), segments, lamp_size=4.0) as scene:
+        # Cycles moves the shadow rays of sampled lamps off coarse meshes, and thereby brightens Diffuse BSDF alone:
+        # with the default offset of 0.1 it lies 0.46 % above us on 12 segments, in the worst tile 2 %.
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        reference = scene.render(64, 6)
+        material = build_material(grey)
+        scene.show(material)
+        assert_agree(compare(reference, scene.render(128, range(100, 108)), scene.mask()), EFFECT)
+        tint(material, 1.02)
+        planted = compare(reference, scene.render(128, range(200, 208)), scene.mask())
+        assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
+
+
+def test_bump_map_correction_would_bias_a_coarse_sphere(grey: Bundle) -> None:
+    """The setting that the builder switches off is one that matters: left on, the same comparison fails."""
+    with lit_sphere(diffuse_material(0.5), 12, lamp=False) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        reference = scene.render(64, 6)
+        material = build_material(grey)
+        scene.show(material)
+        assert_agree(compare(reference, scene.render(64, range(100, 106)), scene.mask()), EFFECT)
+        material.cycles.use_bump_map_correction = True
+        assert not compare(reference, scene.render(64, range(100, 106)), scene.mask()).passed
+
+
+def test_grey_lambert_in_a_white_furnace(grey: Bundle) -> None:
+    """Every pixel shows the albedo; the planted error is found here too."""
+    with furnace(diffuse_material(0.5)) as scene:
+        reference = scene.render(16, 4)
+        assert np.abs(reference.mean((0, 3))[scene.mask()].mean() - 0.5) < 1e-3
+        scene.show(build_material(grey))
+        assert_agree(compare(reference, scene.render(64, range(100, 108)), scene.mask(), tolerance=1e-4), EFFECT)
+        scene.show(tint(build_material(grey), 1.02))
+        assert not compare(reference, scene.render(64, range(200, 208)), scene.mask()).passed
+
+
+@pytest.mark.parametrize("filter", ["nearest", "trilinear", "bspline"])
+@pytest.mark.parametrize("stochastic", [True, False])
+def test_furnace_shows_the_albedo_of_gloss(tmp_path: Path, filter: str, stochastic: bool) -> None:
+    """In a furnace a glossy material shows its directional albedo, by a quadrature that knows nothing of tables."""
+    source = analytic.Ggx(alpha=0.3, f0=(0.9, 0.6, 0.3))
+    settings = BakeSettings(resolution=48, alpha=(0.5, 0.25), filter=filter)
+    bundle = read_bundle(bake_source(source, tmp_path / "gloss", settings).path)
+    with furnace(build_material(bundle, stochastic=stochastic), resolution=48) as scene:
+        picture = scene.render(128, 2).mean(0)
+        middle = picture[22:26, 22:26].mean((0, 1))
+    expected = directional_albedo(source, 0.03)[0]
+    # 16 pixels of 256 samples whose weights vary by a few per cent, and what a 48-table misses of the lobe.
+    assert np.abs(middle / expected - 1).max() < (0.03 if filter == "nearest" else 0.01)
+
+
+def test_equal_seeds_give_equal_pictures_and_new_seeds_new_noise(grey: Bundle) -> None:
+    """The random numbers follow the scene's seed."""
+    with lit_sphere(build_material(grey)) as scene:
+        first, again, other = scene.render(8, [1, 1, 2])
+    assert (first == again).all()
+    assert (first != other).mean() > 0.2
+
+
+def test_two_sided_and_mirrored(grey: Bundle) -> None:
+    """Faces seen from behind and objects scaled by -1 reflect as Diffuse BSDF does."""
+    with furnace(diffuse_material(0.5)) as scene:
+        scene.sphere.data.flip_normals()
+        scene.sphere.scale = (-1, 1, 1)
+        reference = scene.render(16, 4)
+        scene.show(build_material(grey))
+        assert_agree(compare(reference, scene.render(64, 8), scene.mask(), tolerance=1e-4), EFFECT)
+
+
+def test_normal_input_is_obeyed(grey: Bundle) -> None:
+    """A tilted normal in a furnace: Lambert loses what passes below the true surface, (1 + cos tilt) / 2 remains.
+
+    Diffuse BSDF is no reference here: Cycles darkens it by a bump shadowing term of its own, 2.4 % in this scene.
+    """
+
+    def tilted() -> tuple[expr.Vector, expr.Vector]:
+        normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])
+        return normal, expr.normalize(normal + expr.vec(0.2, 0.0, 0.3))
+
+    truth, material = compat.new_material("truth"), build_material(grey)
+    with expr.building(truth.node_tree) as tree:
+        emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+        expr.feed(tree, emission.inputs["Strength"], 0.25 * (1 + expr.dot(*tilted())))
+        tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    with expr.building(material.node_tree) as tree:
+        expr.feed(tree, group_node(material).inputs["Normal"], tilted()[1])
+    with furnace(truth) as scene:
+        reference = scene.render(64, 6)
+        scene.show(material)
+        assert_agree(compare(reference, scene.render(64, range(100, 106)), scene.mask(), tolerance=5e-4), EFFECT)
+
+
+def test_data_textures_reach_the_shader_unchanged(tmp_path: Path) -> None:
+    """Non-Color, channel packed, and half precision only where the file is half."""
+    for storage, half in (("float32", False), ("half", True), ("rgbe", False)):
+        settings = BakeSettings(resolution=8, storage=storage, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER)
+        path = bake_source(analytic.Ggx(), tmp_path / storage, settings).path
+        material = build_material(read_bundle(path), pack=True)
+        images = [image for image in bpy.data.images if image.name.startswith("ggx")]
+        assert len(images) == 2
+        for image in images:
+            assert image.colorspace_settings.name == "Non-Color" and image.alpha_mode == "CHANNEL_PACKED"
+            assert image.use_half_precision == (half and "table" in image.name)
+            assert image.packed_file is not None
+        assert not material.cycles.use_bump_map_correction
+        for image in images:
+            bpy.data.images.remove(image)
+
+
+def test_rebuilding_keeps_the_artists_links(grey: Bundle) -> None:
+    """Building a material again in place leaves its users, tint and linked normal as they were."""
+    material = build_material(grey)
+    node = group_node(material)
+    bump = material.node_tree.nodes.new("ShaderNodeBump")
+    material.node_tree.links.new(bump.outputs[0], node.inputs["Normal"])
+    node.inputs["Tint"].default_value = (0.9, 0.8, 0.7)
+    assert build_material(grey, material) == material
+    node = group_node(material)
+    assert node.inputs["Normal"].links[0].from_node.bl_idname == "ShaderNodeBump"
+    assert tuple(node.inputs["Tint"].default_value) == pytest.approx((0.9, 0.8, 0.7))
