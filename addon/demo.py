@@ -21,14 +21,14 @@ from ..nodes.alias_sampler_group import alias_sampler_group
 from ..nodes.material import assemble, build_material, load_data_image
 from ..nodes.metallic_paint_group import metallic_paint_group
 from ..nodes.stochastic_mirror_group import reference_group
-from .picture_sheet import Cell, write_sheet
+from .picture_sheet import Cell, to_display, write_sheet
 from .studio import build_studio, remove_studio, render_linear
 
 Progress = Callable[[str, float], None]
 
 PAINT = MetallicPaint(diffuse=(0.01, 0.02, 0.07), flake=(0.12, 0.25, 0.62), flake_alpha=0.28, coat_alpha=0.05)
 TABLES = ("identity", "uniform", "bezier")
-# How much darker than white a difference of 1 is shown: the third row of the sheet.
+# How many times enlarged the differences of the sheet's third row are.
 _DIFFERENCE_GAIN = 8.0
 
 
@@ -142,11 +142,13 @@ def _label(kind: str) -> str:
 def _row(column: _Shown, truth: Array) -> dict[str, Any]:
     assert column.bake is not None
     facts, path = column.bake.facts, column.bake.path
+    # As displayed: a table that reflects more than arrives has single pixels of any brightness.
+    shown, target = (to_display(picture).astype(float) / 255 for picture in (column.picture, truth))
     return {
         "parameterization": column.label,
         "rms": facts["errors"]["rms"],
         "relative_error": facts["errors"]["relative"],
-        "picture_rms": float(np.sqrt(((column.picture - truth) ** 2).mean())),
+        "picture_rms": float(np.sqrt(((shown - target) ** 2).mean())),
         "bake_seconds": facts["bake_seconds"],
         "render_seconds": round(column.render_seconds, 2),
         "bytes": sum(f.stat().st_size for f in path.iterdir()),
@@ -166,7 +168,7 @@ def _lines(rows: list[dict[str, Any]], truth: _Shown, sheet: Path, measurement: 
     lines += [
         "",
         "RMS and energy: the stored table against the measurement, at directions it was not built from.",
-        "picture RMS: against the picture of the analytic truth, noise of both included.",
+        "picture RMS: as displayed, 0 to 1, against the picture of the analytic truth, noise of both included.",
         "",
         f"picture       {sheet}",
         f"measurement   {measurement} (MERL layout, simulated)",

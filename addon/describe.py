@@ -76,7 +76,19 @@ def albedo_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     if above:
         largest = require(albedo, "largest", float, where)
         rows.append(("Above one", f"{largest:.4g}, seen from {_span(above)}"))
-    return rows
+    return rows + _table_albedo_rows(facts, where)
+
+
+def _table_albedo_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
+    """A word where interpolation reflects more than the measurement does, and more than arrives."""
+    if "table_albedo" not in facts:
+        return []
+    table = require(facts, "table_albedo", dict, where)
+    above, largest = require(table, "above_one_deg", list, where), require(table, "largest", float, where)
+    measured = require(require(facts, "albedo", dict, where), "largest", float, where)
+    if not above or largest < measured + 0.01:
+        return []
+    return [("Table albedo", f"{largest:.3g} at {_span(above)}: raise the resolution")]
 
 
 def size_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:

@@ -168,15 +168,23 @@ def pad_slices(values: Array) -> Array:
     """Continue a table beyond its ends: (N, N, 2N, 3) -> (N + 1, N + 2 G, 2N + 2 G, 3) with G = GUTTER.
 
     The azimuth is mirrored at 0 and pi, so that the derivative vanishes there and no crease runs through the
-    highlight. Beyond the normal an elevation comes down on the other side, at phi_delta -> pi - phi_delta. Beyond
-    the horizon there is nothing: the last sample is held. theta_o gets the one slice a cubic filter needs.
+    highlight. Beyond the normal comes `beyond_pole`. Beyond the horizon there is nothing: the last sample is held.
+    theta_o gets the one slice a cubic filter needs.
     """
-    over_pole = values[-2:-1, :, ::-1]
-    values = np.concatenate([values, over_pole], 0)
-    rows = [np.repeat(values[:, :1], GUTTER, 1), values]
-    rows += [values[:, -2 - k : -1 - k, ::-1] for k in range(GUTTER)]
-    values = np.concatenate(rows, 1)
+    values = np.concatenate([values, beyond_pole(values[-2:-1])], 0)
+    ends = np.repeat(values[:, :1], GUTTER, 1), np.repeat(beyond_pole(values[:, -2:-1]), GUTTER, 1)
+    values = np.concatenate([ends[0], values, ends[1]], 1)
     return np.pad(values, ((0, 0), (0, 0), (GUTTER, GUTTER), (0, 0)), mode="reflect")
+
+
+def beyond_pole(row: Array) -> Array:
+    """The samples (..., 2N, 3) that a cubic filter finds beyond the normal, from the last ones before it.
+
+    Going on down the other side, at pi - phi_delta, would be smoothest along each line, but leaves the normal itself
+    a different value from every azimuth: a star in the picture. With 2 mean - row all azimuths meet in one value, and
+    wherever the row is a constant plus a cosine of phi_delta both are the same.
+    """
+    return np.maximum(2 * row.mean(-2, keepdims=True) - row, 0)
 
 
 def bspline_weights(xp: Any, t: Any) -> tuple[Any, Any, Any, Any]:

@@ -133,7 +133,7 @@ def feed(tree: Any, socket: Any, value: Value) -> None:
 def node(kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Value]) -> Any:
     """A node of this bl_idname with properties set and inputs fed; an equal one is made only once."""
     builder = _stack[-1]
-    key = (kind, tuple(sorted(properties.items(), key=lambda item: item[0])))
+    key: tuple[Any, ...] = (kind, tuple(sorted(properties.items(), key=lambda item: item[0])))
     key += tuple((i, _key(value)) for i, value in inputs.items())
     if key not in builder.made:
         made = builder.tree.nodes.new(kind)

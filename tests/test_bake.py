@@ -121,8 +121,16 @@ def test_anisotropic_sources_are_refused_in_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"resolution": 3}, {"resolution": 1000}, {"parameterization": "cubic"}, {"alpha": (0.5, 1.5)}, {"alpha": "best"}]
-    + [{"filter": "lanczos"}, {"storage": "jpeg"}, {"spline": "loose"}],
+    [
+        {"resolution": 3},
+        {"resolution": 1000},
+        {"parameterization": "cubic"},
+        {"alpha": (0.5, 1.5)},
+        {"alpha": "best"},
+        {"filter": "lanczos"},
+        {"storage": "jpeg"},
+        {"spline": "loose"},
+    ],
 )
 def test_wrong_settings_are_refused(wrong: dict) -> None:
     """Each names the setting and the choices."""

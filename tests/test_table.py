@@ -52,31 +52,34 @@ def test_trilinear_converges_with_the_square_of_the_resolution() -> None:
     assert rms[0] / rms[1] > 3 and rms[1] / rms[2] > 3
 
 
-def test_no_seam_over_the_pole_and_no_crease_at_phi_0_and_pi() -> None:
-    """The cubic filter's slope is continuous across the normal and vanishes at phi_delta 0 and pi."""
-    table = tabulate(analytic.Ggx(alpha=0.3), TableGrid(32, "bezier", 0.3, 0.3))
+@pytest.mark.parametrize("alpha", [0.1, 0.3])
+def test_one_value_at_the_pole_and_no_crease_at_phi_0_and_pi(alpha: float) -> None:
+    """The cubic filter gives the normal one value from every azimuth, and no slope across phi_delta 0 and pi."""
+    table = tabulate(analytic.Ggx(alpha=alpha), TableGrid(32, "bezier", 0.3, 0.3))
+    phi = np.linspace(0, np.pi, 50)
+    for theta in (0.0, 0.3, 1.2):
+        other = np.broadcast_to(spherical(theta, 0.0), (50, 3))
+        for wi, wo in ((spherical(1e-6, phi), other), (other, spherical(1e-6, phi))):
+            ring = table.evaluate(wi, wo, "bspline")[:, 0]
+            # Where the lobe is so narrow that 2 mean - row would be negative, 0 stands in for it: a few per cent.
+            assert np.ptp(ring) < (1e-4 if alpha == 0.3 else 0.05) * ring.mean()
     step = 1e-4
-    for theta_o in (0.0, 0.4, 1.2):
-        wo = np.broadcast_to(spherical(theta_o, 0.0), (4, 3))
-        angle = np.array([-2, -1, 1, 2]) * step
-        line = table.evaluate(spherical(np.abs(angle), np.where(angle < 0, np.pi + 0.7, 0.7)), wo, "bspline")[:, 0]
-        slope = np.diff(line) / np.diff(angle)
-        assert abs(slope[0] - slope[2]) < 0.02 * max(1.0, float(np.abs(slope).max()))
-    for phi in (0.0, np.pi):
-        near = table.evaluate(spherical(0.5, phi + np.array([0, step])), spherical(0.5, np.zeros(2)), "bspline")[:, 0]
+    for phi_0 in (0.0, np.pi):
+        near = table.evaluate(spherical(0.5, phi_0 + np.array([0, step])), spherical(0.5, np.zeros(2)), "bspline")[:, 0]
         assert abs(near[1] - near[0]) / step < 0.01 * near[0]
 
 
 def test_padding_continues_what_it_says() -> None:
-    """Mirrored azimuth, over the pole to pi - phi_delta, held at the horizon."""
-    values = np.random.default_rng(1).random((6, 6, 12, 3)).astype(np.float32)
+    """Mirrored azimuth, one value at the normal, held at the horizon, and never negative."""
+    values = 1 + np.random.default_rng(1).random((6, 6, 12, 3)).astype(np.float32)
     padded = pad_slices(values)
     inner = padded[:6, GUTTER:-GUTTER, GUTTER:-GUTTER]
     assert (inner == values).all()
     assert (padded[:6, GUTTER:-GUTTER, 0] == values[:, :, 2]).all()
-    assert (padded[:6, -1, GUTTER:-GUTTER] == values[:, -3, ::-1]).all()
     assert (padded[:6, 0, GUTTER:-GUTTER] == values[:, 0]).all()
-    assert (padded[6, GUTTER:-GUTTER, GUTTER:-GUTTER] == values[-2, :, ::-1]).all()
+    assert np.ptp(padded[:6, -GUTTER, GUTTER:-GUTTER] + values[:, -2], axis=1).max() < 1e-6
+    assert np.ptp(padded[6, GUTTER:-GUTTER, GUTTER:-GUTTER] + values[-2], axis=1).max() < 1e-6
+    assert (pad_slices(values**20) >= 0).all()
 
 
 @pytest.mark.parametrize("n", [4, 5, 16, 33, 64, 100])

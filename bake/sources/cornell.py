@@ -89,7 +89,7 @@ def read_samples(path: Path) -> CornellSamples:
     lines = _number_lines(path, comments)
     wavelengths = _read_wavelengths(path, lines)
     columns = 4 + wavelengths.size
-    rows = []
+    rows: list[Array] = []
     for number, tokens in lines:
         if len(tokens) != columns:
             _refuse(path, number, f"{len(tokens)} columns instead of {columns}")

@@ -114,7 +114,7 @@ class _Kernel:
 
     def __call__(self, x: Array) -> Array:
         exponent = _squared_distance(x, self.centres) * self.rate
-        exponent -= exponent.min(-1, keepdims=True)  # so that the nearest sample never underflows
+        exponent = exponent - exponent.min(-1, keepdims=True)  # so that the nearest sample never underflows
         weight = np.exp(-exponent)
         return (weight @ self.values) / weight.sum(-1, keepdims=True)
 

@@ -65,7 +65,7 @@ def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
     columns = matrix.shape[1]
     normal, right = matrix.T @ matrix, matrix.T @ target
     # Lobes whose samples are missing leave empty columns; the ridge keeps them out without an exception.
-    normal += np.eye(columns) * 1e-10 * max(float(np.trace(normal)), 1e-30)
+    normal = normal + np.eye(columns) * 1e-10 * max(float(np.trace(normal)), 1e-30)
     best, least = np.zeros(columns), 0.0
     for support in product((False, True), repeat=columns):
         picked = np.flatnonzero(support)

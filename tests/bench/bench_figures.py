@@ -5,13 +5,22 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+import bpy
 import numpy as np
 from materials import merl_file, require_shared
 from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.storage import Storage
+from measured_materials.bake.table_facts import grid_of, scale_of
+from measured_materials.nodes import compat, expr
+from measured_materials.nodes.group import call
+from measured_materials.nodes.local_frame_group import viewer_frame_group
+from measured_materials.nodes.material import load_data_image, remove_unused
+from measured_materials.nodes.table_lookup_group import table_lookup_group
 from pictures import picture
 
 _GAIN = 4.0
@@ -26,7 +35,7 @@ def run(out: Path, quick: bool) -> None:
 
 def _figure_4(out: Path, folder: Path, quick: bool) -> None:
     """Uniform and Bezier at 64 x 64 x 128 beside a 256 x 256 x 512 reference under an environment."""
-    environment = require_shared() / "data" / "envmaps" / "interior.exr"
+    environment = require_shared() / "data" / "envmaps" / "studio.exr"
     size, samples = (160, 64) if quick else (320, 256)
     cells = []
     for name in ("alum-bronze",) if quick else ("alum-bronze", "blue-metallic-paint", "specular-orange-phenolic"):
@@ -45,41 +54,70 @@ def _figure_4(out: Path, folder: Path, quick: bool) -> None:
 
 
 def _figure_7(out: Path, folder: Path, quick: bool) -> None:
-    """Where linear interpolation shows its contours: a coarse table, seen close, against the cubic B-spline."""
-    size, samples = (200, 128) if quick else (480, 1024)
-    source = read_source(merl_file("alum-bronze", folder))
-    arguments = {"size": size, "samples": samples, "shape": "sphere"}
-    cells = []
-    coarse = {"resolution": 20, "alpha": (0.5, 0.25)}
+    """Where linear interpolation shows its contours: coarse tables under one distant light, without noise.
+
+    The lookup group itself is rendered: f cos towards a fixed light, as emission. Path tracing's noise would hide the
+    very kinks that the picture is about.
+    """
+    size = 600 if quick else 900
+    source = read_source(merl_file("black-oxidized-steel", folder))
+    coarse = {"resolution": 14}
     variants = [
+        ("nearest, 14 x 14 x 28", BakeSettings(**coarse, filter="nearest")),
         ("trilinear", BakeSettings(**coarse)),
-        ("B-spline, plain (as in the paper)", BakeSettings(**coarse, filter="bspline", spline="plain")),
+        ("B-spline, plain as in the paper", BakeSettings(**coarse, filter="bspline", spline="plain")),
         ("B-spline, fitted >= 0", BakeSettings(**coarse, filter="bspline", spline="fitted")),
-        ("128 x 128 x 256, trilinear", BakeSettings(resolution=128, alpha=(0.5, 0.25))),
+        ("trilinear, 128 x 128 x 256", BakeSettings(resolution=128)),
     ]
-    for label, settings in variants:
-        pixels, result = picture(source, settings, **arguments)
-        cells.append(Cell(_detail(pixels), label, f"table RMS {result.facts['errors']['rms']:.3g}"))
-        cells.append(Cell(_contours(_detail(pixels)), "second derivative of the brightness", "bands show as lines"))
-    _save(out / "figure-7.png", cells, 2, "After MY16 figure 7: filters on a 20 x 20 x 40 table")
+    cells = []
+    shaded = []
+    for k, (label, settings) in enumerate(variants):
+        result = bake_source(source, folder / f"figure-7-{k}", settings)
+        shaded.append(_shade(read_bundle(result.path), size))
+        cells.append(
+            Cell(shaded[-1] * (0.8 / shaded[-1].max()), label, f"table RMS {result.facts['errors']['rms']:.2g} 1/sr")
+        )
+    cells += [Cell(_slope(pixels), "slope of the brightness", "contours show as edges") for pixels in shaded]
+    _save(
+        out / "figure-7.png",
+        cells,
+        len(variants),
+        "After MY16 figure 7: filters, black-oxidized-steel, one distant light",
+    )
 
 
-def _detail(pixels: Array) -> Array:
-    size = len(pixels)
-    part = pixels[int(0.15 * size) : int(0.65 * size), int(0.2 * size) : int(0.7 * size)]
-    return np.repeat(np.repeat(part, 2, 0), 2, 1)
+def _shade(bundle: Bundle, size: int) -> Array:
+    """A sphere that emits f cos of the material towards one light direction, linear (size, size, 3)."""
+    material = compat.new_material("figure 7")
+    facts = bundle.material["table"]
+    half = facts["storage"] == "half"
+    image = load_data_image(bundle.image_path("table"), "figure 7", half=half, pack=True)
+    lookup = table_lookup_group("Figure 7", image, grid_of(bundle), facts["filter"], 1 / scale_of(bundle))
+    with expr.building(material.node_tree) as tree:
+        geometry = expr.node("ShaderNodeNewGeometry", {}, {})
+        normal, incoming = (expr.Vector(geometry.outputs[name]) for name in ("Normal", "Incoming"))
+        wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
+        light = expr.vec(-0.42, -0.62, 0.66)
+        wi = expr.vec(*(expr.dot(light, axis) for axis in (tangent, bitangent, normal)))
+        value = expr.scale(call(lookup, wi, wo, 0.5), expr.maximum(expr.components(wi)[2], 0.0))
+        emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+        expr.feed(tree, emission.inputs["Color"], value)
+        tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    scene = build_studio(material, resolution=(size, size), samples=9, shape="sphere")
+    try:
+        pixels = render_linear(scene)
+        return pixels[int(0.2 * size) : int(0.6 * size), int(0.23 * size) : int(0.63 * size)]
+    finally:
+        remove_studio(scene)
+        bpy.data.materials.remove(material)
+        remove_unused(lookup)
 
 
-def _contours(pixels: Array) -> Array:
-    """Magnitude of the Laplacian of log brightness, smoothed against noise; kinks of the interpolation light up."""
-    log = np.log(np.maximum(pixels[::2, ::2].mean(-1), 1e-4))
-    kernel = np.ones(5) / 5
-    for axis in (0, 1):
-        log = np.apply_along_axis(lambda line: np.convolve(line, kernel, "same"), axis, log)
-    laplacian = np.zeros_like(log)
-    laplacian[4:-4, 4:-4] = log[8:, 4:-4] + log[:-8, 4:-4] + log[4:-4, 8:] + log[4:-4, :-8] - 4 * log[4:-4, 4:-4]
-    grey = np.clip(np.abs(laplacian) * 4, 0, 1)
-    return np.repeat(np.repeat(np.repeat(grey[..., None], 3, -1), 2, 0), 2, 1)
+def _slope(pixels: Array) -> Array:
+    """Magnitude of the gradient of log brightness: a kink of the interpolation is an edge in it."""
+    log = np.log(np.maximum(pixels.mean(-1), 1e-3))
+    slope = np.hypot(*np.gradient(log))
+    return np.repeat(np.clip(slope * (len(pixels) / 12), 0, 1)[..., None] ** 2.2, 3, -1)
 
 
 def _save(path: Path, cells: list[Cell], columns: int, title: str) -> None:

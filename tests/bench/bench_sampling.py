@@ -37,7 +37,7 @@ def run(out: Path, quick: bool) -> None:
         for theta in ANGLES:
             wo = np.broadcast_to(spherical(theta, 0.0), (count, 3))
 
-            def integrand(wi: Array, wo: Array = wo) -> Array:
+            def integrand(wi: Array, wo: Array = wo, treated: TreatedSource = treated) -> Array:
                 return treated.evaluate(wi, wo) * np.maximum(wi[:, 2:], 0)
 
             draws = [cosine_sample, *(lambda u, s=s, wo=wo: s.sample(wo, u) for s in samplers)]
