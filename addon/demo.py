@@ -52,7 +52,7 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
     say = progress or (lambda stage, share: None)
     out = Path(out).resolve()
     out.mkdir(parents=True, exist_ok=True)
-    size, samples = (240, 64) if quick else (420, 384)
+    size, samples = (240, 64) if quick else (360, 160)
     started = time.perf_counter()
     say("simulating a measurement", 0.0)
     measurement = out / "metallic_paint.binary"

@@ -36,7 +36,7 @@ def run(out: Path, quick: bool) -> None:
 def _figure_4(out: Path, folder: Path, quick: bool) -> None:
     """Uniform and Bezier at 64 x 64 x 128 beside a 256 x 256 x 512 reference under an environment."""
     environment = require_shared() / "data" / "envmaps" / "studio.exr"
-    size, samples = (160, 64) if quick else (320, 256)
+    size, samples = (160, 48) if quick else (240, 160)
     cells = []
     for name in ("alum-bronze",) if quick else ("alum-bronze", "blue-metallic-paint", "specular-orange-phenolic"):
         source = read_source(merl_file(name, folder))

@@ -13,7 +13,7 @@ from pictures import picture
 
 def run(out: Path, quick: bool) -> None:
     """Two sheets; --quick renders small."""
-    size, samples = (160, 64) if quick else (300, 256)
+    size, samples = (160, 48) if quick else (240, 128)
     for name, files, columns in (("rgl", rgl_files(), 4), ("cornell", cornell_files(), 3)):
         cells = []
         for path in files:
