@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> Result:
         "command": options.command,
         "bundles": [{"path": str(result.path), **result.facts} for result in done],
     }
-    return Result(document, [bake_summary(result.path, result.facts) for result in done], errors)
+    return Result(document, [bake_summary(result.path, result.facts, result.seconds) for result in done], errors)
 
 
 def _settings(options: argparse.Namespace) -> BakeSettings:

@@ -149,7 +149,7 @@ def _row(column: _Shown, truth: Array) -> dict[str, Any]:
         "rms": facts["errors"]["rms"],
         "relative_error": facts["errors"]["relative"],
         "picture_rms": float(np.sqrt(((shown - target) ** 2).mean())),
-        "bake_seconds": facts["bake_seconds"],
+        "bake_seconds": column.bake.seconds,
         "render_seconds": round(column.render_seconds, 2),
         "bytes": sum(f.stat().st_size for f in path.iterdir()),
         "bundle": str(path),

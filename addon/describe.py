@@ -131,13 +131,11 @@ def measurement_rows(source: BrdfSource) -> Rows:
     return rows + [(_label(key), _plain(value)) for key, value in source.facts.items() if key != "format"]
 
 
-def bake_summary(path: Path, facts: Mapping[str, Any]) -> str:
+def bake_summary(path: Path, facts: Mapping[str, Any], seconds: float) -> str:
     """One line on a bundle just baked."""
     rows = dict(table_rows(facts, path) + error_rows(facts, path))
     alpha = f", alpha {rows['Alpha']}" if "Alpha" in rows else ""
-    return (
-        f"{path}: RMS {rows['RMS error']} ({rows['Relative']}), {rows['Table']}{alpha}, {facts['bake_seconds']:.1f} s"
-    )
+    return f"{path}: RMS {rows['RMS error']} ({rows['Relative']}), {rows['Table']}{alpha}, {seconds:.1f} s"
 
 
 def readable_size(size: int) -> str:

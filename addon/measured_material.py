@@ -29,7 +29,7 @@ def import_brdf(
     The bundle gets a name that is free, since an older one of the same name may serve another material.
     """
     result = bake_file(file, free_bundle(folder, Path(file).stem), settings, progress)
-    return material_from(result, pack=pack)
+    return material_from(result, pack=pack, file=file)
 
 
 def bake_again(
@@ -48,11 +48,13 @@ def bake_again(
         result = bake_file(file, target, settings, progress)
     else:
         result = bake_source(_analytic_of(material), target, settings, progress)
-    return material_from(result, material, pack=pack)
+    return material_from(result, material, pack=pack, file=file)
 
 
-def material_from(result: BakeResult, material: bpy.types.Material | None = None, *, pack: bool) -> bpy.types.Material:
-    """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
+def material_from(
+    result: BakeResult, material: bpy.types.Material | None = None, *, pack: bool, file: Path | None = None
+) -> bpy.types.Material:
+    """The material of a bundle just baked from `file`; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
     material = build_material(bundle, material, pack=pack)
     facts = {**bundle.material, "packed": pack}
@@ -63,6 +65,7 @@ def material_from(result: BakeResult, material: bpy.types.Material | None = None
         )
     }
     material[FACTS_KEY] = dump_json(facts, bundle.path)
+    material[SOURCE_KEY] = str(Path(file).resolve()) if file is not None else ""
     return material
 
 
@@ -130,13 +133,15 @@ def free_bundle(folder: Path, stem: str) -> Path:
 
 
 def _target_of(material: bpy.types.Material, file: Path | None) -> Path:
-    """The material's own bundle, or a new one if a copy of the material reads the same or its folder is gone."""
+    """The material's own bundle, or a new one where somebody may still read the old: a copy of the material, or the
+    textures of a .blend that are not packed into it, to which undo and older versions of that .blend lead back.
+    """
     own = Path(str(material.get(BUNDLE_KEY) or f"{material.name}{SUFFIX}"))
     shared = any(
         other != material and other.get(BUNDLE_KEY) == material.get(BUNDLE_KEY) for other in bpy.data.materials
     )
     if own.is_absolute() and _exists(own.parent):
-        return free_bundle(own.parent, own.stem) if shared else own
+        return free_bundle(own.parent, own.stem) if shared or not facts_of(material).get("packed") else own
     if file is None and not bpy.data.filepath:
         raise BakeError(own, "lay in a folder that is gone", "save the .blend file first; the bundle goes beside it")
     return free_bundle(bundle_folder("", file or own), own.stem)

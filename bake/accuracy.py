@@ -27,14 +27,29 @@ class DirectionPairs:
     wo: Array
     weight: Array
 
+    @property
+    def cosines(self) -> Array:
+        """cos theta_i cos theta_o, (P, 1): with it an error counts as much seen as lit, as reciprocity has it.
+
+        Weighted by cos theta_i alone, a BRDF that grows as 1 / (cos cos) leaves the whole sum to viewers within three
+        degrees of the horizon, and to the luck of which pairs fell there.
+        """
+        return self.wi[:, 2:] * self.wo[:, 2:]
+
     def rms(self, difference: Array) -> float:
         """Cosine-weighted root mean square over uniform wi and wo, of a BRDF difference (P, 3) in 1/sr."""
-        square = ((difference * self.wi[:, 2:]) ** 2).mean(-1)
+        square = ((difference * self.cosines) ** 2).mean(-1)
         return float(np.sqrt((self.weight * square).mean()))
+
+    def rms_uncertainty(self, difference: Array) -> float:
+        """Standard error of `rms` as a share of it, from sixteen interleaved parts of the pairs."""
+        square = self.weight * ((difference * self.cosines) ** 2).mean(-1)
+        parts = np.array([square[k::16].mean() for k in range(16)])
+        return float(0.5 * parts.std(ddof=1) / 4 / max(float(parts.mean()), 1e-300))
 
     def relative_error(self, difference: Array, truth: Array) -> float:
         """Cosine-weighted L1 error as a share of the reflected energy."""
-        weight = (self.weight * self.wi[:, 2])[:, None]
+        weight = self.weight[:, None] * self.cosines
         return float((weight * np.abs(difference)).sum() / max(float((weight * truth).sum()), 1e-30))
 
 
@@ -47,7 +62,7 @@ def direction_pairs(count: int, offset: float = 0.5) -> DirectionPairs:
     Parameters
     ----------
     count : number of pairs; about 5 % fall below the horizon and are dropped
-    offset : start of the sequence in [0, 1): another value gives an independent set
+    offset : start of the sequence in [0, 1): another value gives other points, shifted from the first
     """
     u = _additive_recurrence(count, 4, offset)
     wo = spherical(np.arccos(u[:, 0]), 0.0)

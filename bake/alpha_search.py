@@ -14,8 +14,8 @@ from .table import TableGrid, TreatedSource
 
 _COARSE = (0.0, 0.25, 0.5, 0.75, 1.0)
 _FINE = (-0.125, 0.0, 0.125)
-# Summing the 67 million samples of the largest table for every trial would take minutes and rank them alike.
-_INTENSITY_N = 64
+# Summing every sample of the table for every trial takes minutes with slow sources and ranks the trials alike.
+_INTENSITY_N = 32
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,7 @@ def search_alpha(
     pairs: DirectionPairs | None = None,
     truth: Array | None = None,
     progress: Callable[[float], None] | None = None,
+    intensity_n: int = _INTENSITY_N,
 ) -> AlphaSearch:
     """Try 25 pairs of a regular grid, then the eight neighbours of the best by error and of the best by intensity.
 
@@ -70,6 +71,7 @@ def search_alpha(
     n : table resolution the choice is made for
     pairs, truth : directions at which the error is measured, and the source there; by default 8192
     progress : called with the share done
+    intensity_n : largest resolution at which the total intensity is estimated
     """
     pairs = direction_pairs(8192) if pairs is None else pairs
     truth = source.evaluate(pairs.wi, pairs.wo) if truth is None else truth
@@ -79,7 +81,7 @@ def search_alpha(
         key = (min(max(alpha_theta, 0.0), 1.0), min(max(alpha_phi, 0.0), 1.0))
         if key not in tried:
             rms = pairs.rms(trilinear_estimate(source, TableGrid(n, "bezier", *key), pairs) - truth)
-            intensity = estimate_intensity(source, TableGrid(min(n, _INTENSITY_N), "bezier", *key))
+            intensity = estimate_intensity(source, TableGrid(min(n, intensity_n), "bezier", *key))
             tried[key] = AlphaTrial(*key, intensity, rms)
         if progress:
             progress(min(len(tried) / 41, 1.0))

@@ -103,8 +103,8 @@ def normal_basis_coordinates(
     """Table coordinates (u_o, u_i, u_phi) in [0, 1] of a direction pair, normal-vector basis.
 
     u_theta = 1 at the normal and 0 at the horizon, u_phi = 1 at phi_delta = 0 and 0 at pi. At a pole phi_delta is
-    undefined; the unit vectors in the plane are then zero, which lands on phi_delta = pi/2, and the table is
-    constant in phi there. The azimuth, too, is taken from chords: |ti - to| near 0 and |ti + to| near pi.
+    undefined; the unit vector in the plane is then zero, which lands on some phi_delta, and the table is constant in
+    phi there. The azimuth, too, is taken from chords: |ti - to| near 0 and |ti + to| near pi.
     """
     normal = xp.vec(0.0, 0.0, 1.0)
     u_i = forward(xp, kind, _elevation_chord(xp, wi, normal), alpha_theta)

@@ -24,8 +24,9 @@ FILTERS: tuple[str, ...] = get_args(Filter)
 GUTTER = 2
 # At the horizon a BRDF may grow without bound (as 1 / (cos cos) in the mirror direction) and measurements have ended.
 # The last sample is taken short of it, at this share of its neighbour's cosine: taken at 1e-3 instead, the one cell
-# beside the horizon dominates the whole error (tried: 4 to 8 times the RMS on glossy paints, felt unchanged).
-_HORIZON_SHARE = 1 / 3
+# beside the horizon dominates the whole error (tried: 4 to 8 times the RMS on glossy paints). A BRDF that stays bounded
+# is better served close to the horizon: baking measures both.
+HORIZON_SHARES = (1 / 3, 1 / 50)
 # At the pole itself no azimuth is left: the mean over the azimuth is taken at this chord beside it.
 _POLE_CHORD = 1e-5
 _CHUNK = 1 << 17
@@ -40,12 +41,14 @@ class TableGrid:
     n : samples per elevation; the azimuth has 2 n
     parameterization : of every axis
     alpha_theta, alpha_phi : Bezier shape of the elevations and the azimuth, in [0, 1]; unused by the others
+    horizon_share : the sample at the horizon is taken at this share of its neighbour's cosine
     """
 
     n: int
     parameterization: Parameterization
     alpha_theta: float = 0.5
     alpha_phi: float = 0.5
+    horizon_share: float = HORIZON_SHARES[0]
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -64,7 +67,7 @@ class TableGrid:
         """(wi, wo), each (..., 3), at integer sample indices that broadcast; wo lies in the x-z plane."""
         i_o, i_i, i_phi = np.broadcast_arrays(i_o, i_i, i_phi)
         v = theta_nodes(self.parameterization, self.n, self.alpha_theta)
-        v = np.clip(v, _POLE_CHORD, np.sqrt(1 - _HORIZON_SHARE * (1 - v[1] ** 2)))
+        v = np.clip(v, _POLE_CHORD, np.sqrt(1 - self.horizon_share * (1 - v[1] ** 2)))
         cosine, sine = (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
         cos_phi, sin_phi = phi_nodes(self.parameterization, 2 * self.n, self.alpha_phi)
         wi = np.stack([sine[i_i] * cos_phi[i_phi], sine[i_i] * sin_phi[i_phi], cosine[i_i]], -1)
@@ -79,13 +82,21 @@ class TableGrid:
             "parameterization": self.parameterization,
             "alpha_theta": self.alpha_theta,
             "alpha_phi": self.alpha_phi,
+            "horizon_share": self.horizon_share,
         }
+
+    def phi_weights(self) -> Array:
+        """Weights (2N,) of the mean over the azimuth by the trapezoid rule, for nodes that crowd where it matters."""
+        cosine, sine = phi_nodes(self.parameterization, 2 * self.n, self.alpha_phi)
+        phi = np.arctan2(sine, cosine)
+        step = -np.diff(phi) / np.pi
+        return 0.5 * (np.append(step, 0) + np.insert(step, 0, 0))
 
 
 class TreatedSource:
     """A source as tables can hold it: averaged with its mirror image, negative values set to 0.
 
-    `negative_share` and `asymmetry` grow with every evaluation, so that baking can state what was treated.
+    What is treated is counted at every evaluation; baking states the counts of one fixed set of directions.
     """
 
     def __init__(self, source: BrdfSource) -> None:
@@ -158,9 +169,10 @@ def tabulate(
         values[i_o] = source.evaluate(wi, wo)
         if progress:
             progress((start + len(i_o)) / n_o)
-    # Real measurements disagree with themselves at the pole (70 % in one RGL file); a table must not.
-    values[:, -1] = values[:, -1].mean(1, keepdims=True)
-    values[-1] = values[-1].mean(1, keepdims=True)
+    # Real measurements disagree with themselves at the pole (twofold in some RGL files); a table must not.
+    weights = grid.phi_weights()
+    values[:, -1] = np.einsum("opc,p->oc", values[:, -1], weights)[:, None]
+    values[-1] = np.einsum("ipc,p->ic", values[-1], weights)[:, None]
     return BrdfTable(grid, values)
 
 
@@ -181,8 +193,9 @@ def beyond_pole(row: Array) -> Array:
     """The samples (..., 2N, 3) that a cubic filter finds beyond the normal, from the last ones before it.
 
     Going on down the other side, at pi - phi_delta, would be smoothest along each line, but leaves the normal itself
-    a different value from every azimuth: a star in the picture. With 2 mean - row all azimuths meet in one value, and
-    wherever the row is a constant plus a cosine of phi_delta both are the same.
+    a different value from every azimuth: a star in the picture. With 2 mean - row all azimuths meet in one value,
+    unless the row varies so much that 0 stands in for a negative sample; where the row is a constant plus a cosine of
+    phi_delta both are the same.
     """
     return np.maximum(2 * row.mean(-2, keepdims=True) - row, 0)
 

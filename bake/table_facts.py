@@ -21,9 +21,10 @@ def grid_of(bundle: Bundle) -> TableGrid:
     require(table, "basis", str, where, choices=("normal",))
     n = require(table, "n", int, where, minimum=4, maximum=MAX_RESOLUTION)
     kind: Any = require(table, "parameterization", str, where, choices=PARAMETERIZATIONS)
-    alphas = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
+    shape = [float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi")]
+    shape.append(float(require(table, "horizon_share", float, where, minimum=0, maximum=1)))
     _check_size(bundle, "table", AtlasLayout(n).size)
-    return TableGrid(n, kind, *alphas)
+    return TableGrid(n, kind, *shape)
 
 
 def scale_of(bundle: Bundle) -> float:
@@ -53,8 +54,11 @@ def sampler_layout_of(bundle: Bundle) -> SamplerLayout:
 
 
 def sampler_of(bundle: Bundle) -> AliasSampler:
-    """The stored alias tables."""
-    return AliasSampler(sampler_layout_of(bundle), bundle.load("sampler"))
+    """The stored alias tables. Raises BakeError where a number would lead out of them."""
+    layout, texels = sampler_layout_of(bundle), bundle.load("sampler")
+    if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= layout.cells).any():
+        raise BakeError(bundle.image_path("sampler"), "is no alias table", "bake it again")
+    return AliasSampler(layout, texels)
 
 
 def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import bpy
 
 
@@ -13,27 +10,10 @@ def blender_version() -> tuple[int, int]:
     return bpy.app.version[0], bpy.app.version[1]
 
 
-def eevee_engine() -> str:
-    """Identifier of EEVEE: 4.2 to 4.5 kept the old name for the engine that 4.2 removed."""
-    return "BLENDER_EEVEE" if blender_version() >= (5, 0) else "BLENDER_EEVEE_NEXT"
-
-
 def ensure_cycles() -> None:
     """Enable Cycles, which is an add-on and may be switched off; nothing happens where it runs already."""
     if not hasattr(bpy.types.Scene, "cycles"):
         bpy.ops.preferences.addon_enable(module="cycles")
-
-
-def add_bundled_packages() -> None:
-    """Make what Blender brings for Python (oslquery, OpenImageIO) importable under the bpy wheel as well.
-
-    The wheel leaves these off Python's path; appended, they cannot hide an installed package.
-    """
-    root = Path(bpy.utils.system_resource("PYTHON"))
-    patterns = "lib/python*/site-packages", "lib/site-packages"  # the latter on Windows
-    for folder in (str(path) for pattern in patterns for path in root.glob(pattern)):
-        if folder not in sys.path:
-            sys.path.append(folder)
 
 
 def node_tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:

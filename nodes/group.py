@@ -15,7 +15,7 @@ HASH_KEY = "measured_materials_hash"
 _SOCKETS = {"float": "NodeSocketFloat", "vector": "NodeSocketVector", "shader": "NodeSocketShader"}
 _SKIPPED = frozenset(
     """location location_absolute width height select name label color parent dimensions show_options show_preview
-    show_texture hide mute use_custom_color internal_links inputs outputs rna_type warning_propagation color_tag
+    show_texture hide use_custom_color internal_links inputs outputs rna_type warning_propagation color_tag
     is_active_output""".split()
 )
 

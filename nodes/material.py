@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import bpy
@@ -10,13 +11,15 @@ from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
-from ..bake.table_facts import grid_of, sampler_layout_of, scale_of
+from ..bake.table_facts import grid_of, sampler_layout_of, sampler_of, scale_of
 from . import compat
 from .alias_sampler_group import alias_sampler_group
+from .group import HASH_KEY, content_hash
 from .stochastic_mirror_group import reference_group
 from .table_lookup_group import table_lookup_group
 
-# Custom properties of a built material: where it came from, so that the panel can bake it again.
+# Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
+# is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
@@ -46,30 +49,59 @@ def build_material(
     where = bundle.path / "material.json"
     if bundle.material.get("kind") != "brdf":
         raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a BRDF", "update the extension")
-    grid, layout = grid_of(bundle), sampler_layout_of(bundle)
+    compat.ensure_cycles()
+    name = _safe_name(require(require(bundle.material, "source", dict, where), "name", str, where))
+    albedo = _normal_albedo(bundle)
+    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
+    bundle.load("table")
+    sampler_of(bundle)
+    before = {*bpy.data.images, *bpy.data.node_groups}
+    try:
+        group = _measured_group(bundle, name, filter, stochastic, pack)
+        material = bpy.data.materials.new(name) if material is None else material
+        assemble(material, group, albedo)
+    except Exception:
+        for block in {*bpy.data.images, *bpy.data.node_groups} - before:
+            (bpy.data.images if isinstance(block, bpy.types.Image) else bpy.data.node_groups).remove(block)
+        raise
+    material[BUNDLE_KEY] = str(bundle.path)
+    return material
+
+
+def _measured_group(
+    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool
+) -> bpy.types.ShaderNodeTree:
+    """The group of this bundle's BRDF, its textures loaded."""
+    where = bundle.path / "material.json"
+    grid, layout, scale = grid_of(bundle), sampler_layout_of(bundle), 1 / scale_of(bundle)
     table = require(bundle.material, "table", dict, where)
     if filter is None:
         filter = require(table, "filter", str, where, choices=FILTERS)
-    scale = 1 / scale_of(bundle)
-    source = require(bundle.material, "source", dict, where)
-    name = require(source, "name", str, where)
-    if material is None:
-        material = bpy.data.materials.new(name)
     half = require(table, "storage", str, where) == Storage.HALF
     atlas = load_data_image(bundle.image_path("table"), f"{name} table", half=half, pack=pack)
     lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic)
     cells = load_data_image(bundle.image_path("sampler"), f"{name} sampler", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
-    assemble(material, reference_group(f"Measured {name}", lookup, sampler), _normal_albedo(bundle))
-    material[BUNDLE_KEY] = str(bundle.path)
-    material[SOURCE_KEY] = str(source.get("file", ""))
-    return material
+    return reference_group(f"Measured {name}", lookup, sampler)
+
+
+def _safe_name(name: str) -> str:
+    """A name for data-blocks: printable, and short enough for Blender to add a suffix."""
+    printable = "".join(c if c.isprintable() else "_" for c in name.encode("utf-8", "replace").decode("utf-8"))
+    return printable[:40] or "measured"
 
 
 def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = False) -> bpy.types.Image:
     """An image whose numbers reach the shader as they are in the file; `half` where they are half floats there."""
-    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        image = bpy.data.images.load(str(path), check_existing=False)
+    except RuntimeError as error:
+        raise BakeError(path, "cannot be loaded by Blender", "bake it again") from error
     image.name = name
+    if bpy.data.filepath and not pack:
+        # Beside a saved .blend, so that the two can move together; on another drive there is no relative path.
+        with contextlib.suppress(ValueError):
+            image.filepath = bpy.path.relpath(str(path))
     image.colorspace_settings.name = "Non-Color"
     # RGBA data would otherwise be divided by alpha, and float32 cut to half when it goes to the device.
     image.alpha_mode = "CHANNEL_PACKED"
@@ -86,27 +118,46 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     Tint, and whatever else an artist has added.
     """
     tree = compat.node_tree(material)
-    node = next((n for n in tree.nodes if n.get(_NODE_KEY)), None)
-    if node is None:
-        node = _fresh_tree(tree, albedo)
-    previous = node.node_tree
-    if previous != group:
-        kept = {s.name: (s.default_value[:], [k.from_socket for k in s.links]) for s in node.inputs}
-        node.node_tree = group
-        for name, (value, sources) in kept.items():
-            node.inputs[name].default_value = value
-            for source in sources:
-                tree.links.new(source, node.inputs[name])
-        surface = next(n for n in tree.nodes if n.get(_OUTPUT_KEY)).inputs["Surface"]
-        if not surface.is_linked:
-            tree.links.new(node.outputs["BSDF"], surface)
-        if previous is None:
-            _connect_normal(tree, node)
-        else:
-            remove_unused(previous)
+    nodes = [n for n in tree.nodes if n.get(_NODE_KEY)] or [_fresh_tree(tree, albedo)]
+    previous = {n.node_tree for n in nodes if n.node_tree and n.node_tree != group}
+    for node in nodes:
+        _exchange(tree, node, group)
+    output = next((n for n in tree.nodes if n.get(_OUTPUT_KEY)), None)
+    if output is not None and not output.inputs["Surface"].is_linked:
+        tree.links.new(nodes[0].outputs["BSDF"], output.inputs["Surface"])
+    for old in previous:
+        # A group that an artist has worked in is left in the file, for its work to be taken over.
+        if old.get(HASH_KEY) == content_hash(old):
+            remove_unused(old)
+        elif not old.users:
+            old.use_fake_user = True
     material.diffuse_color = (*albedo, 1)
     # Cycles would bend the mirror's facet where its reflection dips under the surface: +0.8 % light on a coarse sphere.
     material.cycles.use_bump_map_correction = False
+
+
+def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.types.ShaderNodeTree) -> None:
+    """Give the node another group; values and links of the inputs that both have stay."""
+    if node.node_tree == group:
+        return
+    fresh = node.node_tree is None
+    kept = {s.name: (getattr(s, "default_value", None), [k.from_socket for k in s.links]) for s in node.inputs}
+    kept = {name: (tuple(v) if hasattr(v, "__len__") else v, links) for name, (v, links) in kept.items()}
+    targets = [(s.name, [k.to_socket for k in s.links]) for s in node.outputs]
+    node.node_tree = group
+    for name, (value, sources) in kept.items():
+        socket = node.inputs.get(name)
+        if socket is not None:
+            # An artist may have changed the type of an input: then its old value does not fit.
+            with contextlib.suppress(TypeError, ValueError):
+                socket.default_value = value
+            for source in sources:
+                tree.links.new(source, socket)
+    for name, sockets in targets:
+        for socket in sockets if name in node.outputs else ():
+            tree.links.new(node.outputs[name], socket)
+    if fresh:
+        _connect_normal(tree, node)
 
 
 def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float]) -> bpy.types.Node:

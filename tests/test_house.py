@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from measured_materials.bake import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 TOP = {
@@ -74,7 +75,7 @@ def test_source_files_stay_readable() -> None:
 def test_one_version_everywhere() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
-    assert manifest["version"] == project["version"]
+    assert manifest["version"] == project["version"] == VERSION
     assert manifest["id"] == project["name"]
     assert f"## [{project['version']}]" in (ROOT / "CHANGELOG.md").read_text()
 

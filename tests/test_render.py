@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from measured_materials.bake import bake_brdf
 from measured_materials.bake.albedo import directional_albedo
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes import compat, expr
@@ -104,6 +107,48 @@ def test_furnace_shows_the_albedo_of_gloss(tmp_path: Path, filter: str, stochast
     expected = directional_albedo(source, 0.03)[0]
     # 16 pixels of 256 samples whose weights vary by a few per cent, and what a 48-table misses of the lobe.
     assert np.abs(middle / expected - 1).max() < (0.03 if filter == "nearest" else 0.01)
+
+
+@pytest.mark.parametrize("storage", ["half", "rgbe"])
+def test_scaled_tables_are_scaled_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str) -> None:
+    """Where values had to be scaled to fit their storage, the shader undoes it: the furnace shows the albedo."""
+    monkeypatch.setattr(bake_brdf, "scale_for", lambda values, storage: 1 / 16)
+    source = analytic.Ggx(alpha=0.4)
+    result = bake_source(source, tmp_path / "scaled", BakeSettings(resolution=32, alpha=(0.5, 0.3), storage=storage))
+    assert result.facts["table"]["scale"] == 1 / 16
+    with furnace(build_material(read_bundle(result.path)), resolution=48) as scene:
+        middle = scene.render(64, 2).mean(0)[22:26, 22:26].mean()
+    # RGBE rounds to 0.4 %, noise and table to about 1 %.
+    assert middle == pytest.approx(directional_albedo(source, 0.03).mean(), rel=0.02)
+
+
+def test_changed_pixels_are_refused(tmp_path: Path) -> None:
+    """A bundle whose table was exchanged after baking is one clear error, and leaves nothing in the file."""
+    first, second = (
+        bake_source(analytic.Ggx(alpha=a), tmp_path / str(a), BakeSettings(resolution=8, sampler=LIGHT_SAMPLER)).path
+        for a in (0.2, 0.4)
+    )
+    shutil.copy(second / "table.exr", first / "table.exr")
+    before = len(bpy.data.images), len(bpy.data.node_groups), len(bpy.data.materials)
+    with pytest.raises(BakeError, match="changed after it was baked"):
+        build_material(read_bundle(first))
+    assert (len(bpy.data.images), len(bpy.data.node_groups), len(bpy.data.materials)) == before
+
+
+def test_building_again_survives_what_artists_do(grey: Bundle, tmp_path: Path) -> None:
+    """A changed interface, a deleted output and a group edited by hand neither stop a new bake nor get lost."""
+    material = build_material(grey)
+    node = group_node(material)
+    edited = node.node_tree
+    edited.interface.new_socket("Extra", in_out="INPUT", socket_type="NodeSocketFloat")
+    node.inputs["Extra"].default_value = 0.3
+    for output in [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial"]:
+        material.node_tree.nodes.remove(output)
+    settings = BakeSettings(resolution=9, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER)
+    again = read_bundle(bake_source(analytic.Lambert(), tmp_path / "again", settings).path)
+    assert build_material(again, material) == material
+    assert group_node(material).node_tree != edited
+    assert edited.name in bpy.data.node_groups and edited.use_fake_user
 
 
 def test_equal_seeds_give_equal_pictures_and_new_seeds_new_noise(grey: Bundle) -> None:

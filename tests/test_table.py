@@ -12,7 +12,16 @@ from measured_materials.bake.bspline_fit import fit_coefficients, sample_spline
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import FILTERS, GUTTER, BrdfTable, TableGrid, TreatedSource, pad_slices, tabulate
+from measured_materials.bake.table import (
+    FILTERS,
+    GUTTER,
+    HORIZON_SHARES,
+    BrdfTable,
+    TableGrid,
+    TreatedSource,
+    pad_slices,
+    tabulate,
+)
 
 
 @pytest.mark.parametrize("kind", PARAMETERIZATIONS)
@@ -110,12 +119,16 @@ def test_poles_do_not_depend_on_the_azimuth() -> None:
 
         def evaluate(self, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
             wi, wo = np.broadcast_arrays(wi, wo)
-            return np.repeat((1 + (wi[..., :1] > 0)).astype(float), 3, -1)
+            cosine = wi[..., 0] / np.maximum(np.hypot(wi[..., 0], wi[..., 1]), 1e-300)
+            return np.repeat((1 + cosine**2)[..., None], 3, -1)
 
-    table = tabulate(Contradictory(), TableGrid(8, "uniform"))
-    assert (table.values[:, -1] == table.values[:, -1, :1]).all()
-    assert (table.values[-1] == table.values[-1, :, :1]).all()
-    assert 1.2 < table.values[3, -1, 0, 0] < 1.8
+    for alpha_phi in (0.0, 0.5, 1.0):
+        table = tabulate(Contradictory(), TableGrid(32, "bezier", 0.4, alpha_phi))
+        assert (table.values[:, -1] == table.values[:, -1, :1]).all()
+        assert (table.values[-1] == table.values[-1, :, :1]).all()
+        # cos^2 of the azimuth has the mean 1/2, however the samples crowd.
+        assert table.values[3, -1, 0, 0] == pytest.approx(1.5, abs=0.01)
+        assert table.values[-1, 3, 0, 0] == pytest.approx(1.5, abs=0.01)
 
 
 def test_treatment_is_counted() -> None:
@@ -151,6 +164,40 @@ def test_direction_pairs_integrate_uniformly() -> None:
     albedo = directional_albedo(source, np.arccos(cosine))[:, 0] @ (0.5 * weights) / (2 * np.pi)
     value = source.evaluate(pairs.wi, pairs.wo)[:, 0] * pairs.wi[:, 2]
     assert (pairs.weight * value).mean() == pytest.approx(albedo, rel=0.02)
+
+
+@pytest.mark.parametrize("alpha", [0.02, 0.1])
+def test_the_error_metric_is_not_luck(alpha: float) -> None:
+    """The RMS of one table from four other sets of directions: equal within what `rms_uncertainty` states."""
+    source = analytic.Ggx(alpha=alpha)
+    table = tabulate(source, TableGrid(64, "bezier", 0.5, 0.1))
+    found = []
+    for offset in (0.5, 0.1, 0.3, 0.8):
+        pairs = direction_pairs(32768, offset)
+        difference = table.evaluate(pairs.wi, pairs.wo) - source.evaluate(pairs.wi, pairs.wo)
+        found.append((pairs.rms(difference), pairs.rms_uncertainty(difference)))
+    rms, uncertainty = np.array(found).T
+    assert np.ptp(rms) / rms.mean() < 0.1
+    assert np.ptp(rms) / rms.mean() < 6 * uncertainty.max()
+
+
+def test_horizon_converges_with_the_square_of_the_resolution_where_it_is_bounded() -> None:
+    """Sampled close to the horizon, a BRDF that stays bounded there is met to second order up to 89.5 degrees."""
+
+    class Bounded:
+        name, isotropic, bilateral, facts = "bounded", True, True, {}
+
+        def evaluate(self, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+            wi, wo = np.broadcast_arrays(wi, wo)
+            return np.repeat(((1 + (1 - wi[..., :1]) ** 5) * (1 + (1 - wo[..., 2:]) ** 5)), 3, -1)
+
+    z = np.cos(np.radians(np.linspace(60, 89.5, 40)))
+    wi, wo = spherical(np.arccos(z), 0.7), spherical(np.arccos(z[::-1]), 0.0)
+    error = []
+    for n in (32, 64):
+        table = tabulate(Bounded(), TableGrid(n, "uniform", horizon_share=HORIZON_SHARES[1]))
+        error.append(np.abs(table.evaluate(wi, wo) / Bounded().evaluate(wi, wo) - 1).max())
+    assert error[1] < 0.004 and error[0] / error[1] > 3
 
 
 def test_estimate_without_the_table_is_the_tables_own() -> None:

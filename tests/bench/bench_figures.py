@@ -38,7 +38,7 @@ def _figure_4(out: Path, folder: Path, quick: bool) -> None:
     environment = require_shared() / "data" / "envmaps" / "studio.exr"
     size, samples = (160, 48) if quick else (240, 160)
     cells = []
-    for name in ("alum-bronze",) if quick else ("alum-bronze", "blue-metallic-paint", "specular-orange-phenolic"):
+    for name in ("alum-bronze",) if quick else ("alum-bronze", "blue-metallic-paint2", "specular-orange-phenolic"):
         source = read_source(merl_file(name, folder))
         arguments = {"size": size, "samples": samples, "environment": environment}
         reference, _ = picture(source, BakeSettings(resolution=256, storage=Storage.HALF), **arguments)

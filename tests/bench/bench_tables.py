@@ -25,7 +25,7 @@ def measure(source: BrdfSource) -> dict[str, Any]:
     treated = TreatedSource(source)
     pairs = direction_pairs(32768)
     truth = treated.evaluate(pairs.wi, pairs.wo)
-    search = search_alpha(treated, N, direction_pairs(8192, offset=0.25))
+    search = search_alpha(treated, N, direction_pairs(8192, offset=0.25), intensity_n=N)
     bezier = TableGrid(N, "bezier")
     grids = {
         "identity": TableGrid(N, "identity"),
