@@ -83,8 +83,9 @@ def _render(bundle: Bundle, options: argparse.Namespace, out: Path, progress: Pr
     """Write the files and return the picture's mean colour."""
     import bpy
 
+    from ..bake.image_io import write_png
     from ..nodes.material import build_material
-    from .picture_sheet import to_display, write_png
+    from .picture_sheet import to_display
     from .studio import build_studio, remove_studio, render_linear
 
     progress("building", 0.0)

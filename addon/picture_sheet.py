@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,8 @@ from numpy.typing import NDArray
 
 from ..bake.atomic import replacing_file
 from ..bake.errors import BakeError
+from ..bake.image_io import write_png
+from ..bake.preview import to_srgb
 
 Array = NDArray[Any]
 
@@ -51,25 +51,8 @@ def to_display(linear: Array, exposure: float = 0.0) -> NDArray[np.uint8]:
     rgb = rgb * np.where(excess > 0, compressed / np.maximum(peak, _SHOULDER), 1)
     toward_white = 1 - 1 / (0.15 * (peak - compressed) + 1)
     rgb = rgb + (compressed - rgb) * toward_white
-    encoded = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * np.maximum(rgb, 0.0031308) ** (1 / 2.4) - 0.055)
-    encoded = np.where(broken, np.array([1, 0, 1], np.float32), encoded)
-    return np.rint(255 * np.clip(encoded, 0, 1)).astype(np.uint8)
-
-
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Write (H, W, 3) sRGB bytes, row 0 on top. Raises BakeError when the file cannot be written."""
-    height, width, _ = pixels.shape
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
-    chunks = [
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
-        (b"sRGB", b"\0"),
-        (b"IDAT", zlib.compress(rows.tobytes(), 6)),
-        (b"IEND", b""),
-    ]
-    data = b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks
-    )
-    _write(Path(path), data)
+    encoded = np.where(broken, np.array([1, 0, 1], np.float32), to_srgb(rgb))
+    return np.rint(255 * encoded).astype(np.uint8)
 
 
 def write_sheet(path: Path, cells: Sequence[Cell], columns: int, title: str = "") -> None:

@@ -18,9 +18,10 @@ from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from ..bake.errors import BakeError
+from ..bake.image_io import write_png
 from ..nodes import compat
 from . import studio_shapes
-from .picture_sheet import to_display, write_png
+from .picture_sheet import to_display
 
 OWNED = "measured_materials_studio"  # custom property of every datablock that remove_studio may delete
 

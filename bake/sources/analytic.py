@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -25,7 +26,7 @@ Rgb = tuple[float, float, float]
 _HORIZON = 1e-12  # cosines below this count as none: 1 / (cos_i cos_o)^2 stays finite
 
 
-class Analytic:
+class Analytic(ABC):
     """What the models share: checked parameters, `facts`, and zero on and below the horizon.
 
     A subclass is a frozen dataclass and defines `_value(wi, wo)`, called with float64 (n, 3) directions that
@@ -79,8 +80,9 @@ class Analytic:
         result[lit] = self._value(wi[lit], wo[lit])
         return result
 
+    @abstractmethod
     def _value(self, wi: Array, wo: Array) -> Array:
-        raise NotImplementedError
+        """BRDF (n, 3) of directions strictly above the horizon."""
 
 
 # Lowest and highest value, and whether the parameter is a colour. alpha ends at 1e-5; its fourth power
