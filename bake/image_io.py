@@ -165,7 +165,7 @@ def write_image(
 
 
 def write_png(path: str | Path, pixels: NDArray[np.uint8]) -> None:
-    """Write (H, W, 1, 3 or 4) 8-bit pixels, already display-encoded, top row first; folders are made. Raises BakeError."""
+    """Write (H, W, 1, 3 or 4) 8-bit pixels, display-encoded, top row first, making folders. Raises BakeError."""
     path, pixels = Path(path), np.asarray(pixels)
     kinds = {1: 0, 3: 2, 4: 6}  # grey, RGB, RGBA
     if pixels.dtype != np.uint8 or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in kinds:
