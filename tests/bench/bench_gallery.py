@@ -18,11 +18,11 @@ def run(out: Path, quick: bool) -> None:
         cells = []
         for path in files:
             source = read_source(path)
-            pixels, result = picture(source, BakeSettings(), size=size, samples=samples)
+            pixels, result = picture(source, BakeSettings(resolution=128), size=size, samples=samples)
             errors, albedo = result.facts["errors"], result.facts["albedo"]["white_sky"]
             label = path.name.removesuffix(path.suffix).removesuffix("_rgb")
             below = f"table off by {errors['relative']:.1%}, albedo {albedo[0]:.2f} {albedo[1]:.2f} {albedo[2]:.2f}"
             cells.append(Cell(pixels, label, below))
         sheet = out / f"gallery-{name}.png"
-        write_sheet(sheet, cells, columns, f"{len(files)} genuine {name.upper()} measurements, 64 x 64 x 128")
+        write_sheet(sheet, cells, columns, f"{len(files)} genuine {name.upper()} measurements, 128 x 128 x 256")
         print(f"  {sheet}")

@@ -19,6 +19,7 @@ from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.table import FILTERS
 from measured_materials.bake.table_facts import table_of
+from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
 
 # Baking is timed in a process of its own, so that its peak memory is its own.
@@ -65,11 +66,8 @@ def _lookups() -> None:
 
 def principled() -> bpy.types.Material:
     """A Principled BSDF that looks about like the paint."""
-    material = bpy.data.materials.new("Principled")
-    if material.node_tree is None:
-        material.use_nodes = True
+    material = compat.new_material("Principled")
     tree = material.node_tree
-    tree.nodes.clear()
     shader, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
     values = {"Base Color": (0.1, 0.18, 0.4, 1), "Metallic": 0.8, "Roughness": 0.53}
     values |= {"Coat Weight": 1.0, "Coat Roughness": 0.14}

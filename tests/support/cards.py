@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from measured_materials.nodes import expr
+from measured_materials.nodes import compat, expr
 
 
 def card(function: Callable[..., Any], *inputs: np.ndarray, osl: bool = False) -> list[np.ndarray]:
@@ -92,9 +92,7 @@ def _card_scene(side: int, osl: bool) -> tuple[bpy.types.Scene, Any]:
     camera.location = (0.5, 0.5, 1)
     scene.collection.objects.link(camera)
     scene.camera = camera
-    material = bpy.data.materials.new("card")
-    material.use_nodes = True
-    material.node_tree.nodes.clear()
+    material = compat.new_material("card")
     material.node_tree.nodes.new("ShaderNodeOutputMaterial").name = "out"
     mesh.materials.append(material)
     scene.render.engine = "CYCLES"
@@ -108,11 +106,7 @@ def _card_scene(side: int, osl: bool) -> tuple[bpy.types.Scene, Any]:
 
 
 def _render(scene: bpy.types.Scene, side: int) -> np.ndarray:
-    settings = scene.render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_depth = "OPEN_EXR", "32"
-    scene.view_settings.view_transform = "Raw"
+    compat.save_as_exr(scene.render.image_settings)
     with tempfile.TemporaryDirectory() as folder:
         scene.render.filepath = str(Path(folder) / "card.exr")
         bpy.ops.render.render(write_still=True, scene=scene.name)
