@@ -5,7 +5,7 @@ from typing import Any, get_args
 
 import bpy
 
-from ..bake.bake_brdf import AlphaChoice, BakeSettings, SplineFit
+from ..bake.bake_brdf import TABLE_STORAGES, AlphaChoice, BakeSettings, SplineFit
 from ..bake.parameterization import Parameterization
 from ..bake.storage import Storage
 from ..bake.table import Filter
@@ -66,7 +66,7 @@ _ALPHA_PHI = bpy.props.FloatProperty(
     min=0,
     max=1,
 )
-_STORAGE = _enum("Storage", "Format of the table's texels", tuple(map(str, Storage)), _USUAL.storage)
+_STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline)
 _PACK = bpy.props.BoolProperty(

@@ -1,15 +1,12 @@
-"""Sub-command `bake`: measurements or analytic models to bundles."""
+"""Sub-command `bake`: measurements, analytic models or photographs to bundles."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from ..bake.bake_brdf import BakeResult, BakeSettings, SplineFit, bake_file, bake_source
+from ..bake.bake_brdf import TABLE_STORAGES, BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
 from ..bake.parameterization import PARAMETERIZATIONS
@@ -17,24 +14,18 @@ from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
+from . import cli_bake_arc
+from .cli_jobs import Bake, Job, bake_jobs, usage_error
 from .cli_result import Result
 from .describe import bake_summary
-from .progress import Progress
 from .stages import bake_stages
-
-Bake = Callable[[Path, BakeSettings, Progress], BakeResult]
-
-
-@dataclass(frozen=True)
-class _Job:
-    title: str
-    stem: str
-    bake: Bake
 
 
 def add_to(commands: Any) -> None:
     """Add `bake` with what can be baked."""
-    bake = commands.add_parser("bake", help="bake a measurement to a bundle", description="Bake to a bundle.")
+    bake = commands.add_parser(
+        "bake", help="bake a measurement or photographs to a bundle", description="Bake to a bundle."
+    )
     kinds = bake.add_subparsers(metavar="KIND", required=True)
     brdf = kinds.add_parser(
         "brdf",
@@ -54,6 +45,7 @@ def add_to(commands: Any) -> None:
     _add_settings(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
     brdf.set_defaults(run=run, command="bake brdf")
+    cli_bake_arc.add_to(kinds)
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +65,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--storage",
-        choices=[str(kind) for kind in Storage],
+        choices=TABLE_STORAGES,
         default=str(usual.storage),
         help="of the texels (%(default)s)",
     )
@@ -102,21 +94,14 @@ def run(options: argparse.Namespace) -> Result:
     """Bake every input; a bad one is told and does not keep the others from being baked."""
     settings = _settings(options)
     jobs, errors = _jobs(options)
-    targets = _targets(jobs, options.out)
-    done: list[BakeResult] = []
-    with _made(options.out if options.out.suffix.lower() != SUFFIX else None):
-        with Progress(bake_stages(settings), len(jobs)) as progress:
-            for job, target in zip(jobs, targets):
-                progress.start(job.title)
-                try:
-                    done.append(job.bake(target, settings, progress))
-                except BakeError as error:
-                    errors.append(error)
+    done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings))
     document = {
         "command": options.command,
         "bundles": [{"path": str(result.path), **result.facts} for result in done],
     }
-    return Result(document, [bake_summary(result.path, result.facts, result.seconds) for result in done], errors)
+    return Result(
+        document, [bake_summary(result.path, result.facts, result.seconds) for result in done], errors + failed
+    )
 
 
 def _settings(options: argparse.Namespace) -> BakeSettings:
@@ -130,15 +115,15 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             spline=options.spline,
         )
     except BakeError as error:
-        raise argparse.ArgumentTypeError(f"--{error}") from None
+        raise usage_error(error, options) from None
 
 
-def _jobs(options: argparse.Namespace) -> tuple[list[_Job], list[BakeError]]:
+def _jobs(options: argparse.Namespace) -> tuple[list[Job], list[BakeError]]:
     if not options.files and not options.analytic:
         raise argparse.ArgumentTypeError("nothing to bake: give a FILE or --analytic NAME")
     jobs, errors = [], []
     for file in options.files:
-        jobs.append(_Job(file.name, file.stem, _file_baker(file)))
+        jobs.append(Job(file.name, file.stem, _file_baker(file)))
     for name, *pairs in options.analytic:
         parameters = dict(_parameter(pair) for pair in pairs)
         try:
@@ -146,7 +131,7 @@ def _jobs(options: argparse.Namespace) -> tuple[list[_Job], list[BakeError]]:
         except BakeError as error:
             errors.append(error)
         else:
-            jobs.append(_Job(source.name, source.name, _source_baker(source)))
+            jobs.append(Job(source.name, source.name, _source_baker(source)))
     return jobs, errors
 
 
@@ -167,39 +152,3 @@ def _parameter(pair: str) -> tuple[str, Any]:
     except ValueError:
         return key, text
     return key, numbers if len(numbers) > 1 else numbers[0]
-
-
-def _targets(jobs: list[_Job], out: Path) -> list[Path]:
-    """Bundle of each job. Two jobs must not write the same one."""
-    if out.suffix.lower() == SUFFIX:
-        if len(jobs) > 1:
-            raise argparse.ArgumentTypeError(
-                f"--out {out} names one bundle, but there are {len(jobs)} inputs; give a folder"
-            )
-        return [out] * len(jobs)
-    seen: set[str] = set()
-    for job in jobs:
-        # Many file systems do not tell upper from lower case.
-        if job.stem.casefold() in seen:
-            raise argparse.ArgumentTypeError(f"two inputs would become {job.stem}{SUFFIX}; bake them one at a time")
-        seen.add(job.stem.casefold())
-    return [out / (job.stem + SUFFIX) for job in jobs]
-
-
-@contextlib.contextmanager
-def _made(folder: Path | None) -> Iterator[None]:
-    """Make the output folder for the block, and take back what nothing was put into."""
-    missing: list[Path] = []
-    if folder is not None:
-        missing = [place for place in (folder, *folder.parents) if not place.exists()]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except (OSError, ValueError) as error:
-            cause = f"cannot be made ({getattr(error, 'strerror', None) or error})"
-            raise BakeError(folder, cause, "choose a folder you may write to") from error
-    try:
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            for place in missing:
-                place.rmdir()

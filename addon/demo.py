@@ -20,7 +20,7 @@ from ..bake.sources.merl import write_merl
 from ..nodes.alias_sampler_group import alias_sampler_group
 from ..nodes.material import assemble, build_material, load_data_image
 from ..nodes.metallic_paint_group import metallic_paint_group
-from ..nodes.stochastic_mirror_group import reference_group
+from ..nodes.reference_group import reference_group
 from .picture_sheet import Cell, to_display, write_sheet
 from .studio import build_studio, remove_studio, render_linear
 

@@ -90,15 +90,21 @@ class AliasSampler:
 
     def pdf(self, wi: Array, wo: Array) -> Array:
         """Density (...) with which `sample` draws wi when seen from wo (in the x-z plane)."""
-        half = xp_numpy.normalize(wi + wo)
-        wo_half = xp_numpy.dot(wo, half)
-        m = np.sum((half - [0, 0, 1]) ** 2, -1) / 2
-        layout = self.layout
-        i_h = np.minimum(layout.n_h * m ** (0.5 / layout.warp_power), layout.n_h - 1).astype(np.intp)
-        phi = np.abs(np.arctan2(half[..., 1], half[..., 0]))
-        i_phi = np.minimum(phi / np.pi * layout.n_phi, layout.n_phi - 1).astype(np.intp)
-        bin_index, _ = choose_texel(xp_numpy, layout, wo, np.zeros(wo.shape[:-1]))
-        return self.cell_pdf()[bin_index.astype(np.intp), i_h, i_phi] / (4 * wo_half)
+        bin_index, cell, wo_half = find_texel(xp_numpy, self.layout, wi, wo)
+        return self.texels[bin_index.astype(np.intp), cell.astype(np.intp), 2] / (4 * wo_half)
+
+
+def find_texel(xp: Any, layout: SamplerLayout, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
+    """(bin, cell) of the texel whose pdf_h holds for a pair of directions, and wo . h."""
+    half = xp.normalize(wi + wo)
+    apart = half - xp.vec(0.0, 0.0, 1.0)
+    m = xp.dot(apart, apart) * 0.5
+    x, y, _ = xp.components(half)
+    angle = xp.arctan2(y, x) * (layout.n_phi / np.pi)
+    i_phi = xp.minimum(xp.floor(xp.maximum(angle, -angle)), layout.n_phi - 1.0)
+    i_h = xp.minimum(xp.floor(xp.power(m, 0.5 / layout.warp_power) * layout.n_h), layout.n_h - 1.0)
+    bin_index, _ = choose_texel(xp, layout, wo, 0 * m)
+    return bin_index, i_h * layout.n_phi + i_phi, xp.dot(wo, half)
 
 
 def choose_texel(xp: Any, layout: SamplerLayout, wo: Any, u: Any) -> tuple[Any, Any]:

@@ -32,6 +32,8 @@ AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
 Progress = Callable[[str, float], None]
 
+# 256 steps do not reach from a shadow to a highlight of 10 000.
+TABLE_STORAGES = tuple(str(storage) for storage in Storage if storage is not Storage.BYTE)
 _ERROR_PAIRS = 32768
 KIND: Kind = "brdf"
 
@@ -70,7 +72,7 @@ class BakeSettings:
         _check_choice("parameterization", self.parameterization, PARAMETERIZATIONS)
         _check_choice("filter", self.filter, FILTERS)
         _check_choice("spline", self.spline, get_args(SplineFit))
-        _check_choice("storage", str(self.storage), tuple(Storage))
+        _check_choice("storage", str(self.storage), TABLE_STORAGES)
         object.__setattr__(self, "storage", Storage(self.storage))
         if isinstance(self.alpha, str):
             _check_choice("alpha", self.alpha, get_args(AlphaChoice))
@@ -167,7 +169,7 @@ def bake_source(
         "errors": table_errors(stored, settings.filter, pairs, truth),
         "albedo": albedo_facts(treated_protocol(treated)),
         # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
-        "table_albedo": albedo_facts(_Evaluator(stored, settings.filter), n=48),
+        "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
     }
     say("writing", 0.0)
     images = {
@@ -183,7 +185,7 @@ def _silent(stage: str, share: float) -> None:
     pass
 
 
-class _Evaluator:
+class TableSource:
     """A table as a source: what is rendered rather than what was measured."""
 
     isotropic = bilateral = True
@@ -203,8 +205,8 @@ def _sampled(table: BrdfTable, filter: Filter) -> BrdfSource:
     (tried on a lobe narrower than the spacing: a third more variance).
     """
     if filter == "bspline":
-        return _Evaluator(BrdfTable(table.grid, sample_spline(table.values)), "trilinear")
-    return _Evaluator(table, filter)
+        return TableSource(BrdfTable(table.grid, sample_spline(table.values)), "trilinear")
+    return TableSource(table, filter)
 
 
 def treated_protocol(treated: TreatedSource) -> BrdfSource:

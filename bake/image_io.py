@@ -1,9 +1,10 @@
-"""Float images on disk: OpenEXR and Radiance .hdr in and out, PNG out for previews.
+"""Images on disk: OpenEXR, Radiance .hdr and 8-bit PNG in and out.
 
 Arrays are (H, W, C) float32 with row 0 at the top of the file and C = 1, 3 or 4. Values pass through bit by
 bit: no colour management, no premultiplication by alpha. EXR goes through the Python package OpenEXR (3.3 or
 newer) or OpenImageIO, which the Blender of blender.org brings; without either, numpy reads and writes what
-bundles hold. .hdr and PNG need numpy alone.
+bundles hold. .hdr and PNG need numpy alone. PNG data are linear: `read_image` gives the byte / 255 that
+Blender sees in Non-Color.
 """
 
 from __future__ import annotations
@@ -11,9 +12,7 @@ from __future__ import annotations
 import importlib
 import importlib.machinery
 import importlib.util
-import struct
 import sys
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -28,8 +27,9 @@ from . import exr_plain
 from .atomic import replacing_file
 from .errors import BakeError
 from .exr_header import CHANNELS, ExrHeader, read_exr_header
+from .png_plain import PngFile, png_bytes
 from .radiance import HdrFile, hdr_bytes
-from .storage import Storage, quantize
+from .storage import BYTE_STEP, Storage, quantize, to_bytes
 
 MAX_IMAGE_BYTES = 1 << 30
 _PREFIX = "mmat:"
@@ -94,9 +94,12 @@ def _wheel_packages() -> list[Path]:
 
 
 def read_header(path: str | Path, max_bytes: int = MAX_IMAGE_BYTES) -> ImageHeader:
-    """Size, channels and storage of an .exr or .hdr, without its pixels. Raises BakeError."""
+    """Size, channels and storage of an .exr, .hdr or .png, without its pixels. Raises BakeError."""
     path = Path(path)
     try:
+        if _is_png(path):
+            png = PngFile(path, max_bytes)
+            return ImageHeader(png.width, png.height, png.channels, Storage.BYTE, {})
         if _is_hdr(path):
             hdr = HdrFile(path, max_bytes)
             return ImageHeader(hdr.width, hdr.height, 3, Storage.RGBE, {})
@@ -111,14 +114,16 @@ def read_header(path: str | Path, max_bytes: int = MAX_IMAGE_BYTES) -> ImageHead
 
 
 def read_image(path: str | Path, max_bytes: int = MAX_IMAGE_BYTES) -> NDArray[np.float32]:
-    """Pixels of an untrusted .exr or .hdr file, (H, W, C) float32, top row first.
+    """Pixels of an untrusted .exr, .hdr or .png file, (H, W, C) float32, top row first.
 
     The header is checked against `max_bytes` and the file's length before memory is taken. Takes one part of
-    scan lines with channels R, G, B and A, or a single one of any name. The EXPOSURE of a foreign .hdr is
-    divided out. Raises BakeError.
+    scan lines with channels R, G, B and A, or a single one of any name; of PNG 8-bit grey, RGB and RGBA, whose
+    gamma and profiles are ignored. The EXPOSURE of a foreign .hdr is divided out. Raises BakeError.
     """
     path = Path(path)
     try:
+        if _is_png(path):
+            return PngFile(path, max_bytes).pixels() * BYTE_STEP
         if _is_hdr(path):
             return HdrFile(path, max_bytes).pixels()
         header = read_exr_header(path, max_bytes)
@@ -137,8 +142,8 @@ def write_image(
 ) -> None:
     """Write (H, W, C) values so that `read_image` gives back `quantize(pixels, storage)` bit by bit.
 
-    EXR is ZIP-compressed and repeats `attributes` in its header under the prefix "mmat:"; .hdr has no place
-    for them. An older file is replaced only by a complete new one. Raises BakeError.
+    EXR is ZIP-compressed and repeats `attributes` in its header under the prefix "mmat:"; the others have no
+    place for them. An older file is replaced only by a complete new one. Raises BakeError.
     """
     path, storage = Path(path), Storage(storage)
     if path.suffix.lower() != storage.suffix:
@@ -155,6 +160,8 @@ def write_image(
             if storage is Storage.RGBE:
                 with open(temporary, "wb") as stream:
                     stream.writelines(hdr_bytes(values))
+            elif storage is Storage.BYTE:
+                temporary.write_bytes(png_bytes(to_bytes(values)))
             else:
                 kept = values.astype(np.float16) if storage is Storage.HALF else values
                 _write_exr(temporary, kept, {_PREFIX + k: v for k, v in (attributes or {}).items()})
@@ -167,27 +174,19 @@ def write_image(
 def write_png(path: str | Path, pixels: NDArray[np.uint8]) -> None:
     """Write (H, W, 1, 3 or 4) 8-bit pixels, display-encoded, top row first, making folders. Raises BakeError."""
     path, pixels = Path(path), np.asarray(pixels)
-    kinds = {1: 0, 3: 2, 4: 6}  # grey, RGB, RGBA
-    if pixels.dtype != np.uint8 or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in kinds:
+    if pixels.dtype != np.uint8 or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in (1, 3, 4):
         cause = f"cannot hold {pixels.dtype} of shape {pixels.shape}"
         raise BakeError(path, cause, "give 8-bit values of shape (H, W, 1, 3 or 4)")
-    height, width, channels = pixels.shape
-    rows = np.zeros((height, 1 + width * channels), np.uint8)  # each row opens with its filter, 0 = none
-    rows[:, 1:] = pixels.reshape(height, -1)
-    chunks = {
-        b"IHDR": struct.pack(">IIBBBBB", width, height, 8, kinds[channels], 0, 0, 0),
-        b"IDAT": zlib.compress(rows.tobytes()),
-        b"IEND": b"",
-    }
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing_file(path) as temporary, open(temporary, "wb") as stream:
-            stream.write(b"\x89PNG\r\n\x1a\n")
-            for name, data in chunks.items():
-                stream.write(struct.pack(">I", len(data)) + name + data)
-                stream.write(struct.pack(">I", zlib.crc32(name + data)))
+        with replacing_file(path) as temporary:
+            temporary.write_bytes(png_bytes(pixels))
     except OSError as error:
         raise _unwritable(path, error) from error
+
+
+def _is_png(path: Path) -> bool:
+    return path.suffix.lower() == Storage.BYTE.suffix
 
 
 def _is_hdr(path: Path) -> bool:

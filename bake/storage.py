@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 from . import radiance
 
 HALF_LARGEST = 65504.0
+BYTE_STEP = np.float32(1 / 255)  # Blender and Cycles multiply bytes by this rather than divide them by 255
 
 
 class Storage(StrEnum):
-    """Format of a texel: OpenEXR float or half, or Radiance RGBE (4 bytes, shared exponent, values >= 0).
+    """Format of a texel: OpenEXR float or half, Radiance RGBE (4 bytes, shared exponent, values >= 0), or a PNG's byte.
+
+    A byte holds 256 evenly spaced, linear values from 0 to 1: for data of little range such as the slices of a
+    matte swatch, at a quarter of the memory of float32. The dark values of a glossy BRDF would be lost in it.
 
     A str, so that `Storage("half")`, the JSON of a bundle and the choices of a command line agree.
     """
@@ -23,25 +27,30 @@ class Storage(StrEnum):
     FLOAT32 = "float32"
     HALF = "half"
     RGBE = "rgbe"
+    BYTE = "byte"
 
     @property
     def suffix(self) -> str:
         """Of the file, with the dot."""
-        return ".hdr" if self is Storage.RGBE else ".exr"
+        return {Storage.RGBE: ".hdr", Storage.BYTE: ".png"}.get(self, ".exr")
 
     def file_bytes(self, channels: int) -> int:
         """Bytes per texel in the file before its lossless compression."""
-        return {Storage.FLOAT32: 4 * channels, Storage.HALF: 2 * channels, Storage.RGBE: 4}[self]
+        return 4 if self is Storage.RGBE else self._sample_bytes * channels
 
     def render_bytes(self, channels: int, packed: bool = False) -> int:
         """Bytes per texel that Cycles 4.5 holds while rendering, by its own statistics.
 
         Cycles pads RGB to RGBA and expands RGBE to float; what is packed into the .blend passes through
-        Blender's own RGBA float buffer, whatever the file held.
+        Blender's own RGBA buffer, of bytes for a PNG and of floats for everything else.
         """
         if packed:
-            return 16
-        return (2 if self is Storage.HALF else 4) * (1 if channels == 1 else 4)
+            return 4 if self is Storage.BYTE else 16
+        return self._sample_bytes * (1 if channels == 1 else 4)
+
+    @property
+    def _sample_bytes(self) -> int:
+        return {Storage.HALF: 2, Storage.BYTE: 1}.get(self, 4)
 
 
 # Smallest magnitude that keeps every bit of precision, and the largest that can be stored.
@@ -49,6 +58,7 @@ _RANGE = {
     Storage.FLOAT32: (2.0**-126, float(np.finfo(np.float32).max)),
     Storage.HALF: (2.0**-14, HALF_LARGEST),
     Storage.RGBE: (2.0**-106, radiance.LARGEST),
+    Storage.BYTE: (1.0, 1.0),
 }
 
 
@@ -59,7 +69,7 @@ def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
     ----------
     pixels : any shape; RGBE needs 3 channels on the last axis
 
-    Raises ValueError for values that are not finite or overflow the storage, and for negative ones in RGBE.
+    Raises ValueError for values that are not finite or overflow the storage, and for negative ones in RGBE and bytes.
     """
     storage = Storage(storage)
     largest = _RANGE[storage][1]
@@ -72,20 +82,35 @@ def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
         values = values.astype(np.float32)
         if storage is Storage.HALF:
             return values.astype(np.float16).astype(np.float32)
+    if storage is Storage.BYTE:
+        return to_bytes(values) * BYTE_STEP
     return radiance.decode(radiance.encode(values)) if storage is Storage.RGBE else values
 
 
-def scale_for(pixels: NDArray[Any], storage: Storage) -> float:
-    """Power of two to multiply by before storing, and to divide by after reading.
+def to_bytes(values: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """The nearest of the bytes that stand for 0 to 1. Raises ValueError for values outside."""
+    if (values < 0).any():
+        raise ValueError("byte cannot hold negative values")
+    if (values > 1).any():
+        raise ValueError("values above 1 overflow byte; scale them first")
+    return np.rint(values * np.float32(255)).astype(np.uint8)
 
-    The one nearest to 1 with which nothing overflows and no value falls below the storage's full precision;
-    if the values span too much for both, the largest with which nothing overflows. Raises ValueError for
-    values that are not finite.
+
+def scale_for(pixels: NDArray[Any], storage: Storage) -> float:
+    """Float32 number to multiply by before storing, and to divide by after reading.
+
+    A power of two, so that scaling changes no digit: the one nearest to 1 with which nothing overflows and no
+    value falls below the storage's full precision; if the values span too much for both, the largest with
+    which nothing overflows. Bytes have too few steps to give up to half of them away: there it is the
+    number that brings the largest value to 1 (rounded down, so that float32 products never exceed 1). Raises
+    ValueError for values that are not finite.
     """
     storage = Storage(storage)
     magnitude = np.abs(np.asarray(pixels, np.float64))
     if not np.isfinite(magnitude).all():
         raise ValueError("values that are not finite cannot be stored")
+    if storage is Storage.BYTE:
+        return _byte_scale(float(magnitude.max(initial=0)))
     if storage is Storage.RGBE:
         magnitude = magnitude.max(axis=-1)  # the channels share the exponent of the largest
     magnitude = magnitude[magnitude > 0]
@@ -98,6 +123,15 @@ def scale_for(pixels: NDArray[Any], storage: Storage) -> float:
         highest -= 1
     exponent = min(max(lowest, 0), highest)
     return math.ldexp(1.0, min(max(exponent, -126), 126))  # scale and inverse are float32 numbers
+
+
+def _byte_scale(largest: float) -> float:
+    if largest == 0:
+        return 1.0
+    scale = np.float32(min(max(1 / largest, 2.0**-126), 2.0**126))
+    if float(scale) * largest > 1:
+        scale = np.nextafter(scale, np.float32(0))
+    return float(scale)
 
 
 def _log2_floor(value: float) -> int:

@@ -20,7 +20,7 @@ def sqrt(x: Any) -> Any:
     return np.sqrt(np.maximum(x, 0))
 
 
-sin, cos, floor = np.sin, np.cos, np.floor
+sin, cos, exp, floor = np.sin, np.cos, np.exp, np.floor
 minimum, maximum, where = np.minimum, np.maximum, np.where
 cross = np.cross
 
@@ -28,6 +28,11 @@ cross = np.cross
 def arcsin(x: Any) -> Any:
     """Arcsine with the argument clamped to [-1, 1] as Cycles' Math node has it."""
     return np.arcsin(np.clip(x, -1, 1))
+
+
+def arctan2(y: Any, x: Any) -> Any:
+    """Angle of the point (x, y), 0 at the origin."""
+    return np.arctan2(y, x)
 
 
 def divide(a: Any, b: Any) -> Any:
@@ -44,6 +49,11 @@ def power(x: Any, exponent: Any) -> Any:
 def vec(x: Any, y: Any, z: Any) -> Array:
     """Vector from three scalars."""
     return np.stack(np.broadcast_arrays(x, y, z), -1)
+
+
+def where_vector(condition: Any, a: Array, b: Array) -> Array:
+    """Vector `a` where the scalar condition holds, `b` elsewhere."""
+    return np.where(np.asarray(condition)[..., None], a, b)
 
 
 def components(v: Array) -> tuple[Array, Array, Array]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..bake.alias_sampler import SamplerLayout, choose_texel, reflect_from_cell
+from ..bake.alias_sampler import SamplerLayout, choose_texel, find_texel, reflect_from_cell
 from . import expr
 from .group import node_group
 
@@ -28,3 +28,15 @@ def alias_sampler_group(name: str, image: bpy.types.Image, layout: SamplerLayout
 
     numbers = dict.fromkeys(("Random Cell", "Random Alias", "Random Theta", "Random Phi"), "float")
     return node_group(name, {"wo": "vector", **numbers}, {"wi": "vector", "pdf": "float"}, sample)
+
+
+def alias_pdf_group(name: str, image: bpy.types.Image, layout: SamplerLayout) -> bpy.types.ShaderNodeTree:
+    """(wi, wo) to the density with which `alias_sampler_group` draws wi; 0 where it never does."""
+
+    def density(wi: Any, wo: Any) -> Any:
+        bin_index, cell, wo_half = find_texel(expr, layout, wi, wo)
+        u, v = (cell + 0.5) * (1 / layout.cells), 1 - (bin_index + 0.5) * (1 / layout.n_o)
+        pdf_h = expr.components(expr.image_tap(image, u, v, "Closest")[0])[2]
+        return expr.divide(pdf_h, 4 * expr.maximum(wo_half, 1e-6))
+
+    return node_group(name, {"wi": "vector", "wo": "vector"}, {"pdf": "float"}, density)

@@ -123,7 +123,8 @@ def _key(value: Value) -> Any:
 def feed(tree: Any, socket: Any, value: Value) -> None:
     """Give a node's input a value: a link from an expression, or a default from a number or triple."""
     if isinstance(value, Vector) and value.constant is not None:
-        socket.default_value = value.constant
+        # Colour sockets have an alpha.
+        socket.default_value = (*value.constant, 1.0) if socket.type == "RGBA" else value.constant
     elif isinstance(value, (Scalar, Vector)):
         tree.links.new(value.socket, socket)
     else:
@@ -173,9 +174,19 @@ def cos(x: Value) -> Any:
     return math_node("COSINE", x)
 
 
+def exp(x: Value) -> Any:
+    """e to the power of x."""
+    return math_node("EXPONENT", x)
+
+
 def arcsin(x: Value) -> Any:
     """Arcsine, its argument clamped to [-1, 1]."""
     return math_node("ARCSINE", x)
+
+
+def arctan2(y: Value, x: Value) -> Any:
+    """Angle of the point (x, y), 0 at the origin."""
+    return math_node("ARCTAN2", y, x)
 
 
 def floor(x: Value) -> Any:
@@ -221,6 +232,11 @@ def where(condition: Value, a: Value, b: Value) -> Any:
     return Scalar(made.outputs[0])
 
 
+def where_vector(condition: Value, a: Vector, b: Vector) -> Any:
+    """Vector `a` where the condition is 1, `b` where it is 0; both must be finite, for they are blended."""
+    return where(condition, a, b)
+
+
 def vec(x: Value, y: Value, z: Value) -> Vector:
     """Vector from three scalars."""
     if all(isinstance(c, (int, float)) for c in (x, y, z)):
@@ -262,12 +278,12 @@ def normalize(v: Vector) -> Any:
     return vector_node("NORMALIZE", v)
 
 
-def image_tap(image: Any, u: Value, v: Value, interpolation: str) -> tuple[Vector, Scalar]:
-    """Colour and alpha of an image at (u, v); interpolation "Closest", "Linear" or "Cubic", edges extended."""
+def image_tap(image: Any, u: Value, v: Value, interpolation: str, extension: str = "EXTEND") -> tuple[Vector, Scalar]:
+    """Colour and alpha of an image at (u, v); interpolation "Closest", "Linear" or "Cubic"; "EXTEND" or "REPEAT"."""
+    # Always a node: an image node takes an input without a link as "wherever the object's UVs are".
+    at = Vector(node("ShaderNodeCombineXYZ", {}, {0: u, 1: v, 2: 0.0}).outputs[0])
     made = node(
-        "ShaderNodeTexImage",
-        {"image": image, "interpolation": interpolation, "extension": "EXTEND"},
-        {0: vec(u, v, 0.0)},
+        "ShaderNodeTexImage", {"image": image, "interpolation": interpolation, "extension": extension}, {0: at}
     )
     return Vector(made.outputs["Color"]), Scalar(made.outputs["Alpha"])
 

@@ -85,6 +85,11 @@ def _value(socket: Any, kind: str) -> Any:
     return expr.Vector(socket) if kind == "vector" else expr.Scalar(socket)
 
 
+def is_measured_tree(tree: Any) -> bool:
+    """Whether a material's tree holds a group made here."""
+    return any(n.bl_idname == "ShaderNodeGroup" and n.node_tree and HASH_KEY in n.node_tree for n in tree.nodes)
+
+
 def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
     """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks."""
     order = {node.name: i for i, node in enumerate(tree.nodes)}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -13,9 +15,9 @@ from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import grid_of, sampler_layout_of, sampler_of, scale_of
 from . import compat
-from .alias_sampler_group import alias_sampler_group
+from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .group import HASH_KEY, content_hash
-from .stochastic_mirror_group import reference_group
+from .reference_group import reference_group
 from .table_lookup_group import table_lookup_group
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
@@ -23,6 +25,7 @@ from .table_lookup_group import table_lookup_group
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
+_VIEWPORT_KEY = "measured_materials_viewport"
 
 
 def build_material(
@@ -32,6 +35,7 @@ def build_material(
     filter: str | None = None,
     stochastic: bool = True,
     pack: bool = False,
+    lamps: bpy.types.Image | None = None,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle, in Reference mode (mirror only).
 
@@ -41,6 +45,7 @@ def build_material(
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among theta_o slices at random instead of blending them (unbiased, fewer taps)
     pack : store the textures inside the .blend
+    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
 
     Raises
     ------
@@ -49,15 +54,20 @@ def build_material(
     where = bundle.path / "material.json"
     if bundle.material.get("kind") != "brdf":
         raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a BRDF", "update the extension")
+    return build_from(bundle, material, lambda name: _measured_group(bundle, name, filter, stochastic, pack, lamps))
+
+
+def build_from(
+    bundle: Bundle, material: bpy.types.Material | None, make_group: Callable[[str], bpy.types.ShaderNodeTree]
+) -> bpy.types.Material:
+    """A material of the group that `make_group` builds under a name; what a failure has made is removed."""
+    where = bundle.path / "material.json"
     compat.ensure_cycles()
-    name = _safe_name(require(require(bundle.material, "source", dict, where), "name", str, where))
-    albedo = _normal_albedo(bundle)
-    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    bundle.load("table")
-    sampler_of(bundle)
+    name = safe_name(require(require(bundle.material, "source", dict, where), "name", str, where))
+    albedo = normal_albedo(bundle)
     before = {*bpy.data.images, *bpy.data.node_groups}
     try:
-        group = _measured_group(bundle, name, filter, stochastic, pack)
+        group = make_group(name)
         material = bpy.data.materials.new(name) if material is None else material
         assemble(material, group, albedo)
     except Exception:
@@ -69,10 +79,27 @@ def build_material(
 
 
 def _measured_group(
-    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool
+    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
 ) -> bpy.types.ShaderNodeTree:
-    """The group of this bundle's BRDF, its textures loaded."""
+    groups = table_groups(bundle, name, filter, stochastic, pack)
+    return reference_group(f"Measured {name}", groups.lookup, groups.sampler, groups.density, lamps)
+
+
+@dataclass(frozen=True)
+class TableGroups:
+    """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf."""
+
+    lookup: bpy.types.ShaderNodeTree
+    sampler: bpy.types.ShaderNodeTree
+    density: bpy.types.ShaderNodeTree
+
+
+def table_groups(bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool) -> TableGroups:
+    """Groups of this bundle's BRDF, their textures loaded. Raises BakeError."""
     where = bundle.path / "material.json"
+    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
+    bundle.load("table")
+    sampler_of(bundle)
     grid, layout, scale = grid_of(bundle), sampler_layout_of(bundle), 1 / scale_of(bundle)
     table = require(bundle.material, "table", dict, where)
     if filter is None:
@@ -82,10 +109,10 @@ def _measured_group(
     lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic)
     cells = load_data_image(bundle.image_path("sampler"), f"{name} sampler", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
-    return reference_group(f"Measured {name}", lookup, sampler)
+    return TableGroups(lookup, sampler, alias_pdf_group(f"MM Sampler Density {name}", cells, layout))
 
 
-def _safe_name(name: str) -> str:
+def safe_name(name: str) -> str:
     """A name for data-blocks: printable, and short enough for Blender to add a suffix."""
     printable = "".join(c if c.isprintable() else "_" for c in name.encode("utf-8", "replace").decode("utf-8"))
     return printable[:40] or "measured"
@@ -112,19 +139,24 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
 
 
 def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float]) -> None:
-    """Output <- group <- normal; EEVEE, which cannot follow the mirror, gets a stand-in of the same albedo.
+    """Output <- group <- normal and, where it has them, texture coordinates.
 
+    EEVEE, which cannot follow the mirror, gets the group's own "EEVEE" output or a stand-in of the same albedo.
     In a material that has such a group already, the group is exchanged and everything else stays: links to Normal and
     Tint, and whatever else an artist has added.
     """
     tree = compat.node_tree(material)
-    nodes = [n for n in tree.nodes if n.get(_NODE_KEY)] or [_fresh_tree(tree, albedo)]
+    lookup = any(item.name == "EEVEE" for item in group.interface.items_tree)
+    nodes = [n for n in tree.nodes if n.get(_NODE_KEY)] or [_fresh_tree(tree, None if lookup else albedo)]
     previous = {n.node_tree for n in nodes if n.node_tree and n.node_tree != group}
     for node in nodes:
         _exchange(tree, node, group)
     output = next((n for n in tree.nodes if n.get(_OUTPUT_KEY)), None)
     if output is not None and not output.inputs["Surface"].is_linked:
         tree.links.new(nodes[0].outputs["BSDF"], output.inputs["Surface"])
+    viewport = next((n for n in tree.nodes if n.get(_VIEWPORT_KEY)), None)
+    if viewport is not None and "EEVEE" in nodes[0].outputs and not viewport.inputs["Surface"].is_linked:
+        tree.links.new(nodes[0].outputs["EEVEE"], viewport.inputs["Surface"])
     for old in previous:
         # A group that an artist has worked in is left in the file, for its work to be taken over.
         if old.get(HASH_KEY) == content_hash(old):
@@ -157,11 +189,11 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
         for socket in sockets if name in node.outputs else ():
             tree.links.new(node.outputs[name], socket)
     if fresh:
-        _connect_normal(tree, node)
+        _connect_inputs(tree, node)
 
 
-def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float]) -> bpy.types.Node:
-    """Empty the tree, make its outputs and the stand-in, and return the node that is to hold the group."""
+def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float] | None) -> bpy.types.Node:
+    """Empty the tree, make its outputs and any stand-in, and return the node that is to hold the group."""
     tree.nodes.clear()
     node = tree.nodes.new("ShaderNodeGroup")
     node[_NODE_KEY] = True
@@ -169,20 +201,30 @@ def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, floa
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     output[_OUTPUT_KEY] = True
     output.target, output.location = "CYCLES", (340, 200)
-    stand_in = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    stand_in.label, stand_in.location = "EEVEE stand-in", (0, 0)
-    stand_in.inputs["Base Color"].default_value = (*albedo, 1)
     preview = tree.nodes.new("ShaderNodeOutputMaterial")
+    preview[_VIEWPORT_KEY] = True
     preview.target, preview.location = "EEVEE", (340, 0)
-    tree.links.new(stand_in.outputs[0], preview.inputs["Surface"])
+    if albedo is not None:
+        stand_in = tree.nodes.new("ShaderNodeBsdfPrincipled")
+        stand_in.label, stand_in.location = "EEVEE stand-in", (0, 0)
+        stand_in.inputs["Base Color"].default_value = (*albedo, 1)
+        tree.links.new(stand_in.outputs[0], preview.inputs["Surface"])
     return node
 
 
-def _connect_normal(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
+def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
     geometry.location = (-220, 200)
     tree.links.new(geometry.outputs["Normal"], node.inputs["Normal"])
     node.inputs["Tint"].default_value = (1, 1, 1)
+    if "Light Level" in node.inputs:
+        node.inputs["Light Level"].default_value = 1
+    if "UV" in node.inputs:
+        coordinates, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
+        coordinates.location, mapping.location = (-420, -60), (-220, -60)
+        mapping.label = "Swatch size and rotation"
+        tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
+        tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
 
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:
@@ -199,7 +241,7 @@ def remove_unused(group: bpy.types.ShaderNodeTree) -> None:
             bpy.data.images.remove(image)
 
 
-def _normal_albedo(bundle: Bundle) -> tuple[float, float, float]:
+def normal_albedo(bundle: Bundle) -> tuple[float, float, float]:
     """Measured albedo at normal incidence, in [0, 1]."""
     where = bundle.path / "material.json"
     albedo = require(bundle.material, "albedo", dict, where)

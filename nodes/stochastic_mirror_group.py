@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 
 from . import expr
-from .group import call, node_group
-from .local_frame_group import to_world, viewer_frame_group
+from .group import node_group
 
 
 def random_numbers() -> tuple[Any, ...]:
@@ -31,6 +30,19 @@ def random_numbers_group() -> bpy.types.ShaderNodeTree:
     return node_group("MM Random Numbers", {}, names, random_numbers)
 
 
+def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
+    """Three more, for materials that aim at lamps."""
+
+    def numbers() -> tuple[Any, ...]:
+        geometry = expr.node("ShaderNodeNewGeometry", {}, {})
+        incoming = expr.Vector(geometry.outputs["Incoming"])
+        return expr.white_noise(
+            expr.Vector(geometry.outputs["Position"]), expr.dot(incoming, expr.vec(5.17, 1.31, 8.93)) + 31.0
+        )
+
+    return node_group("MM More Random Numbers", {}, {f"Random {k}": "float" for k in range(7, 10)}, numbers)
+
+
 def mirror_closure(wi_world: Any, incoming: Any, weight: Any) -> Any:
     """Glossy closure of roughness 0 that sends the path along wi with this weight (f cos / pdf)."""
     half = expr.normalize(wi_world + incoming)
@@ -40,23 +52,3 @@ def mirror_closure(wi_world: Any, incoming: Any, weight: Any) -> Any:
         {"Color": weight, "Roughness": 0.0, "Normal": half},
     )
     return expr.Scalar(made.outputs[0])
-
-
-def reference_group(
-    name: str, lookup: bpy.types.ShaderNodeTree, sampler: bpy.types.ShaderNodeTree
-) -> bpy.types.ShaderNodeTree:
-    """(Normal, Tint) to a shader: the tabulated BRDF, mirror only."""
-
-    def build(normal: Any, tint: Any) -> Any:
-        geometry = expr.node("ShaderNodeNewGeometry", {}, {})
-        incoming = expr.Vector(geometry.outputs["Incoming"])
-        u = call(random_numbers_group())
-        wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
-        wi, pdf = call(sampler, wo, *u[:4])
-        cosine = expr.components(wi)[2]
-        # Below the horizon nothing is reflected: the closure vanishes and Cycles drops it.
-        gain = expr.divide(expr.maximum(cosine, 0.0), pdf)
-        weight = expr.scale(call(lookup, wi, wo, u[4]), gain) * tint
-        return mirror_closure(to_world(wi, tangent, bitangent, normal), incoming, weight)
-
-    return node_group(name, {"Normal": "vector", "Tint": "vector"}, {"BSDF": "shader"}, build)

@@ -70,6 +70,20 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
     assert {file.name for file in path.iterdir()} == names
 
 
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_byte_images_of_a_shading_map(tmp_path: Path, channels: int) -> None:
+    pixels = RNG.random((5, 7, channels)).astype(np.float32)
+    images = {name: StoredImage(pixels, Storage.BYTE) for name in ("slices", "power", "coefficients")}
+    path = write_bundle(tmp_path / "cloth", {}, images, PREVIEW, kind="shading_map")
+    found = read_bundle(path)
+    for name in images:
+        np.testing.assert_array_equal(found.load(name), quantize(pixels, Storage.BYTE))
+    assert found.material["images"]["power"]["channels"] == channels and found.preview == path / "preview.png"
+    (path / "power.png").write_bytes((path / "preview.png").read_bytes())
+    with pytest.raises(BakeError, match=r"power\.png: has (width|height|channels) "):
+        read_bundle(path)
+
+
 def test_equal_input_makes_equal_bundles(tmp_path: Path) -> None:
     first, second = write(tmp_path / "a"), write(tmp_path / "b")
     for file in first.iterdir():
@@ -206,13 +220,15 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
         (table(file="/etc/passwd"), "'file' is '/etc/passwd'"),
         (table(file="sampler.exr"), "'file' is 'sampler.exr'"),
         (table(file="table.hdr"), "'file' is 'table.hdr'"),
-        (table(storage="double"), "'storage' is 'double', not one of float32, half, rgbe"),
+        (table(storage="double"), "'storage' is 'double', not one of float32, half, rgbe, byte"),
         (table(storage="float32"), "has storage half, but material.json says float32"),
         (table(width=11), "has width 10, but material.json says 11"),
         (table(width=0), "'width' is 0, below 1"),
         (table(width=10.0), "'width' is not a whole number"),
         (table(width=10**400), "'width' is a huge number, above 16777216"),
         (table(width=1 << 20, height=1 << 20), "declares more than 1024 MiB"),
+        (table(storage="byte"), "'file' is 'table.exr', not one of table.png"),
+        (table(storage="byte", file="table.png"), "table.png: is missing"),
         (table(channels=2), "'channels' is 2, not one of 1, 3, 4"),
         (table(channels=4), "has channels 3, but material.json says 4"),
         (table(sha256="f" * 63), "length of 'sha256' is 63, below 64"),

@@ -14,12 +14,13 @@ from hypothesis.extra import numpy as hnp
 from measured_materials.bake.image_io import read_image, write_image
 from measured_materials.bake.storage import Storage, quantize, scale_for
 
-LARGEST = {"float32": float(np.finfo(np.float32).max), "half": 65504.0, "rgbe": 1.69e38}
+LARGEST = {"float32": float(np.finfo(np.float32).max), "half": 65504.0, "rgbe": 1.69e38, "byte": 1.0}
+NEVER_NEGATIVE = {Storage.RGBE, Storage.BYTE}
 
 
 def images(storage: Storage) -> st.SearchStrategy[np.ndarray]:
     bound = float(np.float32(LARGEST[storage]))
-    low = 0.0 if storage == "rgbe" else -bound
+    low = 0.0 if storage in NEVER_NEGATIVE else -bound
     shape = st.tuples(st.integers(1, 4), st.integers(1, 12), st.just(3))
     return hnp.arrays(np.float32, shape, elements=st.floats(low, bound, width=32))
 
@@ -73,6 +74,9 @@ def test_rgbe_flushes_the_darkest() -> None:
         ("half", 1e39, "overflow half"),
         ("rgbe", 1.75e38, "overflow rgbe"),
         ("rgbe", -1e-30, "negative"),
+        ("byte", 1.0000002, "above 1 overflow byte"),
+        ("byte", -1e-30, "negative"),
+        ("byte", np.nan, "not finite"),
     ],
 )
 def test_what_cannot_be_stored_is_an_error(storage: str, value: float, word: str) -> None:
@@ -85,7 +89,16 @@ def test_rgbe_needs_three_channels() -> None:
         quantize(np.ones((2, 2, 4)), Storage.RGBE)
 
 
-@pytest.mark.parametrize("storage", Storage)
+def test_byte_is_the_nearest_of_256_steps() -> None:
+    pixels = np.linspace(0, 1, 100_001, dtype=np.float32)
+    stored = quantize(pixels, Storage.BYTE)
+    assert len(np.unique(stored)) == 256 and (stored[0], stored[-1]) == (0, 1)
+    # Half a step; the sums of float32 numbers near 1 add 2^-24 each.
+    assert np.abs(stored - pixels).max() <= 0.5 / 255 + 2.0**-23
+    assert np.rint(stored * 255).max() == 255
+
+
+@pytest.mark.parametrize("storage", [storage for storage in Storage if storage != "byte"])
 @settings(max_examples=200, deadline=None)
 @given(data=st.data())
 def test_scale_fits_and_keeps_precision(storage: Storage, data: st.DataObject) -> None:
@@ -107,6 +120,17 @@ def test_scale_fits_and_keeps_precision(storage: Storage, data: st.DataObject) -
             quantize(scaled * 2, storage)
 
 
+@settings(max_examples=300, deadline=None)
+@given(pixels=hnp.arrays(np.float32, 5, elements=st.floats(0, 2.0**126, width=32)))
+def test_byte_scale_brings_the_largest_to_1(pixels: np.ndarray) -> None:
+    scale = scale_for(pixels, Storage.BYTE)
+    assert scale == np.float32(scale) and 2.0**-126 <= scale <= 2.0**126
+    stored = quantize(pixels * np.float32(scale), Storage.BYTE)  # does not overflow
+    quantize(pixels.astype(np.float64) * scale, Storage.BYTE)
+    if pixels.max() >= 2.0**-126:
+        assert stored.max() == 1
+
+
 @pytest.mark.parametrize(
     "values, storage, scale",
     [
@@ -119,6 +143,10 @@ def test_scale_fits_and_keeps_precision(storage: Storage, data: st.DataObject) -
         ([1e6, 1e-9, -1.0], "float32", 1.0),
         ([1e6, 1e-9, 1.0], "rgbe", 1.0),
         ([1e-35, 0.0, 0.0], "rgbe", 2.0**11),
+        ([0.0, 0.0, 0.0], "byte", 1.0),
+        ([1.0, 1e-9, 0.5], "byte", 1.0),
+        ([4.0, 1e-9, 0.0], "byte", 0.25),
+        ([0.8, 0.5, 0.0], "byte", 1.25),
     ],
 )
 def test_scales(values: list[float], storage: str, scale: float) -> None:
@@ -142,15 +170,18 @@ def test_no_scale_for_what_is_not_finite(bad: float) -> None:
 
 
 def test_bytes_per_texel() -> None:
-    assert [s.file_bytes(3) for s in Storage] == [12, 6, 4]
+    assert [s.file_bytes(3) for s in Storage] == [12, 6, 4, 3]
+    assert [s.file_bytes(1) for s in Storage] == [4, 2, 4, 1]
     # As Cycles 4.5 states them in its image statistics for files, and for images packed into the .blend.
-    assert [s.render_bytes(3) for s in Storage] == [16, 8, 16]
-    assert [s.render_bytes(4) for s in (Storage.FLOAT32, Storage.HALF)] == [16, 8]
-    assert [s.render_bytes(1) for s in (Storage.FLOAT32, Storage.HALF)] == [4, 2]
-    assert {s.render_bytes(c, packed=True) for s in Storage for c in (1, 3, 4)} == {16}
+    assert [s.render_bytes(3) for s in Storage] == [16, 8, 16, 4]
+    assert [s.render_bytes(4) for s in (Storage.FLOAT32, Storage.HALF, Storage.BYTE)] == [16, 8, 4]
+    assert [s.render_bytes(1) for s in (Storage.FLOAT32, Storage.HALF, Storage.BYTE)] == [4, 2, 1]
+    floats = [s for s in Storage if s != "byte"]
+    assert {s.render_bytes(c, packed=True) for s in floats for c in (1, 3, 4)} == {16}
+    assert {Storage.BYTE.render_bytes(c, packed=True) for c in (1, 3, 4)} == {4}
 
 
 def test_storage_is_its_own_name() -> None:
     assert Storage("half") is Storage.HALF and Storage.HALF == "half"
     assert json.dumps(Storage.RGBE) == '"rgbe"'
-    assert [s.suffix for s in Storage] == [".exr", ".exr", ".hdr"]
+    assert [s.suffix for s in Storage] == [".exr", ".exr", ".hdr", ".png"]

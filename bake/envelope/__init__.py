@@ -1,0 +1,24 @@
+"""Envelopes: native Cycles closures under a measured BRDF, and what they leave (DESIGN.md section 5)."""
+
+from .closures import BASIS, closure_values
+from .fit import EnvelopeFit, EnvelopeSettings, fit_envelope
+from .residual import ResidualSource, reconstruction_errors, residual_source, residual_table
+from .texture import fit_from_image, guarded_share, mirror_probability, pack_weights, texture_coordinate, unpack_weights
+
+__all__ = [
+    "BASIS",
+    "EnvelopeFit",
+    "EnvelopeSettings",
+    "ResidualSource",
+    "closure_values",
+    "fit_envelope",
+    "fit_from_image",
+    "guarded_share",
+    "mirror_probability",
+    "pack_weights",
+    "reconstruction_errors",
+    "residual_source",
+    "residual_table",
+    "texture_coordinate",
+    "unpack_weights",
+]

@@ -1,0 +1,210 @@
+"""An envelope E under a measured f cos: a sum of native closures whose weights depend on theta_o (DESIGN.md section 5).
+
+    f cos(theta_i) = E + R,   E = sum_k w_k(theta_o) c_k,   w >= 0,   R = max(f cos - E, 0).
+
+The weights are linear between nodes evenly spaced in the chord v = sqrt(1 - cos theta_o). Each node's weights solve a
+linear programme that binds them half-way to its neighbours too; then E is verified on a denser set of viewers and
+lights, and lowered where it is still too high.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BakeError
+from ..shading.lobes import Lobe
+from ..source import Array, BrdfSource
+from ..table import TreatedSource
+from .choice import Choice, choose
+from .closures import BASIS, check_basis, closure_values
+from .linear_program import solve
+from .verification import lowered, measured, residual_shares
+from .views import Views, chord_of, interpolated, sample_views
+
+Progress = Callable[[float], None]
+
+_N_H, _N_PHI = 28, 16
+_TOLERANCE = 1e-7
+_PLANNED = 0.8  # part of the budget that is spent; what falls between the directions takes up to the rest
+# Weights of a node's own view and the two half-way to its neighbours in its budget.
+_OWN, _HALFWAY = 0.5, 0.25
+_DARK = 1e-9  # of the largest albedo: what reflects less is black
+MOST_NODES = 1024
+
+
+@dataclass(frozen=True)
+class EnvelopeSettings:
+    """How close and how rich an envelope is to be.
+
+    Parameters
+    ----------
+    budget : the most that E may exceed f cos by, integrated, as a share of the energy at each theta_o and channel. A
+        stated bias: measurements are noisy, and an envelope under every dip of the noise carries little
+    price : what each unit of that must buy in energy carried, or it is not spent
+    most : closures
+    enough : share of what the whole basis carries that ends the choice earlier
+    nodes : in theta_o
+    basis : closures to choose from
+    """
+
+    budget: float = 1e-3
+    price: float = 10.0
+    most: int = 3
+    enough: float = 0.97
+    nodes: int = 64
+    basis: tuple[Lobe, ...] = BASIS
+
+    def __post_init__(self) -> None:
+        _check("budget", self.budget, 0, 0.1)
+        _check("price", self.price, 0, 1e6)
+        _check("closures", self.most, 1, 12, whole=True)
+        _check("share of the basis", self.enough, 0.01, 1)
+        _check("nodes", self.nodes, 4, MOST_NODES, whole=True)
+        check_basis(self.basis)
+
+
+def _check(name: str, value: Any, low: float, high: float, whole: bool = False) -> None:
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    if isinstance(value, bool) or not isinstance(value, kinds) or not low <= value <= high:
+        kind = "a whole number" if whole else "a number"
+        raise BakeError(f"envelope {name}", f"cannot be {value!r}", f"give {kind} from {low:g} to {high:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class EnvelopeFit:
+    """A fitted envelope.
+
+    Attributes
+    ----------
+    closures : K native closures
+    weights : (n, K, 3) float32 >= 0 at the chords i / (n - 1), linear between them
+    residual_share : (n,) float32 in [0, 1], the part of all light at each node that the residual carries
+    measured : what `facts` adds to the closures: shares carried and overshoot, on directions not used for the fit
+    """
+
+    closures: tuple[Lobe, ...]
+    weights: NDArray[np.float32]
+    residual_share: NDArray[np.float32]
+    measured: dict[str, Any]
+
+    def weights_at(self, chords: Array) -> Array:
+        """(..., K, 3) at chords sqrt(1 - cos theta_o) in [0, 1]."""
+        return interpolated(self.weights, chords)
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """E / cos(theta_i) in 1/sr, (..., 3), of unit directions that broadcast; 0 on and below the horizon.
+
+        Finite at grazing light, since no closure is ever divided by the cosine.
+        """
+        wi, wo = np.broadcast_arrays(np.asarray(wi, np.float64), np.asarray(wo, np.float64))
+        weights = self.weights_at(chord_of(wo))
+        result = np.zeros(wi.shape)
+        for k, lobe in enumerate(self.closures):
+            result += lobe.value(wi, wo)[..., None] * weights[..., k, :]
+        result[wo[..., 2] <= 0] = 0
+        return result
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {
+            "closures": [lobe.facts() for lobe in self.closures],
+            "nodes": len(self.weights),
+            **self.measured,
+        }
+
+
+def fit_envelope(
+    source: BrdfSource | TreatedSource, settings: EnvelopeSettings | None = None, progress: Progress | None = None
+) -> EnvelopeFit:
+    """Choose closures and fit their weights; `progress` is called with the share done.
+
+    A source's negative values count as 0, and one that is not symmetric in phi_delta is averaged with its mirror
+    image, as in its table.
+
+    Raises
+    ------
+    BakeError : a setting out of range, or a source that is anisotropic, black or not finite
+    """
+    settings = settings or EnvelopeSettings()
+    say = progress or (lambda share: None)
+    treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
+    if not treated.source.isotropic:
+        raise BakeError(treated.name, "is anisotropic, and this envelope is isotropic", "fit an isotropic material")
+    views = sample_views(treated, np.linspace(0, 1, 2 * settings.nodes - 1), _N_H, _N_PHI)
+    if not np.isfinite(views.values).all() or not views.values.any():
+        raise BakeError(treated.name, "reflects nothing, or holds values that are not finite", "check the file")
+    say(0.1)
+    choice = choose(
+        treated,
+        settings.basis,
+        settings.most,
+        settings.enough,
+        _PLANNED * settings.budget,
+        settings.price,
+        lambda share: say(0.1 + 0.5 * share),
+    )
+    weights = node_weights(views, choice.closures, _PLANNED * settings.budget, settings.price)
+    say(0.75)
+    return _verified(treated, choice, weights, settings, say)
+
+
+def node_weights(views: Views, closures: Sequence[Lobe], budget: float, price: float) -> Array:
+    """Weights (n, K, 3) of the n nodes of 2 n - 1 views, every other of which lies half-way between two nodes.
+
+    Feasible weights of neighbouring nodes have feasible means, so the views half-way bind both neighbours.
+    """
+    energy = views.energy
+    lit = energy > _DARK * energy.max()
+    unit = np.where(lit, energy, 1.0)
+    own = np.arange(0, len(views.chords), 2)
+    rows, shares = [], []
+    for offset, share in ((0, _OWN), (-1, _HALFWAY), (1, _HALFWAY)):
+        index = own + offset
+        inside = (index >= 0) & (index < len(views.chords))
+        rows.append(np.clip(index, 0, len(views.chords) - 1))
+        shares.append(np.where(inside, share, 0.0))
+    share = np.array(shares) / np.sum(shares, 0)
+    values = closure_values(closures, views.wi, views.wo)
+    gains = np.einsum("vp,vpk->vk", views.areas, values)[own]
+    result = np.zeros((len(own), len(closures), 3))
+    for c in range(3):
+        columns = np.concatenate([values[r] / unit[r, c, None, None] for r in rows], 1)
+        bounds = np.concatenate([views.values[r, :, c] / unit[r, c, None] for r in rows], 1)
+        areas = np.concatenate([views.areas[r] * (w * lit[r, c])[:, None] for r, w in zip(rows, share)], 1)
+        worth = np.where(lit[own, c, None], gains / unit[own, c, None], 0)
+        result[..., c] = solve(columns, bounds, areas, worth, budget, price, _TOLERANCE).weights
+    return result
+
+
+def _verified(
+    source: TreatedSource, choice: Choice, weights: Array, settings: EnvelopeSettings, say: Progress
+) -> EnvelopeFit:
+    weights, factor = lowered(source, choice.closures, weights, _PLANNED * settings.budget)
+    say(0.9)
+    # Noise can leave a closure nothing at all.
+    used = weights.any((0, 2))
+    used[0] |= not used.any()
+    closures = tuple(lobe for lobe, kept in zip(choice.closures, used) if kept)
+    stored = _rounded_down(weights[:, used])
+    measures = measured(source, closures, stored)
+    share = residual_shares(source, closures, stored)
+    facts = {
+        "budget": float(settings.budget),
+        "price": float(settings.price),
+        "reach": round(choice.reach, 6),
+        "lowered_to": {"mean": round(float(factor.mean()), 6), "least": round(float(factor.min()), 6)},
+        **measures,
+    }
+    say(1.0)
+    return EnvelopeFit(closures, stored, share.astype(np.float32), facts)
+
+
+def _rounded_down(weights: Array) -> NDArray[np.float32]:
+    """float32 that is nowhere above float64."""
+    stored = weights.astype(np.float32)
+    return np.where(stored > weights, np.nextafter(stored, np.float32(0)), stored)

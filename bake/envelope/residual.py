@@ -1,0 +1,78 @@
+"""What an envelope leaves: a non-negative BRDF of its own, baked as its own table (DESIGN.md section 5).
+
+The shader adds E, which it evaluates exactly, and the residual's table R; it neither subtracts nor clamps. So E + R is
+free of the table's interpolation error wherever E carries the light, and one stochastic tap of R is unbiased.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..accuracy import DirectionPairs
+from ..source import Array, BrdfSource
+from ..table import BrdfTable, Filter, TableGrid, TreatedSource, tabulate
+from .fit import EnvelopeFit
+
+
+class ResidualSource:
+    """max(f - E / cos(theta_i), 0) as a source; the treatment of negative values and asymmetry is the table's."""
+
+    isotropic = bilateral = True
+
+    def __init__(self, source: BrdfSource | TreatedSource, fit: EnvelopeFit) -> None:
+        self.treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
+        self.fit, self.name = fit, f"{self.treated.name} residual"
+        self.facts: dict[str, Any] = {}
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF (..., 3) >= 0 in 1/sr, finite up to the horizon."""
+        wi, wo = np.broadcast_arrays(wi, wo)
+        rest: Array = np.maximum(self.treated.evaluate(wi, wo) - self.fit.evaluate(wi, wo), 0)
+        return rest
+
+
+def residual_source(source: BrdfSource | TreatedSource, fit: EnvelopeFit) -> BrdfSource:
+    """What is left of a source above an envelope."""
+    return ResidualSource(source, fit)
+
+
+def residual_table(
+    source: BrdfSource | TreatedSource,
+    fit: EnvelopeFit,
+    grid: TableGrid,
+    progress: Callable[[float], None] | None = None,
+) -> BrdfTable:
+    """The residual on a grid; `progress` is called with the share done."""
+    return tabulate(residual_source(source, fit), grid, progress)
+
+
+def reconstruction_errors(
+    source: BrdfSource | TreatedSource,
+    fit: EnvelopeFit,
+    residual: BrdfTable,
+    whole: BrdfTable,
+    pairs: DirectionPairs,
+    filter: Filter = "trilinear",
+) -> dict[str, Any]:
+    """How far E + interp(R), and interp(f), are from f at directions that no table holds; JSON-ready.
+
+    Returns
+    -------
+    "envelope_and_residual" and "table", each the RMS in 1/sr and the energy-relative error of `bake.accuracy`;
+    "closer": which of the two has the smaller RMS; and "rms_ratio", the former over the latter
+    """
+    treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
+    truth = treated.evaluate(pairs.wi, pairs.wo)
+    together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo, filter)
+    found = {
+        name: {"rms": pairs.rms(value - truth), "relative": pairs.relative_error(value - truth, truth)}
+        for name, value in (
+            ("envelope_and_residual", together),
+            ("table", whole.evaluate(pairs.wi, pairs.wo, filter)),
+        )
+    }
+    ratio = found["envelope_and_residual"]["rms"] / max(found["table"]["rms"], 1e-300)
+    return {**found, "closer": "envelope_and_residual" if ratio < 1 else "table", "rms_ratio": ratio}

@@ -1,0 +1,192 @@
+"""The light of each photograph, and the choice of one arc among many lights."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BakeError
+from .brackets import bracket_stem
+from .folder import list_names
+from .light_files import LightEntry, Vector, direction_in_name, read_lights
+
+_SAME = 1e-4
+"""Directions closer than this (rad) are one light."""
+_CANDIDATES = range(0, 360, 10)
+# A light that leans less than this beyond the zenith counts as overhead, on either side.
+_OVERHEAD = np.sin(np.radians(8))
+
+
+@dataclass
+class Lights:
+    """Photographs that stay, their unit directions (n, 3) or None, and what is to be told."""
+
+    paths: list[Path]
+    directions: NDArray[np.float64] | None
+    warnings: list[str] = field(default_factory=list)
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+def find_lights(paths: list[Path], given: Path | None, whole_folder: bool) -> Lights:
+    """Directions of photographs from a lights file, else from the file names.
+
+    Photographs without a light, or with one below the horizon, are left out with a warning. With `whole_folder`
+    lights without a photograph are told as well. Raises BakeError.
+    """
+    file = given or _in_folder(paths)
+    if file is None:
+        return _from_names(paths)
+    entries, warnings = read_lights(file)
+    lookup: dict[str, list[LightEntry]] = defaultdict(list)
+    for entry in entries:
+        lookup[PurePosixPath(entry.file).name.casefold()].append(entry)
+    directions = [_direction(file, path, lookup) for path in paths]
+    if all(direction is None for direction in directions):
+        cause = f"lists none of the photographs ({entries[0].file[:60]} ...)"
+        raise BakeError(file, cause, f"name them as they are, for example {paths[0].name}")
+    warnings += _doubled(file, lookup)
+    here = {name.casefold() for path in paths for name in _spellings(path)}
+    missing = [entry.file for entry in entries if PurePosixPath(entry.file).name.casefold() not in here]
+    if missing and whole_folder:
+        warnings.append(f"{file.name} lists photographs that are not here: {list_names(missing)}")
+    return _keep(file, paths, directions, warnings, {"source": file.name})
+
+
+def _in_folder(paths: list[Path]) -> Path | None:
+    folders = {path.parent for path in paths}
+    if len(folders) != 1:
+        return None
+    folder = folders.pop()
+    for place in (folder, folder.absolute().parent):
+        table = place / "lights.csv"
+        try:
+            files = [table] if table.is_file() else sorted(p for p in place.glob("*.[lL][pP]") if p.is_file())
+        except OSError:
+            files = []
+        if place != folder:  # only a file that speaks of this very folder
+            files = [file for file in files if _mentions(file, folder.absolute().name)]
+        if len(files) > 1:
+            raise BakeError(place, f"holds several light files ({list_names([f.name for f in files])})", "name one")
+        if files:
+            return files[0]
+    return None
+
+
+def _mentions(file: Path, folder: str) -> bool:
+    try:
+        return any(PurePosixPath(entry.file).parent.name == folder for entry in read_lights(file)[0])
+    except BakeError:
+        return False
+
+
+def _spellings(path: Path) -> list[str]:
+    """Names under which a lights file may list a photograph; a bracket may be listed once for all exposures."""
+    stem = bracket_stem(path.stem)
+    return list(dict.fromkeys([path.name, path.stem, stem + path.suffix, stem]))
+
+
+def _direction(file: Path, path: Path, lookup: dict[str, list[LightEntry]]) -> Vector | None:
+    for name in _spellings(path):
+        found = lookup.get(name.casefold())
+        if not found:
+            continue
+        # Of equal names in several folders the one of this photograph's folder counts.
+        near = [entry for entry in found if PurePosixPath(entry.file).parent.name in ("", path.absolute().parent.name)]
+        chosen = near or found
+        if any(_angle(entry.direction, chosen[0].direction) > _SAME for entry in chosen):
+            raise BakeError(file, f"gives {path.name} two different lights", "keep one line per photograph")
+        return chosen[0].direction
+    return None
+
+
+def _angle(a: Vector, b: Vector) -> float:
+    return float(np.linalg.norm(np.subtract(a, b)))
+
+
+def _doubled(file: Path, lookup: dict[str, list[LightEntry]]) -> list[str]:
+    names = [entry.file for found in lookup.values() for entry in found[1:] if entry.file == found[0].file]
+    return [f"{file.name} lists twice: {list_names(names)}"] if names else []
+
+
+def _from_names(paths: list[Path]) -> Lights:
+    directions = [direction_in_name(path.stem) for path in paths]
+    if sum(direction is not None for direction in directions) < 2:
+        return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
+    return _keep(paths[0].parent, paths, directions, [], {"source": "file names"})
+
+
+def _keep(
+    origin: Path, paths: list[Path], directions: list[Vector | None], warnings: list[str], facts: dict[str, Any]
+) -> Lights:
+    unknown = [path.name for path, direction in zip(paths, directions) if direction is None]
+    if unknown:
+        warnings.append(f"left out, without a light direction: {list_names(unknown)}")
+    below = [path.name for path, direction in zip(paths, directions) if direction is not None and direction[2] <= 1e-6]
+    if below:
+        warnings.append(f"left out, lit from below the horizon: {list_names(below)}")
+    kept = [(path, d) for path, d in zip(paths, directions) if d is not None and d[2] > 1e-6]
+    if not kept:
+        raise BakeError(origin, "every light lies below the horizon", "let z point from the swatch to the camera")
+    facts |= {"left_out": unknown + below}
+    return Lights([path for path, _ in kept], np.array([d for _, d in kept]), warnings, facts)
+
+
+def choose_arc(
+    origin: Path, lights: Lights, azimuth: float | None, spread: float, sides: Literal["one", "both"] | str = "one"
+) -> Lights:
+    """Keep the lights within `spread` degrees of one vertical plane, on one of its sides or on both.
+
+    Without an `azimuth` lights that already lie near one plane, and side, all stay; otherwise the candidate (every 10
+    degrees) with the most distinct elevations is taken and told in a warning. Raises BakeError.
+    """
+    if lights.directions is None:
+        if azimuth is None:
+            return lights
+        raise BakeError(origin, "an azimuth was asked for, but no light directions are known", "give a lights file")
+    if azimuth is None:
+        directions = lights.directions
+        chosen = float(max(_CANDIDATES, key=lambda a: _merit(directions, a, spread, sides)))
+    else:
+        chosen = azimuth
+    near = _near(lights.directions, chosen, spread, sides)
+    if near.sum() < 2:
+        cause = f"{int(near.sum())} of {len(near)} lights lie within {spread:g} degrees of azimuth {chosen:g}"
+        raise BakeError(origin, cause, "choose another azimuth, a larger spread, or both sides")
+    facts: dict[str, Any] = {"lights": len(near), "used": int(near.sum())}
+    warnings = list(lights.warnings)
+    if azimuth is not None or not near.all():
+        facts |= {"azimuth_deg": chosen, "spread_deg": spread, "sides": sides}
+        facts["chosen_by"] = "user" if azimuth is not None else "count"
+    if azimuth is None and not near.all():
+        warnings.append(
+            f"lights cover many azimuths: {int(near.sum())} of {len(near)} used, those within {spread:g} degrees "
+            f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations"
+        )
+    paths = [path for path, keep in zip(lights.paths, near) if keep]
+    return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts})
+
+
+def _near(directions: NDArray[np.float64], azimuth: float, spread: float, sides: str) -> NDArray[np.bool_]:
+    a = np.radians(azimuth)
+    near: NDArray[np.bool_] = _distance(directions, azimuth) <= np.radians(spread) + 1e-9
+    if sides == "one":
+        near &= directions @ [np.cos(a), np.sin(a), 0.0] >= -_OVERHEAD
+    return near
+
+
+def _distance(directions: NDArray[np.float64], azimuth: float) -> NDArray[np.float64]:
+    a = np.radians(azimuth)
+    return np.abs(np.arcsin(np.clip(directions @ [-np.sin(a), np.cos(a), 0.0], -1, 1)))
+
+
+def _merit(directions: NDArray[np.float64], azimuth: float, spread: float, sides: str) -> tuple[int, float]:
+    """Distinct elevations (to a degree) near the plane, then how near they lie."""
+    near = _near(directions, azimuth, spread, sides)
+    elevations = np.degrees(np.arcsin(np.clip(directions[near, 2], -1, 1)))
+    distance = float(_distance(directions[near], azimuth).mean()) if near.any() else 9.0
+    return len(np.unique(np.round(elevations))), -distance

@@ -1,0 +1,235 @@
+"""One photograph: its header and its pixels, read with OpenImageIO, or with numpy alone for EXR and HDR."""
+
+from __future__ import annotations
+
+import math
+import stat
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BakeError
+from ..image_io import load_openimageio, read_header, read_image
+
+MAX_PIXELS = 120_000_000
+"""Of one photograph; a header that declares more is refused before memory is taken."""
+
+FLOAT_FORMATS = "openexr", "hdr"
+FORMATS = ("jpeg", "png", "tiff", *FLOAT_FORMATS)
+IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".hdr"})
+_MAX_CHANNELS = 256
+_ORIENTATIONS = range(1, 9)
+_ISO_NAMES = "Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings", "Exif:ISOSpeed"
+# What libjpeg reports although every pixel is there.
+_HARMLESS = ("extraneous bytes before marker",)
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """What the camera noted; None where it noted nothing."""
+
+    seconds: float | None = None
+    f_number: float | None = None
+    iso: float | None = None
+
+
+@dataclass(frozen=True)
+class PhotoInfo:
+    """Header of a photograph; `channels` counts those of the file, `color_space` and `profile` are "" where unknown.
+
+    `orientation` is the Exif one, 1 to 8. `automatic_white` tells that the camera chose the white balance itself.
+    """
+
+    format: str
+    width: int
+    height: int
+    channels: int = 3
+    is_float: bool = False
+    color_space: str = ""
+    profile: str = ""
+    exposure: Exposure = Exposure()
+    orientation: int = 1
+    automatic_white: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """Header and pixels (H, W, 1 or 3) as stored: uint8 or uint16 codes, or float32; row 0 at the top."""
+
+    info: PhotoInfo
+    pixels: NDArray[Any]
+
+
+Decoder = Callable[[Path], Photograph]
+
+
+def read_info(path: Path, decoder: Decoder | None = None) -> PhotoInfo:
+    """Header of a photograph, checked against `MAX_PIXELS`. Raises BakeError."""
+    return _read(path, decoder, pixels=False).info
+
+
+def read_photograph(path: Path, decoder: Decoder | None = None) -> Photograph:
+    """A photograph; `decoder` reads it where neither OpenImageIO nor numpy can. Raises BakeError."""
+    return _read(path, decoder, pixels=True)
+
+
+def _read(path: Path, decoder: Decoder | None, pixels: bool) -> Photograph:
+    head = _head(path)
+    try:
+        if head.startswith(b"#?"):  # OpenImageIO does not divide the EXPOSURE of an .hdr out
+            return _plain(path, "hdr", pixels)
+        if oiio := load_openimageio():
+            return _with_openimageio(oiio, path, pixels)
+        if head == b"\x76\x2f\x31\x01":
+            return _plain(path, "openexr", pixels)
+        if decoder is not None:
+            return _decoded(path, decoder)
+    except MemoryError as error:
+        raise BakeError(path, "does not fit into memory", "use a smaller photograph") from error
+    raise BakeError(path, "cannot be read without OpenImageIO, which is not here", "save it as .exr or .hdr")
+
+
+def _head(path: Path) -> bytes:
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would block
+            raise BakeError(path, "is not a file", "give photographs or one folder of them")
+        with open(path, "rb") as stream:
+            head = stream.read(4)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise BakeError(path, f"cannot be read ({reason})", "check that the file exists and may be read") from error
+    if not head:
+        raise BakeError(path, "is empty", "copy it again from the camera")
+    return head
+
+
+def _check_size(path: Path, width: int, height: int, channels: int) -> None:
+    if width < 1 or height < 1 or not 1 <= channels <= _MAX_CHANNELS:
+        raise BakeError(path, f"declares {width} x {height} pixels of {channels} channels", "export it again")
+    if width * height > MAX_PIXELS:
+        cause = f"declares {width} x {height} pixels, more than {MAX_PIXELS / 1e6:g} megapixels"
+        raise BakeError(path, cause, "use a smaller photograph")
+
+
+def _plain(path: Path, kind: str, pixels: bool) -> Photograph:
+    header = read_header(path, MAX_PIXELS * 16)
+    _check_size(path, header.width, header.height, header.channels)
+    info = PhotoInfo(kind, header.width, header.height, header.channels, is_float=True, color_space="linear")
+    if not pixels:
+        return Photograph(info, np.zeros((0, 0, 3), np.float32))
+    values = read_image(path, MAX_PIXELS * 16)
+    return Photograph(info, values[..., : 3 if header.channels >= 3 else 1])
+
+
+def _decoded(path: Path, decoder: Decoder) -> Photograph:
+    try:
+        photo = decoder(path)
+    except BakeError:
+        raise
+    except (OSError, RuntimeError, ValueError, TypeError) as error:
+        raise BakeError(path, f"cannot be read ({_line(error)})", "export it again") from error
+    pixels = photo.pixels
+    if pixels.ndim != 3 or pixels.dtype not in (np.uint8, np.uint16, np.float32):
+        raise BakeError(path, f"was decoded to {pixels.dtype} of shape {pixels.shape}", "export it again")
+    _check_size(path, pixels.shape[1], pixels.shape[0], pixels.shape[2])
+    return Photograph(photo.info, pixels[..., : 3 if pixels.shape[2] >= 3 else 1])
+
+
+def _with_openimageio(oiio: ModuleType, path: Path, pixels: bool) -> Photograph:
+    try:
+        hints = oiio.ImageSpec()
+        hints.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
+        stream = oiio.ImageInput.open(str(path), hints)
+        if stream is None:
+            raise BakeError(path, f"is not an image ({_line(oiio.geterror())})", "export it again or take it out")
+        try:
+            spec = stream.spec()
+            _check_size(path, spec.width, spec.height, spec.nchannels)
+            info = _info(path, stream.format_name(), spec)
+            values = _pixels(oiio, path, stream, spec) if pixels else np.zeros((0, 0, 3), np.uint8)
+        finally:
+            stream.close()
+    except (RuntimeError, ValueError, TypeError) as error:  # ValueError: also a message that is not UTF-8
+        raise BakeError(path, f"cannot be read ({_line(error)})", "export it again") from error
+    return Photograph(info, values)
+
+
+def _line(message: object) -> str:
+    """First line of a library's message without the path, which the error names already."""
+    text = str(message).strip().splitlines()
+    return text[0].split(' ("')[0][:120] if text else "no reason given"
+
+
+def _pixels(oiio: ModuleType, path: Path, stream: Any, spec: Any) -> NDArray[Any]:
+    chosen = _color_channels(path, stream.format_name(), spec.channelnames)
+    kind = spec.format.basetype
+    if kind in (oiio.UINT8, oiio.UINT16):
+        wanted = kind
+    elif kind in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
+        wanted = oiio.FLOAT
+    else:
+        raise BakeError(path, f"holds {spec.format} values", "export it with 8 or 16 bits or as floating point")
+    first, last = min(chosen), max(chosen) + 1
+    values = stream.read_image(0, 0, first, last, wanted)
+    message = stream.geterror()
+    if values is None or (message and not any(harmless in message for harmless in _HARMLESS)):
+        raise BakeError(path, f"is damaged or cut short ({_line(message)})", "copy it again from the camera")
+    values = np.asarray(values)
+    if values.ndim == 2:
+        values = values[..., None]
+    if values.shape != (spec.height, spec.width, last - first):
+        raise BakeError(path, "has damaged or missing pixels", "copy it again from the camera")
+    picked = [channel - first for channel in chosen]
+    return values if picked == list(range(last - first)) else values[..., picked]
+
+
+def _color_channels(path: Path, kind: str, names: tuple[str, ...]) -> list[int]:
+    if kind != "openexr":
+        return [0, 1, 2] if len(names) >= 3 else [0]
+    if len(names) == 1:
+        return [0]
+    upper = [name.upper() for name in names]
+    for layer in dict.fromkeys(name.rpartition(".")[0] for name in upper):
+        wanted = [f"{layer}.{c}" if layer else c for c in "RGB"]
+        if all(name in upper for name in wanted):
+            return [upper.index(name) for name in wanted]
+    if "Y" in upper:
+        return [upper.index("Y")]
+    raise BakeError(path, f"has channels {', '.join(names[:8])}, not R, G and B", "export its colour as R, G, B")
+
+
+def _info(path: Path, kind: str, spec: Any) -> PhotoInfo:
+    if kind not in FORMATS:
+        raise BakeError(path, f"holds the format {kind}", "export it as JPEG, PNG, TIFF, EXR or HDR")
+    orientation = _positive(spec, "Orientation")
+    gamma = _positive(spec, "oiio:Gamma")
+    color_space = str(spec.getattribute("oiio:ColorSpace") or "")
+    if color_space.lower() == "gammacorrected" and gamma:
+        color_space = f"gamma{gamma:.4g}"
+    iso = next((value for name in _ISO_NAMES if (value := _positive(spec, name))), None)
+    return PhotoInfo(
+        format=kind,
+        width=spec.width,
+        height=spec.height,
+        channels=spec.nchannels,
+        is_float=str(spec.format) in ("half", "float", "double"),
+        color_space=color_space,
+        profile=str(spec.getattribute("ICCProfile:profile_description") or ""),
+        exposure=Exposure(_positive(spec, "ExposureTime"), _positive(spec, "FNumber"), iso),
+        orientation=int(orientation) if orientation and orientation in _ORIENTATIONS else 1,
+        automatic_white=spec.getattribute("Exif:WhiteBalance") == 0,
+    )
+
+
+def _positive(spec: Any, name: str) -> float | None:
+    value = spec.getattribute(name)
+    if isinstance(value, tuple | list) and value:
+        value = value[0]
+    if not isinstance(value, int | float) or not math.isfinite(value) or value <= 0:
+        return None
+    return float(value)

@@ -1,0 +1,194 @@
+"""Read a stack of photographs of a flat swatch: fixed view, light from several directions.
+
+KSS04 = Kautz, Sattler, Sarlette, Klein, Seidel 2004, "Decoupling BRDFs from Surface Mesostructures": such a stack,
+sorted by its average radiance, is the input of a shading map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BakeError
+from . import shifts
+from .calibration import calibrate_by_albedo, calibrate_by_card
+from .development import Counts, Development
+from .flat_field import FlatField
+from .folder import find_photographs
+from .frame import Placement
+from .lights import choose_arc, find_lights
+from .photograph import Decoder, read_info, read_photograph
+from .plan import Plan, plan_reading
+from .settings import StackSettings
+from .verdict import judge_brightness, shift_report
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoStack:
+    """Linear photographs of one swatch, one per light.
+
+    images : (n, H, W, 3), exposure divided out; f cos(theta_i) in 1/sr where `calibrated`, else relative
+    names : file name per image, joined by " + " where exposures were merged
+    directions : (n, 3) unit vectors to the light, x right, y up, z to the camera; None where not known
+    calibrated : whether a white card or an albedo fixed the scale
+    warnings : one line each, for the user
+    facts : JSON-ready account of what was read, assumed and corrected
+    """
+
+    images: NDArray[np.float32]
+    names: tuple[str, ...]
+    directions: NDArray[np.float64] | None
+    calibrated: bool
+    warnings: tuple[str, ...]
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+def read_stack(
+    source: Path | str | Sequence[Path | str],
+    settings: StackSettings | None = None,
+    progress: Progress | None = None,
+    decoder: Decoder | None = None,
+) -> PhotoStack:
+    """Photographs of a folder, or the given files, as a stack in natural order of their names.
+
+    Parameters
+    ----------
+    source : folder (its subfolders are not entered) or photographs: JPEG, PNG, TIFF, EXR, HDR
+    settings : see `StackSettings`
+    progress : called with the stage ("reading", "aligning") and its share done
+    decoder : reads a photograph where neither OpenImageIO nor numpy can; it must refuse a header above `MAX_PIXELS`
+
+    Raises
+    ------
+    BakeError : a file that is no image, damaged, too large or not finite; two sizes; fewer than two lights; all black
+        or all clipped; a crop or corner outside; unusable lights, exposures, card or flat field
+    """
+    settings = settings or StackSettings()
+    say = progress or (lambda stage, share: None)
+    say("reading", 0.0)
+    paths, warnings = find_photographs(source, (settings.lights, settings.flat_field))
+    origin = paths[0].parent
+    infos = {path: read_info(path, decoder) for path in paths}  # also of those left out: a broken file is never silent
+    lights = choose_arc(
+        origin,
+        find_lights(paths, settings.lights, isinstance(source, str | Path)),
+        settings.azimuth,
+        settings.spread,
+        settings.sides,
+    )
+    warnings += lights.warnings
+    plan = plan_reading(lights.paths, [infos[path] for path in lights.paths], lights.directions, settings)
+    warnings += plan.warnings
+    images, cards, counts, flat = _read_images(plan, settings, decoder, warnings, say)
+    names = plan.names
+    judgement = judge_brightness(origin, names, images, counts, warnings)
+
+    directions = plan.directions
+    aligned: dict[str, Any] = {"mode": settings.align}
+    border = (0, 0, 0, 0)
+    if settings.align != "off":
+        say("aligning", 0.0)
+        found = shifts.measure(images, directions)
+        aligned |= shift_report(names, found, settings.align == "auto", warnings)
+        if settings.align == "auto":
+            images, border = shifts.correct(images, found)
+        say("aligning", 1.0)
+    calibration = _calibrate(origin, names, images, cards, directions, settings)
+    if directions is not None and plan.placement.turn:
+        directions = _turned(directions, plan.placement.turn)
+    facts = {
+        **plan.facts,
+        "lights": lights.facts,
+        "frame": _frame_facts(plan, settings, images, border),
+        "flat_field": flat,
+        **judgement,
+        "alignment": aligned,
+        "calibration": calibration,
+    }
+    return PhotoStack(images, tuple(names), directions, bool(calibration["by"]), tuple(warnings), facts)
+
+
+def _read_images(
+    plan: Plan, settings: StackSettings, decoder: Decoder | None, warnings: list[str], say: Progress
+) -> tuple[NDArray[np.float32], NDArray[np.float64] | None, list[Counts], dict[str, Any] | None]:
+    """Images (n, H, W, 3), card means (n, 3), counts, facts of the flat field."""
+    placement, card = plan.placement, settings.white_card
+    flat = None
+    if settings.flat_field is not None:
+        flat = FlatField(settings.flat_field, settings.decode, plan.turn_upright, plan.size, decoder)
+    images = np.empty((len(plan.groups), placement.height, placement.width, 3), np.float32)
+    cards = np.zeros((len(plan.groups), 3))
+    counts, clipped_cards = [], []
+    for k, group in enumerate(plan.groups):
+        view = Development(
+            [plan.paths[i] for i in group],
+            [read_photograph(plan.paths[i], decoder) for i in group],
+            [plan.responses[i] for i in group],
+            [plan.exposures.relative[i] for i in group],
+            plan.turn_upright,
+        )
+        if view.size != plan.size:
+            raise BakeError(view.paths[0], "changed while it was read", "try again")
+        if len({plan.exposures.relative[i] for i in group}) < len(group):
+            view.check_repeats(placement.region)
+        images[k] = view.swatch(placement)
+        if card is not None:
+            cards[k], clipped = view.mean(card)
+            clipped_cards += [plan.names[k]] if clipped > 0.05 else []
+        if flat is not None:
+            gain, at_card = flat.gains(view.paths, placement, card)
+            images[k] /= gain
+            cards[k] /= 1 if at_card is None else at_card
+        counts.append(view.counts)
+        say("reading", (k + 1) / len(plan.groups))
+    if clipped_cards:
+        warnings.append(f"the white card is clipped, so its scale is too low a guess: {', '.join(clipped_cards[:8])}")
+    return images, None if card is None else cards, counts, None if flat is None else flat.facts
+
+
+def _calibrate(
+    origin: Path,
+    names: list[str],
+    images: NDArray[np.float32],
+    cards: NDArray[np.float64] | None,
+    directions: NDArray[np.float64] | None,
+    settings: StackSettings,
+) -> dict[str, Any]:
+    cosines = None if directions is None else directions[:, 2]
+    if cards is not None:
+        facts = calibrate_by_card(names, images, cards, cosines, settings.white_reflectance)
+    elif settings.albedo is not None:
+        facts = calibrate_by_albedo(images, cosines, settings.albedo)
+    else:
+        facts = {"by": "", "how": "none: values are relative"}
+    if not np.isfinite(images).all():
+        raise BakeError(origin, "cannot be calibrated: the scale is out of range", "check the card or the photographs")
+    return facts
+
+
+def _turned(directions: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+    """Directions in the frame of a swatch whose x axis stands at angle `turn` in the photograph."""
+    x, y, z = directions.T
+    return np.stack([x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn), z], axis=-1)
+
+
+def _frame_facts(
+    plan: Plan, settings: StackSettings, images: NDArray[np.float32], border: tuple[int, int, int, int]
+) -> dict[str, Any]:
+    placement: Placement = plan.placement
+    return {
+        "photograph": list(plan.size),
+        "crop": list(settings.crop) if settings.crop else None,
+        "corners": [list(corner) for corner in settings.corners] if settings.corners else None,
+        "turned_deg": round(float(np.degrees(placement.turn)), 3),
+        "pixels_per_texel": round(placement.scale, 4),
+        "border_cut": list(border),
+        "size": [images.shape[2], images.shape[1]],
+    }

@@ -1,0 +1,64 @@
+"""What is wrong with the photographs once they are read, told in single lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BakeError
+from .development import Counts
+from .folder import list_names
+from .shifts import Shifts
+
+_CLIPPED_WARNING = 0.05
+_CLIPPED_ERROR = 0.9
+_BLACK = 1e-20
+
+
+def judge_brightness(
+    origin: Path, names: list[str], images: NDArray[np.float32], counts: list[Counts], warnings: list[str]
+) -> dict[str, Any]:
+    """Facts about clipping, black and negative values. Raises BakeError where the whole stack is black or clipped."""
+    clipped = [count.clipped_share for count in counts]
+    if np.mean(clipped) > _CLIPPED_ERROR:
+        raise BakeError(origin, f"is clipped in {np.mean(clipped):.0%} of its pixels", "expose more shortly")
+    averages = images.mean(axis=(1, 2, 3), dtype=np.float64)
+    black = [name for name, average in zip(names, averages) if not average > _BLACK]
+    if len(black) == len(names):
+        raise BakeError(origin, "is entirely black", "check the exposure and the crop")
+    if black:
+        warnings.append(f"entirely black: {list_names(black)}")
+    warnings += [
+        f"{name} is clipped in {share:.0%} of its pixels, which makes highlights too dark"
+        for name, share in zip(names, clipped)
+        if share > _CLIPPED_WARNING
+    ]
+    negative = {name: count.negative for name, count in zip(names, counts) if count.negative}
+    if negative:
+        total = sum(negative.values())
+        warnings.append(f"{total} negative values were set to 0 in {list_names(list(negative))}")
+    return {"clipped_share": [round(share, 6) for share in clipped], "negative_values": negative}
+
+
+def shift_report(names: list[str], found: Shifts, corrects: bool, warnings: list[str]) -> dict[str, Any]:
+    """Facts about the camera's movement, texels; what moved is told in a warning."""
+    near = found.moved & ~found.too_far
+    if near.any():
+        size = np.hypot(*found.displacement[near].T).max()
+        done = "moved back" if corrects else "not corrected"
+        moved = list_names([names[k] for k in np.flatnonzero(near)])
+        warnings.append(f"the camera moved by up to {size:.2f} texels, {done}: {moved}")
+    for k in np.flatnonzero(found.too_far):
+        x, y = found.displacement[k]
+        warnings.append(f"{names[k]} is displaced by {x:.0f}, {y:.0f} texels, too far to correct: take it again or out")
+    return {
+        "displacement": [
+            None if np.isnan(x) else [round(float(x), 3), round(float(y), 3)] for x, y in found.displacement
+        ],
+        "uncertainty": [None if np.isnan(value) else round(float(value), 3) for value in found.uncertain],
+        "corrected": [bool(value) and corrects for value in near],
+        "unmeasured": [name for name, shift in zip(names, found.displacement) if np.isnan(shift[0])],
+    }

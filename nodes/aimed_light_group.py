@@ -1,0 +1,75 @@
+"""Node group: aim at the scene's lamps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..bake.light_sampling import TEXELS, aim_at, density_towards, draw_towards, expected_light
+from . import expr
+from .group import node_group
+
+NAME = "MM Aim"
+# Lamps that are aimed at; each adds about 70 nodes.
+MAX_SLOTS = 4
+
+
+def aimed_light_group(lamps: bpy.types.Image, slots: int = 1) -> bpy.types.ShaderNodeTree:
+    """Exchange a drawn direction for one towards a lamp, now and then; world space.
+
+    (Position, Normal, wi, four random numbers) to (wi, Aimed, Rest): for the direction returned, Aimed is the density
+    of having aimed there, and Rest the probability of not aiming from here at all. Of a sampler of density p, the whole
+    density is then Aimed + Rest p.
+
+    Parameters
+    ----------
+    lamps : the table of `bake.light_sampling.lamp_table`, one lamp a row from the top
+    slots : lamps to aim at, the first of the table
+    """
+    columns, rows = lamps.size[0], lamps.size[1]
+    if columns != TEXELS or not 1 <= slots <= min(MAX_SLOTS, rows):
+        raise ValueError(
+            f"{slots} lamps of {columns} texels; a lamp has {TEXELS}, and at most {MAX_SLOTS} are aimed at"
+        )
+
+    def texel(index: Any, column: int) -> tuple[Any, Any]:
+        v = 1 - (index + 0.5) * (1 / rows)
+        return expr.image_tap(lamps, (column + 0.5) / TEXELS, v, "Closest")
+
+    def aim_and_power(index: Any, position: Any) -> tuple[Any, Any]:
+        (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(index, k) for k in range(4))
+        return aim_at(expr, position, centre, kind, u, v, axis, fourth), power
+
+    def build(position: Any, normal: Any, wi: Any, u_lamp: Any, u_aim: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
+        seen = [aim_and_power(float(k), position) for k in range(slots)]
+        light = [expected_light(expr, aim, normal, power) for aim, power in seen]
+        total = sum(light[1:], start=light[0])
+        sky, largest, _ = expr.components(texel(0.0, 4)[0])
+        share = expr.minimum(expr.divide(total, total + sky), largest)
+        # Which lamp: how many of the running sums the number has passed.
+        threshold, passed, index = u_lamp * total, light[0], 0.0
+        for part in light[1:]:
+            index = (threshold > passed) + index
+            passed = passed + part
+        target = seen[0][0] if slots == 1 else aim_and_power(index, position)[0]
+        aimed = u_aim < share
+        chosen = expr.where_vector(aimed, draw_towards(expr, target, u1, u2), wi)
+        density = 0.0
+        for k, ((aim, _), part) in enumerate(zip(seen, light)):
+            here = aimed if slots == 1 else aimed * (_same(index, k))
+            density = density_towards(expr, aim, chosen, here) * part + density
+        return chosen, expr.divide(density * share, total), 1 - share
+
+    numbers = dict.fromkeys(("Random Lamp", "Random Aim", "Random 1", "Random 2"), "float")
+    return node_group(
+        NAME,
+        {"Position": "vector", "Normal": "vector", "wi": "vector", **numbers},
+        {"wi": "vector", "Aimed": "float", "Rest": "float"},
+        build,
+    )
+
+
+def _same(index: Any, k: int) -> Any:
+    """1 where the whole number `index` is k, else 0."""
+    return (index > k - 0.5) * (index < k + 0.5)

@@ -1,0 +1,63 @@
+"""One light direction for this sample, drawn from the material or towards a lamp, with its whole density."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from . import expr
+from .aimed_light_group import aimed_light_group
+from .group import call
+from .local_frame_group import to_world, viewer_frame_group
+from .stochastic_mirror_group import more_random_numbers_group, random_numbers_group
+
+
+@dataclass(frozen=True)
+class DrawnDirection:
+    """`wi` and `wo` local, `wi_world` and `incoming` not; `pdf` of wi; `random` two numbers that nothing has used."""
+
+    wi: Any
+    wo: Any
+    wi_world: Any
+    incoming: Any
+    pdf: Any
+    random: tuple[Any, Any]
+
+    @property
+    def cosine(self) -> Any:
+        """cos(theta_i), 0 below the horizon: nothing is reflected there, and Cycles drops a closure of weight 0."""
+        return expr.maximum(expr.components(self.wi)[2], 0.0)
+
+
+def drawn_direction(
+    normal: Any,
+    sample: Callable[..., tuple[Any, Any]],
+    density: Callable[[Any, Any], Any],
+    lamps: bpy.types.Image | None = None,
+) -> DrawnDirection:
+    """Draw a direction.
+
+    Parameters
+    ----------
+    normal : shading normal, world
+    sample : (wo, four random numbers) to local (wi, pdf)
+    density : (wi, wo) to that pdf for any wi; used with `lamps` only
+    lamps : table of lamps to aim at by one-sample MIS with the balance heuristic over all of them
+    """
+    geometry = expr.node("ShaderNodeNewGeometry", {}, {})
+    incoming = expr.Vector(geometry.outputs["Incoming"])
+    u = call(random_numbers_group())
+    wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
+    wi, pdf = sample(wo, *u[:4])
+    world = to_world(wi, tangent, bitangent, normal)
+    if lamps is not None:
+        position = expr.Vector(geometry.outputs["Position"])
+        more = call(more_random_numbers_group())
+        # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
+        world, aimed, rest = call(aimed_light_group(lamps), position, normal, world, *more[:2], u[0], u[1])
+        wi = expr.vec(*(expr.dot(world, axis) for axis in (tangent, bitangent, normal)))
+        pdf = aimed + rest * density(wi, wo)
+    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6])

@@ -1,0 +1,57 @@
+"""Cycles' own closures that equal an f_r of a shading map, or lie under it (DESIGN.md section 6)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..bake.shading.lobes import Lobe
+from . import expr
+from .lobe_group import oren_nayar_closure
+
+
+def native_closure(lobe: Lobe, weight: Any, normal: Any) -> Any:
+    """Closure of the lobe's native part times a colour."""
+    if lobe.name == "oren_nayar":
+        return oren_nayar_closure(weight, normal, lobe.p1)
+    kind, properties, inputs = _NATIVE[lobe.name](lobe)
+    made = expr.node(kind, properties, {"Color": weight, "Normal": normal, **inputs})
+    return expr.Scalar(made.outputs[0])
+
+
+def has_native(lobe: Lobe) -> bool:
+    """Whether a closure of Cycles carries the lobe or a part of it."""
+    return lobe.native_share > 0
+
+
+def viewport_closures(lobe: Lobe, normal: Any) -> list[Any]:
+    """White closures that look like the whole lobe, for EEVEE."""
+    white = expr.vec(1.0, 1.0, 1.0)
+    if lobe.name != "phong":
+        return [native_closure(lobe, white, normal)]
+    glossy = expr.node(
+        "ShaderNodeBsdfAnisotropic",
+        {"distribution": "GGX"},
+        # The GGX lobe of the same curvature at its peak as cos^n about the mirror direction.
+        {"Color": expr.vec(*[1 - lobe.native_share] * 3), "Roughness": (8 / (lobe.p1 + 2)) ** 0.25, "Normal": normal},
+    )
+    diffuse = native_closure(lobe, expr.vec(*[lobe.native_share] * 3), normal)
+    return [diffuse, expr.Scalar(glossy.outputs[0])]
+
+
+_Closure = tuple[str, dict[str, Any], dict[str, Any]]
+
+
+def _diffuse(lobe: Lobe) -> _Closure:
+    return "ShaderNodeBsdfDiffuse", {}, {"Roughness": 0.0}
+
+
+def _glossy(lobe: Lobe) -> _Closure:
+    return "ShaderNodeBsdfAnisotropic", {"distribution": "GGX"}, {"Roughness": math.sqrt(lobe.p1)}
+
+
+def _sheen(lobe: Lobe) -> _Closure:
+    return "ShaderNodeBsdfSheen", {"distribution": "ASHIKHMIN"}, {"Roughness": lobe.p1}
+
+
+_NATIVE = {"lambert": _diffuse, "ggx": _glossy, "sheen": _sheen, "phong": _diffuse}

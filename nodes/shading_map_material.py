@@ -1,0 +1,114 @@
+"""A shading map's bundle as a material."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..bake import xp_numpy
+from ..bake.bake_brdf import TableSource
+from ..bake.bundle import MATERIAL, Bundle, require
+from ..bake.directions import spherical
+from ..bake.errors import BakeError
+from ..bake.shading.lobes import lobe_peak
+from ..bake.shading.map_albedo import resolved_scale
+from ..bake.shading.map_facts import MapFacts, map_facts_of, render_of
+from ..bake.shading.render_settings import RenderSettings
+from ..bake.storage import Storage
+from ..bake.table import FILTERS
+from ..bake.table_facts import table_of
+from .map_models import basis_group, power_group
+from .material import build_from, load_data_image, normal_albedo, table_groups
+from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
+from .slices_group import SliceImages, SliceOptions, slices_group
+
+
+def build_shading_map(
+    bundle: Bundle,
+    material: bpy.types.Material | None = None,
+    *,
+    settings: RenderSettings | None = None,
+    pack: bool = False,
+    lamps: bpy.types.Image | None = None,
+) -> bpy.types.Material:
+    """Build or rebuild a material from a bundle of kind "shading_map". No texture is baked for that.
+
+    Parameters
+    ----------
+    material : to rebuild in place, so that objects keep it; a new one by default
+    settings : how it is lit; by default as the bundle says
+    pack : store the textures inside the .blend
+    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+
+    Raises
+    ------
+    BakeError : the bundle does not describe a shading map this version knows
+    """
+    where = bundle.path / MATERIAL
+    if bundle.material.get("kind") != "shading_map":
+        raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a shading map", "update the extension")
+    facts = map_facts_of(bundle)
+    settings = settings or render_of(bundle)
+    if settings.lobe is None and not bundle.has("table"):
+        raise BakeError(bundle.path, "holds no measured BRDF to use as f_r", "choose a lobe, or bake with --brdf")
+    for name in {facts.image, "envelope"} & set(bundle.material["images"]):
+        bundle.load(name)  # pixels are read and checked once before Blender loads them
+    return build_from(bundle, material, lambda name: _group(bundle, facts, settings, name, pack, lamps))
+
+
+def lighting_of(bundle: Bundle, facts: MapFacts, settings: RenderSettings) -> Lighting:
+    """How the map is lit by a lobe; a measured f_r is added by the caller."""
+    measured = None
+    if settings.lobe is None:
+        filter = require(bundle.material["table"], "filter", str, bundle.path / MATERIAL, choices=FILTERS)
+        measured = TableSource(table_of(bundle), filter)  # type: ignore[arg-type]
+    sigma, a_max = resolved_scale(settings, facts.a_max, measured)
+    return Lighting(settings, sigma, a_max, _reaches_beyond(settings, sigma, a_max), facts.level_by_cosine)
+
+
+def _reaches_beyond(settings: RenderSettings, sigma: float, a_max: float) -> bool:
+    if settings.lobe is None:
+        return False  # of no matter to a mirror alone
+    viewers = spherical(np.linspace(0, np.pi / 2 - 1e-3, 256), np.zeros(256))
+    peaks = lobe_peak(xp_numpy, settings.lobe.name, viewers, settings.lobe.p1, settings.lobe.p2)
+    return bool(np.max(peaks) * sigma > a_max * (1 + 1e-6))
+
+
+def _group(
+    bundle: Bundle, facts: MapFacts, settings: RenderSettings, name: str, pack: bool, lamps: bpy.types.Image | None
+) -> bpy.types.ShaderNodeTree:
+    lighting = replace(lighting_of(bundle, facts, settings), lamps=lamps)
+    if settings.lobe is None:
+        # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
+        groups = table_groups(bundle, name, None, False, pack)
+        measured = MeasuredLobe(groups.lookup, groups.sampler, groups.density, normal_albedo(bundle))
+        lighting = replace(lighting, measured=measured)
+    images = load_slices(bundle, facts, name, pack)
+    traced = map_group(f"MM Slices {name}", facts, images, lighting.options(stochastic=True))
+    # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
+    viewport = SliceOptions("scale", tiling=settings.tiling, interpolation="Fetched")
+    shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
+    return shading_map_group(f"Shading Map {name}", traced, shown, lighting)
+
+
+def load_slices(bundle: Bundle, facts: MapFacts, name: str, pack: bool) -> SliceImages:
+    """The map's textures. Raises BakeError."""
+
+    def load(image: str) -> bpy.types.Image:
+        half = bundle.material["images"][image]["storage"] == Storage.HALF
+        return load_data_image(bundle.image_path(image), f"{name} {image}", half=half, pack=pack)
+
+    main = load(facts.image)
+    envelope = load("envelope") if facts.model != "power" else main
+    return SliceImages(main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
+
+
+def map_group(name: str, facts: MapFacts, images: SliceImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:
+    """The lookup of whichever model the bundle holds."""
+    if facts.model == "power":
+        return power_group(name, images, options)
+    if facts.model == "basis":
+        return basis_group(name, images, facts.curves, options)
+    return slices_group(name, images, options)

@@ -1,0 +1,267 @@
+"""KSS04's figure 6 on the gantry's swatches: four techniques beside the geometry, and how far each is from it.
+
+Every swatch is photographed on an arc, from above, and baked. Under lights and from views that the arc does not hold,
+each technique's picture is then compared with the rendered geometry, pixel by pixel.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from measured_materials.addon import techniques
+from measured_materials.addon.gantry import gantry_scene
+from measured_materials.addon.picture_sheet import Cell, write_sheet
+from measured_materials.addon.swatches import SWATCHES
+from measured_materials.addon.techniques import IN_ORDER, Case, Frames, MappedSwatch
+from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.photographs.stack import PhotoStack
+from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
+from measured_materials.bake.shading.lobe_fit import fit_lobe
+from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.shading.render_settings import RenderSettings
+
+ARC = tuple(np.linspace(5, 88, 10).round(2).tolist())
+# Light of unit irradiance unless said otherwise: (elevation, azimuth, irradiance); views (theta, phi), all in degrees.
+CASES = (
+    *(Case("between the photographs", ((e, 0.0, 1.0),)) for e in (9.6, 28.0, 46.5, 65.0)),
+    *(Case("azimuth 90", ((e, 90.0, 1.0),)) for e in (28.0, 46.5)),
+    *(Case("azimuth 180", ((e, 180.0, 1.0),)) for e in (28.0, 46.5)),
+    *(Case("grazing, below the arc", ((e, 0.0, 1.0),)) for e in (2.0, 3.5)),
+    *(Case("view 30 degrees", ((46.5, 0.0, 1.0),), (30.0, phi)) for phi in (-90.0, 180.0)),
+    *(Case("view 60 degrees", ((46.5, 0.0, 1.0),), (60.0, phi)) for phi in (-90.0, 180.0)),
+    Case("two lights, low one brighter", ((28.0, 0.0, 4.0), (65.0, 0.0, 1.0))),
+    Case("two lights, high one brighter", ((28.0, 0.0, 1.0), (65.0, 0.0, 4.0))),
+)
+ARC_CASES = tuple(Case("arc", ((e, 0.0, 1.0),)) for e in ARC)
+# What the sheet shows: one sun, four times as bright as in the photographs.
+SHOWN = Case("sheet", ((28.0, 0.0, 4.0),))
+SLICES = (8, 16, 32, 64)
+# Most of plastic_60's photographs are far darker than the brightest: eight even steps would hold one of them.
+SLICES_OF = {"plastic_60": 64}
+CHOSEN = "family"
+OBLIQUE = ("view 30 degrees", "view 60 degrees")
+OWN_LEVEL = "own level"
+COLUMNS = (*IN_ORDER, OWN_LEVEL)
+LABELS = {
+    "lit_texture": "lit texture",
+    "final_radiance": "final radiance",
+    "angular": "angular lookup",
+    "lookup": "lookup by r",
+    OWN_LEVEL: "r as it is",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """A swatch, its photographs and frames, and its map lit by three choices of f_r.
+
+    lit : "family" the lobe that an artist would name for such a swatch, with the parameters that fit its averages;
+        "auto" the lobe that fits them best; "suggested" the named lobe with its parameters as they stand
+    slices : number of slices to the same map as "family"
+    noise : of a frame, in parts of its RMS
+    """
+
+    name: str
+    frames: Frames
+    lit: dict[str, MappedSwatch]
+    slices: dict[int, MappedSwatch]
+    noise: float
+    seconds: float
+
+
+def run(out: Path, quick: bool) -> None:
+    """Photograph, bake, compare; writes techniques.png, .csv and .json."""
+    names = ("plastic_60", "suede", "cloth") if quick else tuple(SWATCHES)
+    size, samples = (96, 24) if quick else (144, 48)
+    rows: list[dict[str, Any]] = []
+    shown = []
+    for name in names:
+        material = make(name, size, samples)
+        shown.append(material)
+        rows += list(compare(material, size))
+        _print_material(material, rows)
+    _print_summary(rows)
+    _print_slices(shown, size)
+    write_sheet(out / "techniques.png", [cell for m in shown for cell in _cells(m, size)], 1 + len(IN_ORDER), _TITLE)
+    with (out / "techniques.csv").open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    (out / "techniques.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
+# --- photograph and bake --------------------------------------------------------------------------------
+
+
+def make(name: str, size: int, samples: int) -> Material:
+    """One swatch on the gantry, baked and lit."""
+    started = time.perf_counter()
+    swatch = SWATCHES[name](0)
+    with gantry_scene(swatch, size=size, samples=samples) as gantry:
+        frames = techniques.photograph(gantry, (*ARC_CASES, *CASES))
+        ((key, other),) = techniques.photograph(gantry, CASES[1:2], seed=1).items()
+    noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
+    images = np.stack([techniques.truth(case, frames) for case in ARC_CASES]).astype(np.float32)
+    averages = images.mean((1, 2, 3), dtype=np.float64)
+    named = Lobe.of(swatch.lobe, **swatch.lobe_parameters)
+    elevations = np.radians(ARC)
+    fit = fit_lobe(elevations, averages)
+    renders = {
+        "family": techniques.fitted_render(swatch.lobe, elevations, averages),
+        "auto": RenderSettings(fit.lobe, fit.scale),
+        "suggested": RenderSettings(named, techniques.scale_of(named, elevations, averages)),
+    }
+    directions = np.array([techniques.direction(e, 0.0) for e in ARC])
+    stack = PhotoStack(images, tuple(f"{e:g}" for e in ARC), directions, True, ())
+    made = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for count in SLICES:
+            path = Path(folder) / f"{name}_{count}"
+            made[count] = read_bundle(bake_stack(stack, path, ArcSettings(slices=count), name=name).path)
+        lit = {
+            key: techniques.mapped_swatch(made[SLICES_OF.get(name, SLICES[0])], render)
+            for key, render in renders.items()
+        }
+        slices = {count: techniques.mapped_swatch(bundle, renders["family"]) for count, bundle in made.items()}
+    return Material(name, frames, lit, slices, noise, time.perf_counter() - started)
+
+
+# --- compare --------------------------------------------------------------------------------------------
+
+
+def compare(material: Material, size: int) -> Iterator[dict[str, Any]]:
+    """Errors of every technique, case and f_r."""
+    for case in CASES:
+        target = techniques.truth(case, material.frames)
+        for kind, swatch in material.lit.items():
+            for technique in COLUMNS:
+                picture = _picture(technique, swatch, case, material.frames, size)
+                yield {
+                    "material": material.name,
+                    "case": case.group,
+                    "lights": "; ".join("/".join(f"{x:g}" for x in light) for light in case.lights),
+                    "view": "/".join(f"{x:g}" for x in case.view),
+                    "f_r": kind,
+                    "lobe": _lobe_words(swatch),
+                    "chosen": kind == CHOSEN,
+                    "slices": len(swatch.map.slices),
+                    "technique": technique,
+                    **techniques.errors(picture, target),
+                    "noise": material.noise,
+                }
+
+
+def _picture(technique: str, swatch: MappedSwatch, case: Case, frames: Frames, size: int) -> np.ndarray:
+    if technique == OWN_LEVEL:
+        return techniques.at_own_level(swatch, case, frames, size)
+    return techniques.shown(technique, swatch, case, size)
+
+
+def _lobe_words(swatch: MappedSwatch) -> str:
+    facts = swatch.lobe.facts()
+    return " ".join([facts.pop("name"), *(f"{key} {value:.3g}" for key, value in facts.items())])
+
+
+# --- tell -----------------------------------------------------------------------------------------------
+
+_TITLE = (
+    "Kautz et al. 2004, figure 6: flat patches under light 28 degrees high, four times as bright as in the photographs"
+)
+
+
+def _cells(material: Material, size: int) -> list[Cell]:
+    target = techniques.truth(SHOWN, material.frames)
+    gain = 0.55 / float(np.percentile(target.max(-1), 90))
+    swatch = material.lit[CHOSEN]
+    cells = [
+        Cell(
+            _enlarged(target * gain),
+            f"{material.name}: geometry",
+            f"{len(swatch.map.slices)} slices, {_lobe_words(swatch)}",
+        )
+    ]
+    for technique in IN_ORDER:
+        picture = techniques.shown(technique, swatch, SHOWN, size)
+        found = techniques.errors(picture, target)
+        below = f"RMS {found['rms']:.0%}, brightness {found['mean']:+.0%}"
+        cells.append(Cell(_enlarged(picture * gain), LABELS[technique], below))
+    return cells
+
+
+def _enlarged(picture: np.ndarray) -> np.ndarray:
+    factor = max(1, math.ceil(200 / len(picture)))
+    return picture.repeat(factor, 0).repeat(factor, 1)
+
+
+def _groups() -> list[str]:
+    return list(dict.fromkeys(case.group for case in CASES))
+
+
+def _heading(title: str) -> None:
+    print(f"\n{title}\n{'':34s}" + "".join(f"{LABELS[column]:>16s}" for column in COLUMNS))
+
+
+def _line(label: str, rows: list[dict[str, Any]], key: str) -> None:
+    """Root mean square over the pictures of a material; the median of that over the materials."""
+    values = []
+    for technique in COLUMNS:
+        found = [row for row in rows if row["technique"] == technique]
+        names = {row["material"] for row in found}
+        each = [techniques.mean_errors([{key: r[key]} for r in found if r["material"] == name])[key] for name in names]
+        values.append(float(np.median(each)))
+    print(f"  {label:32s}" + "".join(f"{v:15.1%} " for v in values))
+
+
+def _print_material(material: Material, rows: list[dict[str, Any]]) -> None:
+    swatch = material.lit[CHOSEN]
+    slices = len(swatch.map.slices)
+    own = [row for row in rows if row["material"] == material.name and row["chosen"]]
+    words = f"{slices} slices, f_r {_lobe_words(swatch)}, sigma {swatch.sigma:.3f}"
+    _heading(f"{material.name}: {words}; noise of the truth {material.noise:.1%}; {material.seconds:.0f} s")
+    for group in _groups():
+        _line(group, [row for row in own if row["case"] == group], "rms")
+
+
+def _print_summary(rows: list[dict[str, Any]]) -> None:
+    chosen = [row for row in rows if row["chosen"]]
+    for key, title in (
+        ("rms", "median of the materials: RMS of the difference, in parts of the truth's RMS"),
+        ("tones", "median of the materials: the same of the tones alone, wherever they lie"),
+        ("mean", "median of the materials: brightness off"),
+        ("display", "median of the materials: RMS as displayed in sRGB, of the range from 0 to 1"),
+    ):
+        _heading(title)
+        for group in _groups():
+            _line(group, [row for row in chosen if row["case"] == group], key)
+    _heading("choice of f_r, seen from above and obliquely: RMS")
+    for name in dict.fromkeys(row["material"] for row in rows):
+        for kind in dict.fromkeys(row["f_r"] for row in rows):
+            own = [row for row in rows if row["material"] == name and row["f_r"] == kind]
+            print(f"  {name}, {kind}: {own[0]['lobe']}")
+            _line("    between the photographs", [row for row in own if row["case"] == _groups()[0]], "rms")
+            _line("    oblique views", [row for row in own if row["case"] in OBLIQUE], "rms")
+
+
+def _print_slices(materials: list[Material], size: int) -> None:
+    print(f"\nlookup between the photographs, RMS, by number of slices\n{'':20s}" + "".join(f"{n:8d}" for n in SLICES))
+    for material in materials:
+        print(f"  {material.name:18s}", end="")
+        for swatch in material.slices.values():
+            found = [
+                techniques.errors(
+                    techniques.shown("lookup", swatch, case, size), techniques.truth(case, material.frames)
+                )
+                for case in CASES
+                if case.group == _groups()[0]
+            ]
+            print(f"{techniques.mean_errors(found)['rms']:8.1%}", end="")
+        print()

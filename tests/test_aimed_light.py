@@ -1,0 +1,182 @@
+"""Aimed sampling in Cycles: every kind of lamp against Diffuse BSDF, and the table of lamps that is kept current."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+from measured_materials.addon.lamps import CAPACITY, TABLE, lamp_image, survey, update_scene
+from measured_materials.bake import xp_numpy
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.directions import spherical
+from measured_materials.bake.light_sampling import (
+    aim_numpy,
+    density_towards,
+    draw_towards,
+    expected_light,
+    lamp_table,
+)
+from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.sources import analytic
+from measured_materials.nodes.aimed_light_group import aimed_light_group
+from measured_materials.nodes.group import call
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.shading_map_material import build_shading_map
+from support.cards import card, data_image
+from support.monte_carlo import assert_agree, compare
+from support.scenes import TestScene, diffuse_material, lit_sphere
+from support.swatches import identity_map, map_bundle
+from test_light_sampling import LAMPS
+
+GREY = (1.0, 1.0, 1.0)
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Materials, groups, images and lamps of one test do not reach the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights):
+        for block in list(collection):
+            collection.remove(block)
+
+
+def add_lamp(scene: TestScene, kind: str, place: tuple[float, float, float], **settings: Any) -> bpy.types.Object:
+    """A lamp that looks at the origin."""
+    data = bpy.data.lights.new(kind, kind)
+    data.cycles.use_multiple_importance_sampling = True
+    for name, value in settings.items():
+        setattr(data, name, value)
+    eye = Vector(place)
+    obj = bpy.data.objects.new(kind, data)
+    obj.matrix_world = Matrix.Translation(eye) @ (-eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+    scene.scene.collection.objects.link(obj)
+    return obj
+
+
+LIGHTING: dict[str, list[tuple[str, tuple[float, float, float], dict[str, Any]]]] = {
+    "square": [("AREA", (2, -1.5, 3), {"energy": 100, "size": 0.4})],
+    "ellipse": [("AREA", (2, -1.5, 2), {"energy": 100, "shape": "ELLIPSE", "size": 1.2, "size_y": 0.3})],
+    "point": [("POINT", (1.5, -2, 2), {"energy": 150, "shadow_soft_size": 0.2})],
+    "spot": [("SPOT", (1.5, -2, 2), {"energy": 400, "shadow_soft_size": 0.1, "spot_size": 0.8})],
+    "sun": [("SUN", (1, -1.5, 2), {"energy": 2, "angle": math.radians(3)})],
+    "three": [
+        ("AREA", (2, -1.5, 3), {"energy": 60, "shape": "DISK", "size": 0.6}),
+        ("SUN", (-2, -1, 2), {"energy": 1, "angle": math.radians(10)}),
+        ("POINT", (0.2, -2.5, 0.5), {"energy": 30, "shadow_soft_size": 0.1}),
+    ],
+}
+
+
+@pytest.mark.parametrize("lighting", LIGHTING)
+def test_aimed_mirror_is_diffuse_under_every_lamp(tmp_path: Path, lighting: str) -> None:
+    """Mirror only, so that nothing but the aimed samples can find a small lamp; with a planted 2 % that fails."""
+    render = RenderSettings(sigma=0.5, mode="reference")
+    bundle = map_bundle(tmp_path / "grey", identity_map(colour=GREY), render)
+    with lit_sphere(diffuse_material(0.5), 64, lamp=False) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        for kind, place, settings in LIGHTING[lighting]:
+            add_lamp(scene, kind, place, **settings)
+        reference = scene.render(48, 6)
+        material = build_shading_map(bundle, lamps=lamp_image())
+        scene.show(material)
+        report = update_scene(scene.scene)
+        assert len(report.lamps) == len(LIGHTING[lighting]) and not report.left_out
+        assert_agree(compare(reference, scene.render(48, range(100, 108)), scene.mask()), 0.01)
+        node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+        node.inputs["Tint"].default_value = (1.02,) * 3
+        assert not compare(reference, scene.render(48, range(200, 208)), scene.mask()).passed
+
+
+def test_aimed_table_is_the_table(tmp_path: Path) -> None:
+    """A measured BRDF, glossy, with the alias tables' density: aimed against not aimed under a lamp that both find."""
+    source = analytic.Ggx(alpha=0.35, f0=(0.9, 0.6, 0.3))
+    settings = BakeSettings(resolution=32, alpha=(0.5, 0.3), sampler=SamplerLayout(n_o=32, n_h=32, n_phi=16))
+    bundle = read_bundle(bake_source(source, tmp_path / "gloss", settings).path)
+    with lit_sphere(build_material(bundle), 64, lamp_size=3.0) as scene:
+        reference = scene.render(128, 8)
+        scene.show(build_material(bundle, lamps=lamp_image()))
+        assert len(update_scene(scene.scene).lamps) == 1
+        assert_agree(compare(reference, scene.render(128, range(100, 108)), scene.mask()), 0.015)
+
+
+@pytest.mark.parametrize("names", [["rectangle"], ["sun", "bulb"], ["ellipse", "sphere", "sharp sun", "around"]])
+def test_aiming_as_in_numpy(names: list[str]) -> None:
+    rng = np.random.default_rng(0)
+    lamps = [replace(LAMPS[name], power=k + 1.0) for k, name in enumerate(names)]
+    table = lamp_table(lamps, 4, sky=0.6, largest_share=0.8)
+    n = 3000
+    position = rng.uniform(-0.3, 0.3, (n, 3)).astype(np.float32)
+    normal, wi = (
+        spherical(np.arccos(rng.uniform(-1, 1, n)), rng.uniform(0, 2 * np.pi, n)).astype(np.float32) for _ in range(2)
+    )
+    numbers = [rng.random(n).astype(np.float32) for _ in range(4)]
+    for k, values in enumerate(numbers):
+        values[2 * k : 2 * k + 2] = 0, 1
+    group = aimed_light_group(data_image("lamps", table), len(lamps))
+    found, aimed_density, rest = card(lambda *a: call(group, *a), position, normal, wi, *numbers)
+
+    p, up, w, u_lamp, u_aim, u1, u2 = (values.astype(float) for values in (position, normal, wi, *numbers))
+    aims = [aim_numpy(row, p) for row in table[: len(lamps)]]
+    light = np.stack([expected_light(xp_numpy, aim, up, lamp.power) for aim, lamp in zip(aims, lamps)])
+    total = light.sum(0)
+    share = np.minimum(np.divide(total, total + 0.6), 0.8)
+    index = np.minimum((u_lamp * total > np.cumsum(light, 0)).sum(0), len(lamps) - 1)
+    aimed = u_aim < share
+    towards = np.stack([draw_towards(xp_numpy, aim, u1, u2) for aim in aims])[index, np.arange(n)]
+    truth = np.where(aimed[:, None], towards, w)
+    # Where a condition holds only just, float32 may decide it the other way.
+    same = np.abs(found - truth).max(-1) < 1e-5
+    assert same.mean() > 0.998
+    assert np.abs(rest - (1 - share))[same].max() < 1e-5
+    density = sum(
+        part * density_towards(xp_numpy, aim, truth, (aimed & (index == k)).astype(float))
+        for k, (aim, part) in enumerate(zip(aims, light))
+    )
+    density = np.divide(density * share, total, out=np.zeros(n), where=total > 0)
+    wrong = np.abs(aimed_density - density) > 2e-4 * np.maximum(density, 1e-3)
+    assert wrong[same].mean() < 0.002
+
+
+def test_lamps_that_no_mirror_meets_are_left_out_with_a_reason() -> None:
+    with lit_sphere(diffuse_material(0.5), 16, lamp=False) as scene:
+        add_lamp(scene, "SUN", (0, 0, 1), energy=1, angle=0)
+        add_lamp(scene, "POINT", (0, 0, 3), energy=10, shadow_soft_size=0)
+        add_lamp(scene, "AREA", (0, 0, 3), energy=10, size=1).visible_glossy = False
+        add_lamp(scene, "SPOT", (0, 1, 3), energy=10, shadow_soft_size=0.1).data.cycles[
+            "use_multiple_importance_sampling"
+        ] = False
+        report = update_scene(scene.scene)
+    assert not report.lamps
+    words = " ".join(report.left_out)
+    for reason in ("no angle", "no radius", "hidden from glossy", "Multiple Importance"):
+        assert reason in words
+
+
+def test_the_table_follows_edits_and_frames() -> None:
+    with lit_sphere(diffuse_material(0.5), 16, lamp=False) as scene:
+        lamp = add_lamp(scene, "POINT", (0, 0, 3), energy=10, shadow_soft_size=0.1)
+        update_scene(scene.scene)
+
+        def first_centre() -> np.ndarray:
+            pixels = np.empty(CAPACITY * 5 * 4, np.float32)
+            bpy.data.images[TABLE].pixels.foreach_get(pixels)
+            return pixels.reshape(CAPACITY, 5, 4)[-1, 0, :3]
+
+        assert first_centre() == pytest.approx([0, 0, 3])
+        lamp.location = (1, 2, 3)
+        update_scene(scene.scene)
+        assert first_centre() == pytest.approx([1, 2, 3])
+        lamp.hide_render = True
+        lamp.hide_viewport = True
+        layer = scene.scene.view_layers[0]
+        layer.update()
+        assert not survey(layer.depsgraph).lamps
