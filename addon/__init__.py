@@ -7,7 +7,17 @@ from types import ModuleType
 
 # In the order of registration: a class comes after those that it refers to. Each module has register() and
 # unregister(); they are imported only then, because they need bpy and the command line does not.
-_MODULES = ("bake_properties", "import_operator", "bake_operator", "panel", "command")
+_MODULES = (
+    "bake_properties",
+    "arc_properties",
+    "lighting_properties",
+    "import_operator",
+    "lamps",
+    "arc_operator",
+    "bake_operator",
+    "panel",
+    "command",
+)
 
 
 def register() -> None:

@@ -2,27 +2,34 @@
 
 # No postponed annotations here: Blender reads the properties from them.
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ..bake.errors import BakeError
+from ..bake.photographs.photograph import IMAGE_SUFFIXES
+from .arc_material import bake_arc_again, map_words
+from .arc_operator import chosen_photographs, tell_warnings
+from .arc_properties import arc_settings_of
 from .bake_properties import settings_of
 from .cli_result import one_line
 from .describe import error_rows
 from .import_operator import SUFFIXES, error_words
-from .measured_material import bake_again, facts_of, is_measured, source_file, why_not_bakeable
+from .measured_material import bake_again, facts_of, is_measured, is_shading_map, source_file, why_not_bakeable
 from .window_progress import window_progress
 
 _FILEPATH = bpy.props.StringProperty(
     name="Measurement",
-    description="Another file to bake; the material's own by default",
+    description="Another file, or folder of photographs, to bake; the material's own by default",
     subtype="FILE_PATH",
     options={"HIDDEN", "SKIP_SAVE"},
 )
+_FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+_DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
 _CHOOSE = bpy.props.BoolProperty(
-    name="Choose File", description="Ask for the measurement", options={"HIDDEN", "SKIP_SAVE"}
+    name="Choose File", description="Ask for the measurement or the photographs", options={"HIDDEN", "SKIP_SAVE"}
 )
-_FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in SUFFIXES), options={"HIDDEN"})
+_FILTER_GLOB = bpy.props.StringProperty(default="", options={"HIDDEN", "SKIP_SAVE"})
 
 
 def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
@@ -34,13 +41,15 @@ def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
 
 
 class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
-    """Bake the measurement again with these settings; every object keeps the material"""
+    """Bake again with these settings; every object keeps the material"""
 
     bl_idname = "measured_materials.bake_again"
     bl_label = "Bake Again"
     bl_options = {"UNDO"}
 
     filepath: _FILEPATH
+    files: _FILES
+    directory: _DIRECTORY
     choose: _CHOOSE
     filter_glob: _FILTER_GLOB
 
@@ -65,26 +74,43 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
         if lost:
             self.report({"INFO"}, f"{lost}: choose it")
         file = source_file(material)
-        self.filepath = str(file) if file else ""
+        suffixes = sorted(IMAGE_SUFFIXES) if is_shading_map(material) else SUFFIXES
+        self.filter_glob = ";".join(f"*{suffix}" for suffix in suffixes)
+        self.filepath = f"{file}/" if file and is_shading_map(material) else str(file) if file else ""
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and rebuild."""
         material = shown_material(context)
-        properties = material.measured_materials
-        before = dict(error_rows(facts_of(material), material.name)) if facts_of(material) else {}
-        file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
+        bake = _bake_photographs if is_shading_map(material) else _bake_measurement
         try:
-            settings = settings_of(properties)
-            with window_progress(context, settings) as progress_of:
-                bake_again(material, settings, pack=properties.pack, file=file, progress=progress_of(0))
+            told = bake(self, context, material)
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
-        was = f", was {before['RMS error']}" if before else ""
-        self.report({"INFO"}, f"{material.name}: {error_words(material)}{was}")
+        self.report({"INFO"}, f"{material.name}: {told}")
         return {"FINISHED"}
+
+
+def _bake_measurement(operator: Any, context: bpy.types.Context, material: bpy.types.Material) -> str:
+    properties, facts = material.measured_materials, facts_of(material)
+    before = dict(error_rows(facts, material.name)) if facts else {}
+    file = Path(bpy.path.abspath(operator.filepath)) if operator.filepath else None
+    settings = settings_of(properties)
+    with window_progress(context, settings) as progress_of:
+        bake_again(material, settings, pack=properties.pack, file=file, progress=progress_of(0))
+    return error_words(material) + (f", was {before['RMS error']}" if before else "")
+
+
+def _bake_photographs(operator: Any, context: bpy.types.Context, material: bpy.types.Material) -> str:
+    properties = material.measured_arc
+    settings = arc_settings_of(properties, material.measured_lighting)
+    source = chosen_photographs(operator)
+    with window_progress(context, settings) as progress_of:
+        bake_arc_again(material, settings, pack=properties.pack, source=source, progress=progress_of(0))
+    tell_warnings(operator, material)
+    return map_words(material)
 
 
 classes = (MEASURED_MATERIALS_OT_bake_again,)

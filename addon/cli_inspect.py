@@ -1,4 +1,4 @@
-"""Sub-command `inspect`: what is in a bundle or in a measurement."""
+"""Sub-command `inspect`: what is in a bundle, in a measurement or in a folder of photographs."""
 
 from __future__ import annotations
 
@@ -7,22 +7,40 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.albedo import albedo_facts
-from ..bake.bundle import MATERIAL, Bundle, read_bundle
+from ..bake.bundle import MATERIAL, SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
+from ..bake.photographs.settings import StackSettings
+from ..bake.photographs.stack import read_stack
 from ..bake.sources import read_source
-from . import describe
-from .cli_result import Result, columns
+from . import describe, describe_map
+from .cli_bake_arc import blender_decoder, is_bundle
+from .cli_result import Result, columns, one_line
+from .progress import Progress
+
+_BRDF_ROWS = (describe.source_rows, describe.table_rows, describe.error_rows, describe.albedo_rows)
+_MAP_ROWS = (
+    describe.source_rows,
+    describe_map.photograph_rows,
+    describe_map.map_rows,
+    describe_map.lighting_rows,
+    describe_map.energy_rows,
+    describe_map.map_error_rows,
+    describe.albedo_rows,
+    describe_map.warning_rows,
+)
 
 
 def add_to(commands: Any) -> None:
     """Add `inspect`."""
     parser = commands.add_parser(
         "inspect",
-        help="what is in a bundle or a measurement",
-        description="Tell parameters, measured errors, albedo and sizes of a bundle, or format, faults and "
-        "albedo of a measurement.",
+        help="what is in a bundle, a measurement or a folder of photographs",
+        description="Tell parameters, measured errors, albedo and sizes of a bundle, format, faults and "
+        "albedo of a measurement, or lights, averages and faults of photographs on a light arc.",
     )
-    parser.add_argument("path", type=Path, metavar="PATH", help="a folder NAME.mmat, or a measurement")
+    parser.add_argument(
+        "path", type=Path, metavar="PATH", help="a folder NAME.mmat, a measurement, or a folder of photographs"
+    )
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     parser.set_defaults(run=run, command="inspect")
 
@@ -32,15 +50,14 @@ def run(options: argparse.Namespace) -> Result:
     path = options.path
     if path.name == MATERIAL:
         path = path.parent
-    return inspect_bundle(path) if is_bundle_path(path) else inspect_measurement(path)
-
-
-def is_bundle_path(path: Path) -> bool:
-    """Whether the path is to be read as a bundle; a missing one is, if it is named so."""
     try:
-        return path.is_dir() or (path.suffix.lower() == ".mmat" and not path.exists())
+        folder = path.is_dir()
+        bundle = path.suffix.lower() == SUFFIX and (folder or not path.exists())
     except (OSError, ValueError) as error:
         raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
+    if bundle or (folder and is_bundle(path)):
+        return inspect_bundle(path)
+    return inspect_photographs(path) if folder else inspect_measurement(path)
 
 
 def inspect_bundle(path: Path) -> Result:
@@ -49,9 +66,8 @@ def inspect_bundle(path: Path) -> Result:
     facts, where = bundle.material, bundle.path / MATERIAL
     sizes = _sizes(bundle)
     shown: describe.Rows = [("Bundle", str(bundle.path)), ("Kind", facts["kind"])]
-    if facts["kind"] == "brdf":
-        for part in (describe.source_rows, describe.table_rows, describe.error_rows, describe.albedo_rows):
-            shown += part(facts, where)
+    for part in _BRDF_ROWS if facts["kind"] == "brdf" else _MAP_ROWS:
+        shown += part(facts, where)
     for name, size in sizes.items():
         in_file, in_memory = map(describe.readable_size, (size["file_bytes"], size["render_bytes"]))
         texels = f"{size['width']} x {size['height']} {size['storage']}"
@@ -65,6 +81,18 @@ def _sizes(bundle: Bundle) -> dict[str, dict[str, Any]]:
         return describe.image_sizes(bundle.material, bundle.path / MATERIAL, bundle.path)
     except OSError as error:
         raise BakeError(bundle.path, f"cannot be read ({error.strerror})", "check its permissions") from error
+
+
+def inspect_photographs(path: Path) -> Result:
+    """What the reader finds in a folder of photographs: names, elevations, averages, doubts. Nothing is baked."""
+    with Progress({"reading": 2.0, "aligning": 1.5}) as progress:
+        progress.start(path.name)
+        stack = read_stack(path, StackSettings(align="warn"), progress, blender_decoder())
+    found = describe_map.stack_document(stack, path.resolve().name)
+    rows = [("Folder", str(path)), ("Size", f"{found['width']} x {found['height']}")]
+    rows += describe_map.photograph_rows(found, path) + describe_map.warning_rows(found, path)
+    document = {**found, "command": "inspect", "kind": "photographs", "path": str(path)}
+    return Result(document, [*columns(rows), "", *map(one_line, describe_map.stack_lines(found))])
 
 
 def inspect_measurement(path: Path) -> Result:

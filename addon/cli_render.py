@@ -9,11 +9,16 @@ from typing import Any
 
 from ..bake.bundle import Bundle, read_bundle
 from ..bake.errors import BakeError
+from ..bake.shading.map_facts import render_of
+from ..bake.shading.render_settings import RenderSettings
 from ..bake.table import FILTERS
+from .cli_lighting import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
 from .cli_result import Result
 from .progress import Progress
 
 _LARGEST = 16384
+_MOST_REPEATS = 1000.0
+USUAL_REPEAT = 3.0
 
 
 def add_to(commands: Any) -> None:
@@ -29,9 +34,32 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--resolution", type=_positive(_LARGEST), default=480, metavar="PIXELS", help="(%(default)s)")
     parser.add_argument("--samples", type=_positive(1 << 20), default=64, metavar="N", help="(%(default)s)")
     parser.add_argument("--environment", type=Path, metavar="FILE", help="surroundings, an .exr or .hdr image")
-    parser.add_argument("--filter", choices=FILTERS, help="(default: the one the bundle was baked for)")
+    parser.add_argument(
+        "--filter", choices=FILTERS, help="of a BRDF's table (default: the one the bundle was baked for)"
+    )
+    _add_shading_map(parser.add_argument_group("shading maps (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run, command="render")
+
+
+def _add_shading_map(group: Any) -> None:
+    add_lighting(group, f"f_r: {known_lobes()}, or measured, where the bundle holds a BRDF")
+    group.add_argument(
+        "--repeat",
+        type=_repeats,
+        metavar="N",
+        help=f"swatches along a unit of texture coordinates; the ball's circumference has three ({USUAL_REPEAT:g})",
+    )
+
+
+def _repeats(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number <= _MOST_REPEATS:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number above 0, up to {_MOST_REPEATS:g}")
+    return number
 
 
 def _positive(largest: int) -> Any:
@@ -58,6 +86,7 @@ def need_blender(command: str) -> None:
 def run(options: argparse.Namespace) -> Result:
     """Render one bundle. Raises BakeError."""
     bundle = read_bundle(options.bundle)
+    settings = _settings(bundle, options)
     out = options.out or Path(bundle.path.resolve().stem + ".png")
     if out.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
@@ -66,7 +95,7 @@ def run(options: argparse.Namespace) -> Result:
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        mean = _render(bundle, options, out, progress)
+        mean = _render(bundle, settings, options, out, progress)
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
         "command": options.command,
@@ -76,20 +105,49 @@ def run(options: argparse.Namespace) -> Result:
         "samples": options.samples,
         "mean_linear": [float(value) for value in mean],
     }
+    if settings is not None:
+        document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
     return Result(document, files)
 
 
-def _render(bundle: Bundle, options: argparse.Namespace, out: Path, progress: Progress) -> Any:
+def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | None:
+    """How a shading map is to be lit, None for a BRDF. Options of the other kind are wrong usage."""
+    given = given_lighting(options) + (["repeat"] if options.repeat is not None else [])
+    if bundle.material["kind"] != "shading_map":
+        if given:
+            raise argparse.ArgumentTypeError(f"--{given[0].replace('_', '-')} is for shading maps, not BRDFs")
+        return None
+    if options.filter is not None:
+        raise argparse.ArgumentTypeError("--filter is for BRDFs, not shading maps")
+    usual = render_of(bundle)
+    lobe = usual.lobe
+    if options.lobe == ["measured"]:
+        lobe = None
+    elif options.lobe is not None:
+        lobe = parsed_lobe(options.lobe, options, " or measured")
+    return lighting(options, usual, lobe)
+
+
+def _render(
+    bundle: Bundle, settings: RenderSettings | None, options: argparse.Namespace, out: Path, progress: Progress
+) -> Any:
     """Write the files and return the picture's mean colour."""
     import bpy
 
     from ..bake.image_io import write_png
     from ..nodes.material import build_material
+    from ..nodes.shading_map_material import build_shading_map
+    from .arc_material import set_repeat
+    from .lamps import lamp_image
     from .picture_sheet import to_display
     from .studio import build_studio, remove_studio, render_linear
 
     progress("building", 0.0)
-    material = build_material(bundle, filter=options.filter)
+    if settings is None:
+        material = build_material(bundle, filter=options.filter, lamps=lamp_image())
+    else:
+        material = build_shading_map(bundle, settings=settings, lamps=lamp_image())
+        set_repeat(material, options.repeat or USUAL_REPEAT, bundle.material["map"])
     try:
         scene = build_studio(
             material,

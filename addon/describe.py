@@ -69,8 +69,8 @@ def albedo_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     albedo = require(facts, "albedo", dict, where)
     directional = require(albedo, "directional", list, where, minimum=1)
     rows = [
-        ("Albedo 0°", _colour(directional[0])),
-        ("White sky", _colour(require(albedo, "white_sky", list, where))),
+        ("Albedo 0°", colour(directional[0])),
+        ("White sky", colour(require(albedo, "white_sky", list, where))),
     ]
     above = require(albedo, "above_one_deg", list, where)
     if above:
@@ -143,7 +143,8 @@ def readable_size(size: int) -> str:
     return f"{size / 1024:.0f} KiB" if size < 1 << 20 else f"{size / (1 << 20):.1f} MiB"
 
 
-def _colour(values: Any) -> str:
+def colour(values: Any) -> str:
+    """Three numbers, as far as they are numbers."""
     if not isinstance(values, list):
         return "?"
     return " ".join(f"{value:.3f}" for value in values if isinstance(value, int | float))

@@ -54,7 +54,7 @@ class MEASURED_MATERIALS_OT_import_brdf(BakeProperties, bpy.types.Operator):
         if not self._paths():
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
-        target = _object_under(context, event)
+        target = object_under(context, event)
         self.object_name = target.name if target else ""
         title = self._paths()[0].name if len(self._paths()) == 1 else f"{len(self._paths())} measurements"
         return context.window_manager.invoke_props_dialog(self, title=f"Import {title}", confirm_text="Bake")
@@ -131,7 +131,7 @@ def _others(count: int) -> str:
     return f", and {count} more without an object" if count else ""
 
 
-def _object_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Object | None:
+def object_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Object | None:
     """What the mouse points at in a viewport, where files are dropped."""
     region, view = context.region, context.region_data
     if region is None or view is None or context.area is None or context.area.type != "VIEW_3D":

@@ -12,11 +12,10 @@ from bpy.app.handlers import persistent
 from mathutils import Matrix, Vector
 
 from ..bake.light_sampling import ELLIPSE, RECTANGLE, SPHERE, SUN, TEXELS, Lamp, lamp_table
-from ..nodes.aimed_light_group import MAX_SLOTS, NAME, aimed_light_group
+from ..nodes.aimed_light_group import MAX_SLOTS, NAME, SLOTS_KEY, aimed_light_group
 from ..nodes.group import is_measured_tree
 
 TABLE = "MM Lamps"
-_SLOTS = "measured_materials_lamps"
 # Rows of the table. Only the strongest lamps are aimed at; the others are found by chance, as without the table.
 CAPACITY = MAX_SLOTS
 # Of the draws, at most: the rest finds sky, bounce light and lamps that are not in the table.
@@ -45,12 +44,16 @@ def lamp_image() -> bpy.types.Image:
     return image
 
 
-def update_lamps(depsgraph: bpy.types.Depsgraph) -> LampReport:
-    """Bring the table in line with an evaluated scene; nothing is written where nothing has changed."""
+def update_lamps(depsgraph: bpy.types.Depsgraph, *, rebuild: bool = True) -> LampReport:
+    """Bring the table in line with an evaluated scene; nothing is written where nothing has changed.
+
+    With `rebuild`, materials also get the node group for as many lamps as there are.
+    """
     report = survey(depsgraph)
     image = lamp_image()
     _write(image, lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE))
-    _set_slots(image, max(len(report.lamps), 1))
+    if rebuild:
+        _set_slots(image, len(report.lamps))
     return report
 
 
@@ -94,23 +97,23 @@ def _light_at(target: Vector, lamp: Lamp) -> float:
 def _set_slots(image: bpy.types.Image, slots: int) -> None:
     """Let every material aim at this many lamps; nothing happens where they do already."""
     used = [t for t in bpy.data.node_groups if any(_aims(n, image) for n in t.nodes)]
-    if all(_slots_of(n.node_tree) == slots for t in used for n in t.nodes if _aims(n, image)):
+    if all(n.node_tree.get(SLOTS_KEY) == slots for t in used for n in t.nodes if _aims(n, image)):
         return
     group = aimed_light_group(image, slots)
-    group[_SLOTS] = slots
+    replaced = set()
     for tree in used:
         for node in tree.nodes:
             if _aims(node, image):
+                replaced.add(node.node_tree)
                 node.node_tree = group
+    for old in replaced - {group}:
+        if not old.users:
+            bpy.data.node_groups.remove(old)
 
 
 def _aims(node: bpy.types.Node, image: bpy.types.Image) -> bool:
     tree = getattr(node, "node_tree", None)
     return bool(tree) and tree.name.startswith(NAME) and any(getattr(n, "image", None) == image for n in tree.nodes)
-
-
-def _slots_of(tree: bpy.types.ShaderNodeTree) -> int:
-    return tree.get(_SLOTS, 1)
 
 
 def _why_not(obj: bpy.types.Object) -> str:
@@ -183,29 +186,37 @@ def _write(image: bpy.types.Image, table: np.ndarray) -> None:
         image.pack()  # a generated image keeps its pixels in the .blend only so
 
 
-@persistent
-def _keep_current(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
-    if scene is None or TABLE not in bpy.data.images or not bpy.data.images[TABLE].users:
-        return
-    if depsgraph is not None:
-        update_lamps(depsgraph)
-    else:
+def keep_current(scene: bpy.types.Scene) -> None:
+    """Bring the table in line with the scene, if some material aims by it."""
+    if _in_use():
         update_scene(scene)
+
+
+def _in_use() -> bool:
+    image = bpy.data.images.get(TABLE)
+    return image is not None and image.users > 0
+
+
+@persistent
+def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    if _in_use():
+        update_lamps(depsgraph)
+
+
+@persistent
+def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    # While an animation is rendered this is not Blender's main thread: no node is touched.
+    if _in_use():
+        update_lamps(depsgraph, rebuild=False)
 
 
 def register() -> None:
     """Called by `addon.register`."""
-    for handlers in _handlers():
-        handlers.append(_keep_current)
+    bpy.app.handlers.depsgraph_update_post.append(_after_an_edit)
+    bpy.app.handlers.frame_change_post.append(_after_a_frame)
 
 
 def unregister() -> None:
     """Called by `addon.unregister`."""
-    for handlers in _handlers():
-        if _keep_current in handlers:
-            handlers.remove(_keep_current)
-
-
-def _handlers() -> list[Any]:
-    events = bpy.app.handlers
-    return [events.depsgraph_update_post, events.frame_change_post, events.render_pre]
+    bpy.app.handlers.depsgraph_update_post.remove(_after_an_edit)
+    bpy.app.handlers.frame_change_post.remove(_after_a_frame)

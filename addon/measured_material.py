@@ -1,21 +1,26 @@
-"""Measured materials in the open .blend: made from a file, baked again in place, and what is known of them."""
+"""Measured materials in the open .blend: made from a file, baked again in place, and what is known of them.
+
+What is particular to shading maps is in `arc_material`.
+"""
 
 from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..bake.bake_brdf import BakeResult, BakeSettings, Progress, bake_file, bake_source
-from ..bake.bundle import SUFFIX, read_bundle
+from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
 from ..bake.sources.analytic import by_name
 from ..nodes.material import BUNDLE_KEY, SOURCE_KEY, build_material
 from .describe import image_sizes
+from .lamps import lamp_image
 
 # The bundle's facts as JSON text, so that the panel knows them wherever the .blend goes.
 FACTS_KEY = "measured_materials_facts"
@@ -43,7 +48,7 @@ def bake_again(
     """Bake the material's measurement, or another one, and rebuild it in place. Raises BakeError."""
     if file is None:
         file = source_file(material)
-    target = _target_of(material, file)
+    target = target_of(material, file)
     if file is not None:
         result = bake_file(file, target, settings, progress)
     else:
@@ -56,22 +61,39 @@ def material_from(
 ) -> bpy.types.Material:
     """The material of a bundle just baked from `file`; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
-    material = build_material(bundle, material, pack=pack)
-    facts = {**bundle.material, "packed": pack}
+    material = build_material(bundle, material, pack=pack, lamps=lamp_image())
+    remember(material, bundle, pack=pack, file=file)
+    return material
+
+
+def remember(
+    material: bpy.types.Material, bundle: Bundle, *, pack: bool, file: Path | None, **further: dict[str, Any]
+) -> None:
+    """Keep with the material what its bundle says, what is `further` known, and what was baked."""
+    facts = {**bundle.material, **further, "packed": pack}
     facts["images"] = {
         name: {**entry, "file_bytes": size["file_bytes"]}
         for (name, entry), size in zip(
             facts["images"].items(), image_sizes(facts, bundle.path, bundle.path).values(), strict=True
         )
     }
-    material[FACTS_KEY] = dump_json(facts, bundle.path)
+    keep_facts(material, facts)
     material[SOURCE_KEY] = str(Path(file).resolve()) if file is not None else ""
-    return material
+
+
+def keep_facts(material: bpy.types.Material, facts: Mapping[str, Any]) -> None:
+    """Replace what is known of the material."""
+    material[FACTS_KEY] = dump_json(facts, material.name)
 
 
 def is_measured(material: bpy.types.Material | None) -> bool:
     """Whether the material was made here."""
     return material is not None and isinstance(material.get(FACTS_KEY), str)
+
+
+def is_shading_map(material: bpy.types.Material | None) -> bool:
+    """Whether the material was made here of photographs."""
+    return material is not None and is_measured(material) and facts_of(material).get("kind") == "shading_map"
 
 
 def facts_of(material: bpy.types.Material) -> dict[str, Any]:
@@ -89,7 +111,7 @@ def _parsed(text: str) -> dict[str, Any]:
 
 
 def source_file(material: bpy.types.Material) -> Path | None:
-    """The measurement the material was baked from, as a path that may no longer exist; None for a model."""
+    """The measurement or the folder of photographs it was baked from, as a path that may be gone; None for a model."""
     text = material.get(SOURCE_KEY)
     return Path(text) if isinstance(text, str) and text else None
 
@@ -98,7 +120,8 @@ def why_not_bakeable(material: bpy.types.Material) -> str:
     """Why the material cannot be baked again without being given a file; empty if it can."""
     file = source_file(material)
     if file is not None:
-        return "" if _exists(file) else f"The measurement {file} is not there"
+        what = "folder" if is_shading_map(material) else "measurement"
+        return "" if _exists(file) else f"The {what} {file} is not there"
     try:
         _analytic_of(material)
     except BakeError:
@@ -132,7 +155,7 @@ def free_bundle(folder: Path, stem: str) -> Path:
     return path
 
 
-def _target_of(material: bpy.types.Material, file: Path | None) -> Path:
+def target_of(material: bpy.types.Material, file: Path | None) -> Path:
     """The material's own bundle, or a new one where somebody may still read the old: a copy of the material, or the
     textures of a .blend that are not packed into it, to which undo and older versions of that .blend lead back.
     """

@@ -1,4 +1,4 @@
-"""Panels: what a measured material is, how far it is from its measurement, and its next bake."""
+"""Panels: what a measured material is, how far it is from its measurement, how it is lit, and its next bake."""
 
 from __future__ import annotations
 
@@ -7,13 +7,34 @@ from typing import Any
 import bpy
 
 from ..bake.errors import BakeError
-from . import describe
+from . import describe, describe_map
+from .arc_operator import MEASURED_MATERIALS_OT_import_arc
+from .arc_properties import draw_arc_settings
+from .arc_relight import why_not_relightable
 from .bake_operator import MEASURED_MATERIALS_OT_bake_again, shown_material
 from .bake_properties import draw_settings
 from .import_operator import MEASURED_MATERIALS_OT_import_brdf
-from .measured_material import facts_of, is_measured, why_not_bakeable
+from .lighting_properties import draw_lighting
+from .measured_material import facts_of, is_measured, is_shading_map, why_not_bakeable
 
 _TITLE = "Measured Materials"
+_BRDF_ROWS = (
+    describe.source_rows,
+    describe.error_rows,
+    describe.table_rows,
+    describe.albedo_rows,
+    describe.size_rows,
+)
+_MAP_ROWS = (
+    describe.source_rows,
+    describe_map.photograph_rows,
+    describe_map.map_rows,
+    describe_map.energy_rows,
+    describe_map.map_error_rows,
+    describe_map.lighting_rows,
+    describe.albedo_rows,
+    describe.size_rows,
+)
 
 
 class _Panel:
@@ -22,14 +43,37 @@ class _Panel:
     bl_label = _TITLE
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Facts of a measured material; for any other the way to import one."""
+        """Facts of a measured material; for any other the ways to import one."""
         layout, material = self.layout, shown_material(context)
         if not is_measured(material):
             layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
+            layout.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
             return
         _draw_facts(layout, material)
+        shows = "EEVEE approximates it" if is_shading_map(material) else "others a stand-in"
         if context.engine != "CYCLES":
-            layout.label(text="Cycles renders it, others a stand-in", icon="INFO")
+            layout.label(text=f"Cycles renders it, {shows}", icon="INFO")
+
+
+class _LightingPanel:
+    """How a shading map is lit; a change shows at once."""
+
+    bl_label = "Lighting"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only for shading maps."""
+        return is_shading_map(shown_material(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The settings, or why they cannot be changed."""
+        material, layout = shown_material(context), self.layout
+        properties = material.measured_lighting
+        for text in filter(None, (why_not_relightable(material), properties.problem)):
+            layout.label(text=text, icon="ERROR")
+        column = layout.column()
+        column.enabled = material.is_editable and not why_not_relightable(material)
+        draw_lighting(column, properties)
 
 
 class _BakePanel:
@@ -46,10 +90,15 @@ class _BakePanel:
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, then the button."""
         material = shown_material(context)
-        draw_settings(self.layout, material.measured_materials)
+        shading_map = is_shading_map(material)
+        if shading_map:
+            draw_arc_settings(self.layout, material.measured_arc, material.measured_lighting)
+        else:
+            draw_settings(self.layout, material.measured_materials)
         missing = why_not_bakeable(material)
         if missing:
-            self.layout.label(text="The measurement is not there", icon="ERROR")
+            what = "photographs are" if shading_map else "measurement is"
+            self.layout.label(text=f"The {what} not there", icon="ERROR")
         row = self.layout.row(align=True)
         row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, icon="FILE_REFRESH")
         row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, text="", icon="FILE_FOLDER").choose = True
@@ -57,16 +106,9 @@ class _BakePanel:
 
 def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
     facts = facts_of(material)
-    parts = (
-        describe.source_rows,
-        describe.error_rows,
-        describe.table_rows,
-        describe.albedo_rows,
-        describe.size_rows,
-    )
     column = layout.column(align=True)
     try:
-        for part in parts:
+        for part in _MAP_ROWS if is_shading_map(material) else _BRDF_ROWS:
             for label, value in part(facts, material.name):
                 _draw_row(column, label, value)
             column.separator()
@@ -89,6 +131,13 @@ class MEASURED_MATERIALS_PT_material(_Panel, bpy.types.Panel):
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
 
 
+class MEASURED_MATERIALS_PT_material_lighting(_LightingPanel, bpy.types.Panel):
+    """In the material properties."""
+
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
+    bl_parent_id = "MEASURED_MATERIALS_PT_material"
+
+
 class MEASURED_MATERIALS_PT_material_bake(_BakePanel, bpy.types.Panel):
     """In the material properties."""
 
@@ -108,6 +157,13 @@ class MEASURED_MATERIALS_PT_shader(_Panel, bpy.types.Panel):
         return space.tree_type == "ShaderNodeTree" and space.shader_type == "OBJECT"
 
 
+class MEASURED_MATERIALS_PT_shader_lighting(_LightingPanel, bpy.types.Panel):
+    """In the shader editor's sidebar."""
+
+    bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
+    bl_parent_id = "MEASURED_MATERIALS_PT_shader"
+
+
 class MEASURED_MATERIALS_PT_shader_bake(_BakePanel, bpy.types.Panel):
     """In the shader editor's sidebar."""
 
@@ -117,8 +173,10 @@ class MEASURED_MATERIALS_PT_shader_bake(_BakePanel, bpy.types.Panel):
 
 classes = (
     MEASURED_MATERIALS_PT_material,
+    MEASURED_MATERIALS_PT_material_lighting,
     MEASURED_MATERIALS_PT_material_bake,
     MEASURED_MATERIALS_PT_shader,
+    MEASURED_MATERIALS_PT_shader_lighting,
     MEASURED_MATERIALS_PT_shader_bake,
 )
 register, unregister = bpy.utils.register_classes_factory(classes)

@@ -5,10 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..bake.bake_brdf import BakeSettings
+from ..bake.shading.bake_arc import ArcSettings
+
+# Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds
+# of megabytes.
+USUAL_SIZE = 1024
 
 
-def bake_stages(settings: BakeSettings) -> dict[str, float]:
-    """Typical seconds of the stages of `bake_file`, in their order."""
+def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
+    """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order."""
+    return _arc_stages(settings) if isinstance(settings, ArcSettings) else _brdf_stages(settings)
+
+
+def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
     size = (settings.resolution / 64) ** 3
     searches = settings.parameterization == "bezier" and isinstance(settings.alpha, str)
     fits = settings.filter == "bspline" and settings.spline != "plain"
@@ -20,6 +29,20 @@ def bake_stages(settings: BakeSettings) -> dict[str, float]:
         "sampler": 0.9 + 0.3 * size,
         "measuring": 0.4,
         "writing": 0.4 + 0.2 * size,
+    }
+
+
+def _arc_stages(settings: ArcSettings) -> dict[str, float]:
+    """Of ten photographs of 2 megapixels; only the proportions matter."""
+    return {
+        "reading": 2.0,
+        "aligning": 1.5 if settings.stack.align != "off" else 0.0,
+        "averages and slices": 0.3,
+        "predicting photographs": 0.5,
+        "making it tile": 8.0 if settings.tileable != "off" else 0.0,
+        "compressing": {"none": 0.4, "power": 1.0, "basis": 1.5}[settings.compression],
+        "measuring": 0.5,
+        "writing": 0.6,
     }
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..bake.errors import BakeError
 from ..bake.image_io import write_png
 from ..nodes import compat
-from . import studio_shapes
+from . import lamps, studio_shapes
 from .picture_sheet import to_display
 
 OWNED = "measured_materials_studio"  # custom property of every datablock that remove_studio may delete
@@ -126,6 +126,7 @@ def render_rgba(
 ) -> NDArray[np.float32]:
     """As `render_linear`, with alpha: (H, W, 4)."""
     compat.save_as_exr(scene.render.image_settings)
+    lamps.keep_current(scene)  # the handler that would do it runs only where the extension is registered
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "render.exr"
         scene.render.filepath = str(file)

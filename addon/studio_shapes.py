@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +11,16 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 RESTING_HEIGHT = 1.075  # of the unit ball's centre, in the ring
+UV_UNIT = 1.4  # ball radii along a unit of texture coordinates, on every shape but the backdrop
+_FRONT = np.array([0.13, -0.97, 0.2]) / np.linalg.norm([0.13, -0.97, 0.2])  # where the camera of the studio stands
 _GROOVE_COLATITUDE, _GROOVE_WIDTH, _GROOVE_DEPTH = 0.98, 0.10, 0.07  # radians, radians, ball radii
 
 
 def sphere_mesh(segments: int = 256, rings: int = 128, *, grooved: bool = False) -> bpy.types.Mesh:
     """Unit sphere about the origin, on demand with a rounded groove along a circle of latitude.
 
-    Texture coordinates repeat 3 times around and 1.5 times from pole to pole, squares at the equator.
+    Texture coordinates are azimuthal about the side that the studio's camera sees: true along every great circle
+    through its middle, without a pole or a seam until the far end.
     """
     colatitude = np.linspace(np.pi, 0, rings + 1)
     radius = np.ones_like(colatitude)
@@ -24,24 +29,36 @@ def sphere_mesh(segments: int = 256, rings: int = 128, *, grooved: bool = False)
         radius -= _GROOVE_DEPTH / (1 + ((colatitude - _GROOVE_COLATITUDE) / _GROOVE_WIDTH) ** 8)
     profile = np.stack([radius * np.sin(colatitude), radius * np.cos(colatitude)], axis=1)
     profile[[0, -1], 0] = 0
-    return _lathe("ball", profile, segments, repeats=(3, 1.5))
+    return _lathe("ball", profile, segments, _azimuthal)
 
 
 def ring_mesh(segments: int = 256, rings: int = 64) -> bpy.types.Mesh:
-    """The ring the ball rests in: a torus with a flattened section, its foot at z = 0."""
-    angle = np.linspace(0, 2 * np.pi, rings + 1)
+    """The ring the ball rests in: a torus with a flattened section, its foot at z = 0.
+
+    Texture coordinates repeat 4 times around; their seams lie at the back and below.
+    """
+    angle = np.linspace(0, 2 * np.pi, rings + 1) - np.pi / 2
     section = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     section = np.sign(section) * np.abs(section) ** 0.75  # between a circle and a square
     profile = np.stack([0.70 + 0.20 * section[:, 0], 0.15 + 0.15 * section[:, 1]], axis=1)
-    return _lathe("ring", profile, segments, repeats=(3, 0.75))
+    around = np.linspace(0, 1, rings + 1)[:, None] * _length(profile)
+
+    def unrolled(points: Array) -> Array:
+        u = np.linspace(0, 4, points.shape[1])
+        return np.stack(np.broadcast_arrays(u, around / UV_UNIT), axis=-1)
+
+    return _lathe("ring", profile, segments, unrolled)
 
 
 def swatch_mesh(side: int = 160) -> bpy.types.Mesh:
-    """A square of cloth, 1.4 by 1.4, laid in soft folds that die away towards one corner; lowest point near z = 0."""
+    """A square of cloth, 1.4 by 1.4, laid in soft folds that die away towards one corner; lowest point near z = 0.
+
+    Texture coordinates cover it once.
+    """
     v, u = np.meshgrid(*[np.linspace(0, 1, side)] * 2, indexing="ij")
     fold = 0.5 + 0.5 * np.sin(2 * np.pi * (1.55 * u + 0.35 * v) + 0.6)
     height = 0.012 + 0.15 * fold * (0.35 + 0.65 * v)
-    points = np.stack([1.4 * (u - 0.5), 1.4 * (v - 0.5), height], axis=-1)
+    points = np.stack([UV_UNIT * (u - 0.5), UV_UNIT * (v - 0.5), height], axis=-1)
     return _grid("swatch", points, np.stack([u, v], axis=-1))
 
 
@@ -60,16 +77,34 @@ def backdrop_mesh(curved: bool = True) -> bpy.types.Mesh:
     return _grid("backdrop", points, points[..., :2])
 
 
-def _lathe(name: str, profile: Array, segments: int, repeats: tuple[float, float]) -> bpy.types.Mesh:
-    """Surface of revolution about z from a profile (N, 2) of radius and height, outside on its right."""
-    angle = np.linspace(0, 2 * np.pi, segments + 1)
+def _lathe(name: str, profile: Array, segments: int, mapping: Callable[[Array], Array]) -> bpy.types.Mesh:
+    """Surface of revolution about z from a profile (N, 2) of radius and height, outside on its right.
+
+    `mapping` gives texture coordinates (N, segments + 1, 2) of its points (N, segments + 1, 3), which start at +y.
+    """
+    angle = np.linspace(0, 2 * np.pi, segments + 1) + np.pi / 2
     radius, height = profile[:, :1], profile[:, 1:]
     points = np.stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, (len(profile), segments + 1))],
         axis=-1,
     )
-    u, v = np.meshgrid(repeats[0] * angle / (2 * np.pi), np.linspace(0, repeats[1], len(profile)))
-    return _grid(name, points, np.stack([u, v], axis=-1), weld=True)
+    return _grid(name, points, mapping(points), weld=True)
+
+
+def _azimuthal(points: Array) -> Array:
+    """Azimuthal equidistant texture coordinates of points around the origin, upright as seen from the front."""
+    right = np.cross([0, 0, 1], _FRONT)
+    right /= np.linalg.norm(right)
+    up = np.cross(_FRONT, right)
+    directions = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    x, y, z = (directions @ axis for axis in (right, up, _FRONT))
+    across = np.hypot(x, y)
+    scale = np.arctan2(across, z) / np.maximum(across, 1e-9) / UV_UNIT
+    return 0.5 + np.stack([x * scale, y * scale], axis=-1)
+
+
+def _length(profile: Array) -> float:
+    return float(np.linalg.norm(np.diff(profile, axis=0), axis=1).sum())
 
 
 def _grid(name: str, points: Array, uv: Array, weld: bool = False) -> bpy.types.Mesh:

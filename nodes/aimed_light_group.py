@@ -8,14 +8,15 @@ import bpy
 
 from ..bake.light_sampling import TEXELS, aim_at, density_towards, draw_towards, expected_light
 from . import expr
-from .group import node_group
+from .group import FAMILY_KEY, node_group
 
 NAME = "MM Aim"
+SLOTS_KEY = "measured_materials_lamps"  # custom property of the group
 # Lamps that are aimed at; each adds about 70 nodes.
 MAX_SLOTS = 4
 
 
-def aimed_light_group(lamps: bpy.types.Image, slots: int = 1) -> bpy.types.ShaderNodeTree:
+def aimed_light_group(lamps: bpy.types.Image, slots: int = 0) -> bpy.types.ShaderNodeTree:
     """Exchange a drawn direction for one towards a lamp, now and then; world space.
 
     (Position, Normal, wi, four random numbers) to (wi, Aimed, Rest): for the direction returned, Aimed is the density
@@ -25,10 +26,10 @@ def aimed_light_group(lamps: bpy.types.Image, slots: int = 1) -> bpy.types.Shade
     Parameters
     ----------
     lamps : the table of `bake.light_sampling.lamp_table`, one lamp a row from the top
-    slots : lamps to aim at, the first of the table
+    slots : lamps to aim at, the first of the table; with 0 the direction passes through and costs nothing
     """
     columns, rows = lamps.size[0], lamps.size[1]
-    if columns != TEXELS or not 1 <= slots <= min(MAX_SLOTS, rows):
+    if columns != TEXELS or not 0 <= slots <= min(MAX_SLOTS, rows):
         raise ValueError(
             f"{slots} lamps of {columns} texels; a lamp has {TEXELS}, and at most {MAX_SLOTS} are aimed at"
         )
@@ -42,6 +43,9 @@ def aimed_light_group(lamps: bpy.types.Image, slots: int = 1) -> bpy.types.Shade
         return aim_at(expr, position, centre, kind, u, v, axis, fourth), power
 
     def build(position: Any, normal: Any, wi: Any, u_lamp: Any, u_aim: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
+        if slots == 0:
+            texel(0.0, 0)  # linked to nothing, but the table is known to be this group's
+            return wi, 0.0, 1.0
         seen = [aim_and_power(float(k), position) for k in range(slots)]
         light = [expected_light(expr, aim, normal, power) for aim, power in seen]
         total = sum(light[1:], start=light[0])
@@ -62,12 +66,14 @@ def aimed_light_group(lamps: bpy.types.Image, slots: int = 1) -> bpy.types.Shade
         return chosen, expr.divide(density * share, total), 1 - share
 
     numbers = dict.fromkeys(("Random Lamp", "Random Aim", "Random 1", "Random 2"), "float")
-    return node_group(
+    group = node_group(
         NAME,
         {"Position": "vector", "Normal": "vector", "wi": "vector", **numbers},
         {"wi": "vector", "Aimed": "float", "Rest": "float"},
         build,
     )
+    group[SLOTS_KEY], group[FAMILY_KEY] = slots, f"{NAME} by {lamps.name_full}"
+    return group
 
 
 def _same(index: Any, k: int) -> Any:

@@ -282,9 +282,7 @@ def image_tap(image: Any, u: Value, v: Value, interpolation: str, extension: str
     """Colour and alpha of an image at (u, v); interpolation "Closest", "Linear" or "Cubic"; "EXTEND" or "REPEAT"."""
     # Always a node: an image node takes an input without a link as "wherever the object's UVs are".
     at = Vector(node("ShaderNodeCombineXYZ", {}, {0: u, 1: v, 2: 0.0}).outputs[0])
-    made = node(
-        "ShaderNodeTexImage", {"image": image, "interpolation": interpolation, "extension": extension}, {0: at}
-    )
+    made = node("ShaderNodeTexImage", {"image": image, "interpolation": interpolation, "extension": extension}, {0: at})
     return Vector(made.outputs["Color"]), Scalar(made.outputs["Alpha"])
 
 

@@ -12,6 +12,8 @@ import bpy
 from . import expr
 
 HASH_KEY = "measured_materials_hash"
+# Groups of one family may take each other's place without a change of what they are in.
+FAMILY_KEY = "measured_materials_family"
 _SOCKETS = {"float": "NodeSocketFloat", "vector": "NodeSocketVector", "shader": "NodeSocketShader"}
 _SKIPPED = frozenset(
     """location location_absolute width height select name label color parent dimensions show_options show_preview
@@ -122,7 +124,7 @@ def _defaults(node: Any) -> list[Any]:
 def _plain(value: Any) -> Any:
     if isinstance(value, bpy.types.NodeTree):
         # Its content now, not the hash it was built with: an image it used may be gone since.
-        return content_hash(value)
+        return value.get(FAMILY_KEY) or content_hash(value)
     if isinstance(value, bpy.types.ID):
         return value.name_full
     if isinstance(value, (bool, int, float, str, type(None))):

@@ -81,20 +81,25 @@ def build_from(
 def _measured_group(
     bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
 ) -> bpy.types.ShaderNodeTree:
-    groups = table_groups(bundle, name, filter, stochastic, pack)
+    groups = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None)
     return reference_group(f"Measured {name}", groups.lookup, groups.sampler, groups.density, lamps)
 
 
 @dataclass(frozen=True)
 class TableGroups:
-    """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf."""
+    """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf.
+
+    The last is None where nothing is aimed.
+    """
 
     lookup: bpy.types.ShaderNodeTree
     sampler: bpy.types.ShaderNodeTree
-    density: bpy.types.ShaderNodeTree
+    density: bpy.types.ShaderNodeTree | None
 
 
-def table_groups(bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool) -> TableGroups:
+def table_groups(
+    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
+) -> TableGroups:
     """Groups of this bundle's BRDF, their textures loaded. Raises BakeError."""
     where = bundle.path / "material.json"
     # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
@@ -109,7 +114,8 @@ def table_groups(bundle: Bundle, name: str, filter: str | None, stochastic: bool
     lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic)
     cells = load_data_image(bundle.image_path("sampler"), f"{name} sampler", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
-    return TableGroups(lookup, sampler, alias_pdf_group(f"MM Sampler Density {name}", cells, layout))
+    density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
+    return TableGroups(lookup, sampler, density)
 
 
 def safe_name(name: str) -> str:

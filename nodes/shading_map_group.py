@@ -30,8 +30,8 @@ class MeasuredLobe:
 
     lookup: bpy.types.ShaderNodeTree
     sampler: bpy.types.ShaderNodeTree
-    density: bpy.types.ShaderNodeTree
-    albedo: tuple[float, float, float]
+    density: bpy.types.ShaderNodeTree | None
+    albedo: float
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, 
 def _sum_shader_to_rgb(lighting: Lighting, normal: Any) -> Any:
     """Radiance of white f_r."""
     if lighting.measured is not None:
-        grey = sum(lighting.measured.albedo) / 3
+        grey = lighting.measured.albedo
         closures = [native_closure(Lobe("lambert"), expr.vec(grey, grey, grey), normal)]
     else:
         closures = viewport_closures(lighting.lobe, normal)

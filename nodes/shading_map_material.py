@@ -20,7 +20,7 @@ from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
 from .map_models import basis_group, power_group
-from .material import build_from, load_data_image, normal_albedo, table_groups
+from .material import build_from, load_data_image, table_groups
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
 
@@ -82,8 +82,8 @@ def _group(
     lighting = replace(lighting_of(bundle, facts, settings), lamps=lamps)
     if settings.lobe is None:
         # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
-        groups = table_groups(bundle, name, None, False, pack)
-        measured = MeasuredLobe(groups.lookup, groups.sampler, groups.density, normal_albedo(bundle))
+        groups = table_groups(bundle, name, None, False, pack, aimed=lamps is not None)
+        measured = MeasuredLobe(groups.lookup, groups.sampler, groups.density, _f_r_albedo(bundle))
         lighting = replace(lighting, measured=measured)
     images = load_slices(bundle, facts, name, pack)
     traced = map_group(f"MM Slices {name}", facts, images, lighting.options(stochastic=True))
@@ -91,6 +91,13 @@ def _group(
     viewport = SliceOptions("scale", tiling=settings.tiling, interpolation="Fetched")
     shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
     return shading_map_group(f"Shading Map {name}", traced, shown, lighting)
+
+
+def _f_r_albedo(bundle: Bundle) -> float:
+    """Of the measured f_r at the normal, a grey; what EEVEE's closure stands in for."""
+    where = bundle.path / MATERIAL
+    facts = require(bundle.material, "f_r", dict, where)
+    return float(require(facts, "albedo", float, where, minimum=0, maximum=10))
 
 
 def load_slices(bundle: Bundle, facts: MapFacts, name: str, pack: bool) -> SliceImages:

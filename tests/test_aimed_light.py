@@ -180,3 +180,22 @@ def test_the_table_follows_edits_and_frames() -> None:
         layer = scene.scene.view_layers[0]
         layer.update()
         assert not survey(layer.depsgraph).lamps
+
+
+def test_materials_aim_at_as_many_lamps_as_there_are(tmp_path: Path) -> None:
+    """Without a lamp the group lets the direction pass; the picture under a sky alone is the same either way."""
+    bundle = map_bundle(tmp_path / "grey", identity_map(), RenderSettings(sigma=0.5, mode="reference"))
+    with lit_sphere(diffuse_material(0.5), 16, lamp=False) as scene:
+        material = build_shading_map(bundle, lamps=lamp_image())
+        scene.show(material)
+
+        def sizes() -> set[int]:
+            return {len(t.nodes) for t in bpy.data.node_groups if t.name.startswith("MM Aim")}
+
+        counts = []
+        for k in range(3):
+            update_scene(scene.scene)
+            assert len(sizes()) == 1
+            counts.append(sizes().pop())
+            add_lamp(scene, "POINT", (k, 0, 3), energy=10, shadow_soft_size=0.1)
+        assert counts[0] < 10 < counts[1] < counts[2]

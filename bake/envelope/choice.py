@@ -18,12 +18,12 @@ from .views import gauss_chords, sample_views
 _VIEWS, _N_H, _N_PHI = 12, 24, 12
 _TOLERANCE = 1e-3
 _GAIN = 1.002  # what a change must bring to be made
-_FIRST_RATIO, _LAST_RATIO = 1.25, 1.06
+_FIRST_RATIO, _LAST_RATIO = 1.25, 1.02
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Closures, the share of all energy they carry, and what the whole basis would; both on the coarse set."""
+    """Closures, the share of all energy they carry, and what the whole basis would; both estimates, a little high."""
 
     closures: tuple[Lobe, ...]
     share: float

@@ -25,6 +25,7 @@ from ..source import Array
 _MOST_STEPS = 100
 # Longer steps leave some products far below the others, and then stall (tried: 0.9995 takes twice as many).
 _TO_BOUNDARY = 0.9
+_RIDGE = 1e-12
 _TINY = 1e-300
 _CHUNK = 1 << 15  # directions of all problems solved together; their arrays stay in the cache
 
@@ -176,7 +177,8 @@ class _System:
         n, k, _ = a.shape
         matrix = np.zeros((n, k + 1, k + 1))
         matrix[:, :k, :k] = (a * self.g[:, None]) @ np.swapaxes(a, 1, 2)
-        matrix[:, range(k), range(k)] += s.v / s.w
+        # Closures may depend on each other linearly; the ridge then picks one of many steps that are equally good.
+        matrix[:, range(k), range(k)] = matrix[:, range(k), range(k)] * (1 + _RIDGE) + s.v / s.w
         column = _sums(a, self.e)
         matrix[:, :k, k], matrix[:, k, :k] = column, -column
         matrix[:, k, k] = (s.z / s.t)[:, 0] + (s.o / scale).sum(-1)

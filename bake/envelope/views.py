@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import BakeError
 from ..source import Array, BrdfSource
 from ..table import TreatedSource
 
@@ -48,7 +49,10 @@ def sample_views(
     n_phi: int,
     progress: Callable[[float], None] | None = None,
 ) -> Views:
-    """Sample a source; other sizes n_h and n_phi give other directions, none shared."""
+    """Sample a source; other sizes n_h and n_phi give other directions, none shared.
+
+    Raises BakeError for values that are not finite.
+    """
     wi, wo, areas = light_directions(chords, n_h, n_phi)
     values = np.empty(wi.shape)
     step = max(1, _CHUNK // areas.shape[1])
@@ -57,6 +61,8 @@ def sample_views(
         values[part] = source.evaluate(wi[part], np.broadcast_to(wo[part], wi[part].shape))
         if progress:
             progress(min(start + step, len(wi)) / len(wi))
+    if not np.isfinite(values).all():
+        raise BakeError(source.name, "holds values that are not finite", "check the file")
     return Views(chords, wo, wi, areas, values * wi[..., 2:])
 
 

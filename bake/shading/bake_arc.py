@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import VERSION
+from ..albedo import directional_albedo
 from ..bake_brdf import BakeResult, TableSource
 from ..bundle import Bundle, StoredImage, read_bundle, require, write_bundle
 from ..errors import BakeError
@@ -113,7 +114,7 @@ def bake_stack(
     started = time.perf_counter()
     say("averages and slices", 0.0)
     made = linearise(stack.images, settings.slices, name)
-    say("measuring", 0.0)
+    say("predicting photographs", 0.0)
     held_out = held_out_errors(stack.images, settings.slices)
     shading_map, a_max, tiling = made.map, made.a_max, None
     if settings.tileable != "off":
@@ -130,7 +131,7 @@ def bake_stack(
     say("compressing", 0.0)
     images, map_facts, stored = store_map(shading_map, settings.compression, settings.storage, settings.rank)
     calibrated = a_max if stack.calibrated else None
-    say("measuring", 0.5)
+    say("measuring", 0.0)
     facts = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": name, "facts": {"format": "photographs on a light arc", **stack.facts}},
@@ -151,7 +152,7 @@ def bake_stack(
         "tiling": tiling,
         "lobe_fit": fit,
         "render": render.facts(),
-        **{key: measured.material[key] for key in ("table", "sampler") if measured},
+        **_f_r_facts(measured, f_r),
         "albedo": map_albedo_facts(stored, render, calibrated, f_r),
     }
     say("writing", 0.0)
@@ -172,6 +173,15 @@ def _measured_brdf(path: Path | None) -> tuple[Bundle | None, BrdfSource | None]
     sampler_of(bundle)
     filter: Any = require(require(bundle.material, "table", dict, path), "filter", str, path, choices=FILTERS)
     return bundle, TableSource(table_of(bundle), filter)
+
+
+def _f_r_facts(bundle: Bundle | None, f_r: BrdfSource | None) -> dict[str, Any]:
+    """What the copied table and sampler need to be read, and the BRDF's own albedo at the normal, a grey."""
+    if bundle is None or f_r is None:
+        return {}
+    albedo = float(directional_albedo(f_r, 0.0, 48).mean())
+    name = require(require(bundle.material, "source", dict, bundle.path), "name", str, bundle.path)
+    return {"f_r": {"name": name, "albedo": albedo}, **{key: bundle.material[key] for key in ("table", "sampler")}}
 
 
 def _copied(bundle: Bundle, name: str) -> StoredImage:

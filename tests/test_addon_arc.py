@@ -1,0 +1,377 @@
+"""The add-on in Blender with photographs: import, another light without a bake, baking again, what the panel says."""
+
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.addon import arc_material, arc_operator, arc_relight, measured_material, panel
+from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lighting_properties import lighting_of, show_lighting
+from measured_materials.addon.stages import USUAL_SIZE
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.shading.map_albedo import map_albedo_facts
+from measured_materials.bake.shading.map_facts import shading_map_of
+from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.nodes.group import FAMILY_KEY
+from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
+from measured_materials.nodes.shading_map_material import build_shading_map
+from support.stacks import write_stack
+from test_addon import Stage, plate, registered  # noqa: F401
+
+GGX = RenderSettings(Lobe("ggx", 0.4), sigma=0.7, above="scale")
+
+
+@pytest.fixture(scope="module")
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_stack(tmp_path_factory.mktemp("stack") / "felt")
+
+
+@pytest.fixture(scope="module")
+def measured_brdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("brdf") / "gloss"
+    return bake_source(by_name("ggx", alpha=0.5), path, BakeSettings(resolution=8, alpha=(0.5, 0.5))).path
+
+
+@pytest.fixture
+def felt(stack: Path, plate: Any, tmp_path: Path) -> Any:
+    """A shading-map material on the active object."""
+    bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path))
+    return plate.active_material
+
+
+def group_of(material: Any) -> Any:
+    return next(node.node_tree for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
+
+
+def mapping_of(material: Any) -> Any:
+    return next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeMapping")
+
+
+def assert_lit_as(material: Any, settings: RenderSettings, bundle_path: Path) -> None:
+    """As if it had been built from a bundle of this light; names of textures apart, which Blender numbers."""
+    facts = {**read_bundle(bundle_path).material, "albedo": measured_material.facts_of(material)["albedo"]}
+    fresh = build_shading_map(Bundle(bundle_path, facts), settings=settings, lamps=lamp_image())
+    assert shape_of(group_of(material)) == shape_of(group_of(fresh))
+    assert arc_relight.current_lighting(material) == settings
+
+
+def shape_of(tree: Any) -> list[Any]:
+    """All that a group computes: kinds, values, links, and the groups inside."""
+    found: list[Any] = []
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup":
+            # How many lamps are aimed at depends on the scene, not on the material.
+            found.append(node.node_tree.get(FAMILY_KEY) or shape_of(node.node_tree))
+        values = [
+            tuple(v) if hasattr(v := s.default_value, "__len__") else v
+            for s in node.inputs
+            if hasattr(s, "default_value")
+        ]
+        settings = [getattr(node, key, None) for key in ("operation", "interpolation", "extension", "distribution")]
+        image = Path(node.image.filepath).name if node.bl_idname == "ShaderNodeTexImage" else None
+        found.append((node.bl_idname, values, settings, image))
+    links = [(k.from_socket.identifier, k.to_node.bl_idname, k.to_socket.identifier) for k in tree.links]
+    return [*found, sorted(links)]
+
+
+# --- import -----------------------------------------------------------------------------------------------
+
+
+def test_import_puts_the_material_on_the_object(felt: Any, stack: Path, tmp_path: Path) -> None:
+    assert felt.name == "felt" and felt.users == 1 and not felt.use_fake_user
+    bundle = read_bundle(tmp_path / "felt.mmat")
+    assert felt[BUNDLE_KEY] == str(bundle.path) and felt[SOURCE_KEY] == str(stack)
+    facts = measured_material.facts_of(felt)
+    assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
+    assert all(image.packed_file for image in arc_material.textures_of(felt).values())
+    assert felt.measured_arc.size == USUAL_SIZE and felt.measured_lighting.lobe == "lambert"
+    # A swatch of 20 x 16 keeps its proportions on square texture coordinates.
+    assert tuple(mapping_of(felt).inputs["Scale"].default_value) == (1.0, 20 / 16, 1.0)
+
+
+def test_import_of_chosen_files(stack: Path, plate: Any, tmp_path: Path) -> None:
+    files = [{"name": name} for name in ("el15.png", "el55.png", "el90.png")]
+    options = {"lobe": "ggx", "ggx_alpha": 0.25, "slices": 4, "scale_by": "albedo", "albedo": 0.3, "pack": False}
+    bpy.ops.measured_materials.import_arc(directory=str(stack), files=files, bundles=str(tmp_path), **options)
+    material = plate.active_material
+    facts = measured_material.facts_of(material)
+    assert facts["averages"]["photographs"] == ["el15.png", "el55.png", "el90.png"]
+    assert facts["render"]["lobe"] == {"name": "ggx", "alpha": 0.25} and facts["map"]["a_max"] > 0
+    assert material.measured_lighting.ggx_alpha == 0.25 and material.measured_arc.scale_by == "albedo"
+    assert arc_material.photographs_of(material) == [stack / file["name"] for file in files]
+    assert not any(image.packed_file for image in arc_material.textures_of(material).values())
+
+
+@pytest.mark.parametrize("chosen", ["el35.png", "lights.csv", ""])
+def test_one_file_stands_for_its_folder(chosen: str, tmp_path: Path, plate: Any) -> None:
+    folder = write_stack(tmp_path / "felt", (20, 50, 80))
+    (folder / "lights.csv").write_text("file,elevation\nel20.png,21\nel50.png,51\nel80.png,81\n")
+    where = {"filepath": str(folder / chosen), "directory": str(folder), "files": [{"name": chosen}]}
+    bpy.ops.measured_materials.import_arc(**where, bundles=str(tmp_path))
+    facts = measured_material.facts_of(plate.active_material)
+    assert facts["averages"]["elevations_deg"] == [21, 51, 81]
+
+
+def test_fitted_lobe_is_shown(stack: Path, plate: Any, tmp_path: Path) -> None:
+    bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), fit_lobe=True)
+    material = plate.active_material
+    fitted = measured_material.facts_of(material)["lobe_fit"]["lobe"]
+    assert lighting_of(material.measured_lighting).lobe.name == fitted["name"]
+    assert material.measured_arc.fit_lobe
+
+
+def test_bad_stack_is_one_report_and_leaves_nothing(tmp_path: Path, plate: Any) -> None:
+    folder = write_stack(tmp_path / "felt")
+    (folder / "el40.png").write_text("no photograph")
+    known = set(bpy.data.materials)
+    with pytest.raises(RuntimeError) as failed:  # how Blender hands an error report to Python
+        bpy.ops.measured_materials.import_arc(filepath=str(folder), bundles=str(tmp_path))
+    assert str(failed.value).strip().count("\n") == 0 and "el40.png" in str(failed.value)
+    assert set(bpy.data.materials) == known and not (tmp_path / "felt.mmat").exists()
+    with pytest.raises(RuntimeError, match="No photographs were chosen"):
+        bpy.ops.measured_materials.import_arc()
+
+
+def test_images_are_left_to_others_when_dropped() -> None:
+    dropped = arc_operator.MEASURED_MATERIALS_FH_arc.bl_file_extensions.split(";")
+    assert not {".jpg", ".png", ".tif", ".exr", ".hdr"} & set(dropped)
+    assert arc_operator.MEASURED_MATERIALS_FH_arc.bl_import_operator == "measured_materials.import_arc"
+
+
+# --- another light ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("compression", ["none", "power", "basis"])
+def test_a_change_of_light_rebuilds_at_once(
+    compression: str,
+    stack: Path,
+    plate: Any,
+    tmp_path: Path,
+) -> None:
+    bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), compression=compression)
+    material = plate.active_material
+    bundle = read_bundle(tmp_path / "felt.mmat")
+    images, groups = set(bpy.data.images), len(bpy.data.node_groups)
+    written = (bundle.path / "material.json").stat().st_mtime_ns
+    mapping_of(material).inputs["Scale"].default_value = (5, 5, 1)
+    light = material.measured_lighting
+    light.sigma = 0.8
+    assert_lit_as(material, RenderSettings(sigma=0.8), bundle.path)
+    light.lobe, light.ggx_alpha, light.above, light.tiling = "ggx", 0.4, "scale", "extend"
+    assert_lit_as(material, RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", tiling="extend"), bundle.path)
+    light.technique, light.mode, light.a_max = "angular", "reference", 0.2
+    last = RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", "angular", "reference", "extend", 0.2)
+    assert_lit_as(material, last, bundle.path)
+    albedo = measured_material.facts_of(material)["albedo"]
+    expected = map_albedo_facts(shading_map_of(bundle), last, None)
+    # The means are kept in float32.
+    np.testing.assert_allclose(albedo["directional"], expected["directional"], rtol=1e-5)
+    assert light.problem == "" and material.users == 1
+    assert tuple(mapping_of(material).inputs["Scale"].default_value) == (5, 5, 1)
+    assert images <= set(bpy.data.images)
+    assert (bundle.path / "material.json").stat().st_mtime_ns == written
+    light.lobe = "lambert"
+    light.technique, light.mode = "lookup", "exact"
+    for tree in list(bpy.data.node_groups):  # those of the materials that this test compared with
+        if not tree.users:
+            bpy.data.node_groups.remove(tree)
+    assert groups <= len(bpy.data.node_groups)
+
+
+def test_nothing_piles_up(felt: Any) -> None:
+    felt.measured_lighting.sigma = 0.3
+    images, groups = len(bpy.data.images), len(bpy.data.node_groups)
+    for sigma in (0.4, 0.6, 0.9):
+        felt.measured_lighting.sigma = sigma
+    assert (len(bpy.data.images), len(bpy.data.node_groups)) == (images, groups)
+
+
+def test_packed_textures_need_no_bundle(felt: Any, tmp_path: Path) -> None:
+    shutil.copytree(tmp_path / "felt.mmat", tmp_path / "kept.mmat")
+    shutil.rmtree(tmp_path / "felt.mmat")
+    assert arc_relight.why_not_relightable(felt) == ""
+    show_lighting(felt.measured_lighting, GGX)
+    felt.measured_lighting.tiling = "extend"
+    assert_lit_as(felt, RenderSettings(GGX.lobe, GGX.sigma, GGX.above, tiling="extend"), tmp_path / "kept.mmat")
+    assert felt.measured_lighting.problem == ""
+
+
+def test_lost_textures_are_told_and_nothing_changes(stack: Path, plate: Any, tmp_path: Path) -> None:
+    bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), pack=False)
+    material = plate.active_material
+    before = shape_of(group_of(material))
+    (tmp_path / "felt.mmat").rename(tmp_path / "moved.mmat")
+    for image in arc_material.textures_of(material).values():
+        image.reload()  # as a new session would find them
+    assert "felt.mmat" in arc_relight.why_not_relightable(material)
+    material.measured_lighting.sigma = 0.9
+    assert "is gone" in material.measured_lighting.problem
+    assert material.measured_lighting.sigma == 0 and shape_of(group_of(material)) == before
+    assert any("felt.mmat" in text for text in Stage(material).drawn(panel._LightingPanel))
+    (tmp_path / "moved.mmat").rename(tmp_path / "felt.mmat")
+    assert arc_relight.why_not_relightable(material) == ""
+    material.measured_lighting.sigma = 0.9
+    assert material.measured_lighting.problem == ""
+    assert_lit_as(material, RenderSettings(sigma=0.9), tmp_path / "felt.mmat")
+
+
+def test_another_bake_in_the_bundle_is_not_mixed_in(stack: Path, plate: Any, tmp_path: Path) -> None:
+    bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), pack=False)
+    material = plate.active_material
+    shutil.rmtree(tmp_path / "felt.mmat")
+    other = write_stack(tmp_path / "other" / "felt", (20, 70))
+    bpy.ops.measured_materials.import_arc(filepath=str(other), bundles=str(tmp_path), pack=False)
+    for image in arc_material.textures_of(material).values():
+        bpy.data.images.remove(image)
+    material.measured_lighting.sigma = 0.9
+    assert "another bake" in material.measured_lighting.problem
+
+
+def test_measured_brdf_as_f_r(stack: Path, measured_brdf: Path, plate: Any, tmp_path: Path) -> None:
+    options = {"lobe": "measured", "brdf": str(measured_brdf), "bundles": str(tmp_path)}
+    bpy.ops.measured_materials.import_arc(filepath=str(stack), **options)
+    material = plate.active_material
+    light = material.measured_lighting
+    assert light.lobe == "measured" and set(arc_material.textures_of(material)) >= {"table", "sampler"}
+    light.lobe = "ggx"
+    light.lobe = "measured"
+    light.sigma = 0.7
+    assert light.problem == ""
+    assert_lit_as(material, RenderSettings(None, 0.7), tmp_path / "felt.mmat")
+    shutil.rmtree(tmp_path / "felt.mmat")
+    light.lobe = "lambert"
+    light.lobe = "measured"
+    assert light.problem == "" and arc_relight.current_lighting(material).lobe is None
+    assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
+    assert read_bundle(tmp_path / "felt.mmat").has("table")
+
+
+def test_without_a_measured_brdf_there_is_none(felt: Any) -> None:
+    felt.measured_lighting.lobe = "measured"
+    assert felt.measured_lighting.lobe == "lambert" and "no measured BRDF" in felt.measured_lighting.problem
+    felt.measured_lighting.lobe = "sheen"
+    assert felt.measured_lighting.problem == ""
+
+
+def test_a_copy_is_lit_apart(felt: Any, tmp_path: Path) -> None:
+    copy = felt.copy()
+    copy.measured_lighting.sigma = 0.9
+    assert_lit_as(felt, RenderSettings(), tmp_path / "felt.mmat")
+    assert_lit_as(copy, RenderSettings(sigma=0.9), tmp_path / "felt.mmat")
+    assert arc_material.textures_of(copy) == arc_material.textures_of(felt)
+    bpy.data.materials.remove(copy)
+    felt.measured_lighting.sigma = 0.4
+    assert felt.measured_lighting.problem == ""
+
+
+def test_lighting_of_another_material_does_nothing() -> None:
+    plain = bpy.data.materials.new("plain")
+    try:
+        plain.measured_lighting.sigma = 0.9
+        assert plain.measured_lighting.sigma == pytest.approx(0.9) and plain.measured_lighting.problem == ""
+    finally:
+        bpy.data.materials.remove(plain)
+
+
+# --- bake again -------------------------------------------------------------------------------------------
+
+
+def test_baking_again_keeps_the_users(felt: Any, plate: Any, tmp_path: Path) -> None:
+    images, groups = len(bpy.data.images), len(bpy.data.node_groups)
+    show_lighting(felt.measured_lighting, GGX)
+    felt.measured_arc.slices = 4
+    mapping_of(felt).inputs["Scale"].default_value = (3, 3, 1)
+    assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
+    assert plate.active_material == felt and felt.users == 1
+    facts = measured_material.facts_of(felt)
+    assert facts["map"]["slices"] == 4 and facts["render"] == GGX.facts()
+    assert [file.name for file in tmp_path.iterdir()] == ["felt.mmat"]
+    assert len(bpy.data.images) == images
+    # GGX has groups of its own beside those of Lambert's.
+    assert len(bpy.data.node_groups) <= groups + 3
+    assert tuple(mapping_of(felt).inputs["Scale"].default_value) == (3, 3, 1)
+    felt.measured_lighting.sigma = 0.5
+    assert felt.measured_lighting.problem == ""
+
+
+def test_baking_a_copy_leaves_the_original_alone(felt: Any, plate: Any) -> None:
+    copy = felt.copy()
+    plate.active_material = copy
+    copy.measured_arc.slices = 4
+    bpy.ops.measured_materials.bake_again()
+    assert copy[BUNDLE_KEY] != felt[BUNDLE_KEY]
+    assert read_bundle(felt[BUNDLE_KEY]).material["map"]["slices"] == 8
+    assert measured_material.facts_of(felt)["map"]["slices"] == 8
+    felt.measured_lighting.sigma = 0.4
+    assert felt.measured_lighting.problem == ""
+
+
+def test_failed_baking_changes_nothing(felt: Any, tmp_path: Path) -> None:
+    facts = felt[measured_material.FACTS_KEY]
+    with pytest.raises(RuntimeError, match="does not exist"):
+        bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "absent"))
+    assert felt[measured_material.FACTS_KEY] == facts
+    felt.measured_lighting.sigma = 0.4
+    assert felt.measured_lighting.problem == ""
+    felt[SOURCE_KEY] = str(tmp_path / "moved")
+    assert "moved is not there" in measured_material.why_not_bakeable(felt)
+
+
+def test_lost_photographs_can_be_replaced(felt: Any, stack: Path, tmp_path: Path) -> None:
+    felt[SOURCE_KEY] = str(tmp_path / "moved")
+    felt[BUNDLE_KEY] = str(tmp_path / "gone" / "felt.mmat")
+    copied = shutil.copytree(stack, tmp_path / "copied" / "felt")
+    bpy.ops.measured_materials.bake_again(filepath=str(copied))
+    assert felt[SOURCE_KEY] == str(copied) and Path(felt[BUNDLE_KEY]).name.startswith("felt")
+    felt[SOURCE_KEY] = ""
+    with pytest.raises(RuntimeError, match="choose the photographs"):
+        bpy.ops.measured_materials.bake_again()
+
+
+# --- panel ------------------------------------------------------------------------------------------------
+
+
+def test_panel_tells_photographs_energy_and_light(felt: Any) -> None:
+    texts = Stage(felt).drawn(panel._Panel)
+    for text in ("felt", "5 lights, 5 levels", "8 slices of 20 x 16", "lambert", "Held-out", "Envelope", "In memory"):
+        assert text in texts
+    stage = Stage(felt)
+    stage.engine = "BLENDER_EEVEE_NEXT"
+    assert any("EEVEE approximates" in text for text in stage.drawn(panel._Panel))
+
+
+def test_panels_offer_what_has_an_effect(felt: Any) -> None:
+    assert panel._LightingPanel.poll(Stage(felt)) and panel._BakePanel.poll(Stage(felt))
+    texts = Stage(felt).drawn(panel._LightingPanel)
+    assert {"lobe", "sigma", "above", "technique", "mode", "tiling"} <= set(texts) and "ggx_alpha" not in texts
+    felt.measured_lighting.lobe, felt.measured_lighting.technique = "phong", "lit_texture"
+    texts = Stage(felt).drawn(panel._LightingPanel)
+    assert {"phong_exponent", "phong_diffuse"} <= set(texts) and "above" not in texts
+    texts = Stage(felt).drawn(panel._BakePanel)
+    assert {"size", "slices", "measured_materials.bake_again"} <= set(texts)
+    assert not {"rank", "crop", "gamma", "albedo", "azimuth", "brdf", "corner_top_left"} & set(texts)
+    arc = felt.measured_arc
+    arc.compression, arc.frame, arc.decode, arc.scale_by, arc.one_plane = "basis", "corners", "gamma", "card", True
+    texts = Stage(felt).drawn(panel._BakePanel)
+    assert {"rank", "corner_top_left", "gamma", "white_card", "white_reflectance", "azimuth"} <= set(texts)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", '{"kind": "shading_map"}', '{"kind": "shading_map", "images": {"slices": 1}, "render": {}}']
+)
+def test_panel_survives_foreign_facts(text: str, felt: Any) -> None:
+    felt[measured_material.FACTS_KEY] = text
+    assert Stage(felt).drawn(panel._Panel)
+    Stage(felt).drawn(panel._BakePanel)
+    Stage(felt).drawn(panel._LightingPanel)
+    felt.measured_lighting.sigma = 0.9

@@ -1,0 +1,64 @@
+"""Settings of shading maps as Blender properties: nothing is lost on the way there and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import pytest
+from measured_materials.addon.arc_properties import arc_settings_of, show_arc_settings
+from measured_materials.addon.lighting_properties import lighting_of, show_lighting
+from measured_materials.addon.stages import USUAL_SIZE
+from measured_materials.bake.photographs.settings import StackSettings
+from measured_materials.bake.shading.bake_arc import ArcSettings
+from measured_materials.bake.shading.lobes import LOBES, Lobe
+from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.storage import Storage
+from test_addon import registered  # noqa: F401
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ArcSettings(stack=StackSettings(size=USUAL_SIZE)),
+        ArcSettings(
+            slices=5, storage=Storage.FLOAT32, compression="basis", rank=3, tileable="quilt", lobe_auto=True,
+            render=RenderSettings(Lobe("phong", 60.0, 0.3), 0.7, "scale", "angular", "reference", "extend", 0.25),
+            stack=StackSettings(
+                decode="gamma:1.8", azimuth=40, spread=7.5, sides="both", crop=(1, 2, 30, 40), albedo=0.3
+            ),
+        ),
+        ArcSettings(
+            brdf=Path("gloss.mmat").resolve(),
+            render=RenderSettings(None, 0.5),
+            stack=StackSettings(
+                size=64, decode="linear", lights=Path("dirs.lp").resolve(), flat_field=Path("flat.exr").resolve(),
+                corners=((1, 1), (9.5, 1), (9, 8), (1, 8)), white_card=(0, 0, 4, 4), white_reflectance=0.8, align="off",
+            ),
+        ),
+    ],
+)  # fmt: skip
+def test_settings_survive_the_properties(settings: ArcSettings) -> None:
+    material = bpy.data.materials.new("settings")
+    try:
+        assert arc_settings_of(material.measured_arc, material.measured_lighting) == ArcSettings(
+            stack=StackSettings(size=USUAL_SIZE)
+        )
+        show_arc_settings(material.measured_arc, settings, pack=False)
+        show_lighting(material.measured_lighting, settings.render)
+        assert arc_settings_of(material.measured_arc, material.measured_lighting) == settings
+        assert material.measured_arc.pack is False
+    finally:
+        bpy.data.materials.remove(material)
+
+
+@pytest.mark.parametrize("name", LOBES)
+def test_lighting_survives_the_properties(name: str) -> None:
+    material = bpy.data.materials.new("lighting")
+    try:
+        settings = RenderSettings(Lobe(name), 0.123, a_max=0.5)
+        show_lighting(material.measured_lighting, settings)
+        assert lighting_of(material.measured_lighting) == settings
+        assert material.measured_lighting.problem == ""
+    finally:
+        bpy.data.materials.remove(material)
