@@ -25,7 +25,9 @@ from ..source import Array
 _MOST_STEPS = 100
 # Longer steps leave some products far below the others, and then stall (tried: 0.9995 takes twice as many).
 _TO_BOUNDARY = 0.9
-_RIDGE = 1e-12
+# Added to Newton's matrix in parts of its diagonal. Closures that are sums of others leave it singular, and the next
+# ridge is for them; problems that the first one solves would end at a gap of 1e-6 with the last.
+_RIDGES = 1e-13, 1e-9, 1e-8
 _TINY = 1e-300
 _CHUNK = 1 << 15  # directions of all problems solved together; their arrays stay in the cache
 
@@ -73,20 +75,32 @@ def _solve_together(
 ) -> tuple[Array, Array]:
     """Weights (N, K) and relative gaps (N,); `columns` are the closures' values, (N, K, M)."""
     problem, scale, worth = _scaled(columns, bounds, areas, gains, budget, price)
-    weights, gap = np.zeros(gains.shape), np.zeros(len(gains))
-    running = np.flatnonzero(worth > 0)
-    problem = problem.take(running)
-    state = problem.start()
+    weights, gap = np.zeros(gains.shape), np.where(worth > 0, np.inf, 0.0)
+    for ridge in _RIDGES:
+        unsolved = np.flatnonzero(gap > tolerance)
+        if not len(unsolved):
+            break
+        found, difference = _descend(problem.take(unsolved), ridge, tolerance)
+        better = difference < gap[unsolved]
+        weights[unsolved[better]], gap[unsolved[better]] = found[better], difference[better]
+    return weights / scale, gap
+
+
+def _descend(problem: _Scaled, ridge: float, tolerance: float) -> tuple[Array, Array]:
+    """The best weights (N, K) met on the way to the optimum, and their relative gaps (N,)."""
+    weights, gap = np.zeros(problem.c.shape), np.full(len(problem.c), np.inf)
+    running, state = np.arange(len(gap)), problem.start()
     for _ in range(_MOST_STEPS):
         difference = problem.gap(state)
-        weights[running], gap[running] = state.w, difference
+        better = difference < gap[running]
+        weights[running[better]], gap[running[better]] = state.w[better], difference[better]
         keep = np.flatnonzero(difference > tolerance)
         if not len(keep):
             break
         if len(keep) < len(running):
             running, problem, state = running[keep], problem.take(keep), state.take(keep)
-        state = problem.step(state)
-    return weights / scale, gap
+        state = problem.step(state, ridge)
+    return weights, gap
 
 
 @dataclass(frozen=True)
@@ -152,9 +166,9 @@ class _Scaled:
         dual = (self.q * s.y).sum(-1) + s.t[:, 0]
         return (dual - primal) / np.maximum(np.abs(dual), _TINY)
 
-    def step(self, s: _State) -> _State:
+    def step(self, s: _State, ridge: float) -> _State:
         """Predictor, then corrector with Mehrotra's centring."""
-        system = _System(self, s)
+        system = _System(self, s, ridge)
         before = s.complementarity()
         aim = system.solve([-p * d for p, d in s.pairs()])
         reached = s.moved(aim, *_lengths(s, aim, 1.0)).complementarity()
@@ -166,7 +180,7 @@ class _Scaled:
 class _System:
     """Newton's equations at a state, reduced to the weights and the budget's multiplier."""
 
-    def __init__(self, problem: _Scaled, s: _State) -> None:
+    def __init__(self, problem: _Scaled, s: _State, ridge: float) -> None:
         self.problem, self.s = problem, s
         a, p = problem.a, problem.p
         h = s.y / s.x
@@ -177,8 +191,7 @@ class _System:
         n, k, _ = a.shape
         matrix = np.zeros((n, k + 1, k + 1))
         matrix[:, :k, :k] = (a * self.g[:, None]) @ np.swapaxes(a, 1, 2)
-        # Closures may depend on each other linearly; the ridge then picks one of many steps that are equally good.
-        matrix[:, range(k), range(k)] = matrix[:, range(k), range(k)] * (1 + _RIDGE) + s.v / s.w
+        matrix[:, range(k), range(k)] = matrix[:, range(k), range(k)] * (1 + ridge) + s.v / s.w
         column = _sums(a, self.e)
         matrix[:, :k, k], matrix[:, k, :k] = column, -column
         matrix[:, k, k] = (s.z / s.t)[:, 0] + (s.o / scale).sum(-1)

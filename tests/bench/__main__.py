@@ -16,6 +16,7 @@ BENCHES = {
     "figures": "picture sheets after figures 4 and 7 of Mallett & Yuksel 2016",
     "gallery": "pictures of the twelve RGL and three Cornell materials",
     "cornell": "error of the Cornell paints on held-out samples",
+    "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
