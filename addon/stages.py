@@ -28,6 +28,7 @@ def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
         "fitting spline": 2.6 * size if fits else 0.0,
         "sampler": 0.9 + 0.3 * size,
         "measuring": 0.4,
+        "envelope": 4.0 + 1.2 * size if settings.envelope else 0.0,
         "writing": 0.4 + 0.2 * size,
     }
 

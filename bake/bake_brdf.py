@@ -19,6 +19,7 @@ from .alpha_search import search_alpha, with_alpha
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
+from .envelope import fit_envelope, pack_weights, reconstruction_errors, residual_table
 from .errors import BakeError
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
@@ -52,6 +53,7 @@ class BakeSettings:
     spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
         two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : sizes of the alias tables
+    envelope : also fit native closures under the measurement, and bake what they leave, for mode "exact"
     """
 
     resolution: int = 64
@@ -61,6 +63,7 @@ class BakeSettings:
     filter: Filter = "trilinear"
     spline: SplineFit = "auto"
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
+    envelope: bool = False
 
     def __post_init__(self) -> None:
         _check(
@@ -171,11 +174,15 @@ def bake_source(
         # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
         "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
     }
-    say("writing", 0.0)
     images = {
         "table": StoredImage(pack(stored.values * np.float32(scale)), settings.storage),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
+    if settings.envelope:
+        say("envelope", 0.0)
+        extra, images_of_envelope = _envelope(treated, stored, settings, pairs)
+        facts, images = facts | extra, images | images_of_envelope
+    say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(stored, settings.filter), kind=KIND)
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
@@ -196,6 +203,22 @@ class TableSource:
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         return self.table.evaluate(wi, wo, self.filter)
+
+
+def _envelope(
+    treated: TreatedSource, table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs
+) -> tuple[dict[str, Any], dict[str, StoredImage]]:
+    """Facts and images of the envelope and of the residual, whose table has the grid of the whole one."""
+    fit = fit_envelope(treated)
+    residual, scale = _quantized(residual_table(treated, fit, table.grid), settings.storage)
+    sampler = build_sampler(TableSource(residual, "trilinear"), settings.sampler)
+    errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
+    images = {
+        "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
+        "residual": StoredImage(pack(residual.values * np.float32(scale)), settings.storage),
+        "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+    }
+    return {"envelope": fit.facts(), "residual": {"scale": scale, "errors": errors}}, images
 
 
 def _sampled(table: BrdfTable, filter: Filter) -> BrdfSource:

@@ -7,6 +7,7 @@ from typing import Any
 from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
+from .envelope import EnvelopeFit, fit_from_image
 from .errors import BakeError
 from .parameterization import PARAMETERIZATIONS
 from .table import BrdfTable, TableGrid
@@ -40,7 +41,21 @@ def table_of(bundle: Bundle) -> BrdfTable:
     return BrdfTable(grid, unpack(bundle.load("table"), grid.n) / scale_of(bundle))
 
 
-def sampler_layout_of(bundle: Bundle) -> SamplerLayout:
+def residual_scale_of(bundle: Bundle) -> float:
+    """What stored values of the residual were multiplied by. Raises BakeError where its image has another size."""
+    where = bundle.path / "material.json"
+    _check_size(bundle, "residual", AtlasLayout(grid_of(bundle).n).size)
+    residual = require(bundle.material, "residual", dict, where)
+    return float(require(residual, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
+
+
+def envelope_of(bundle: Bundle) -> EnvelopeFit:
+    """The stored envelope. Raises BakeError."""
+    where = bundle.path / "material.json"
+    return fit_from_image(require(bundle.material, "envelope", dict, where), bundle.load("envelope"), where)
+
+
+def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SamplerLayout:
     """The sampler's sizes. Raises BakeError where they are not described, or the image has another size."""
     where = bundle.path / "material.json"
     facts = require(bundle.material, "sampler", dict, where)
@@ -49,15 +64,15 @@ def sampler_layout_of(bundle: Bundle) -> SamplerLayout:
         for key, most in (("n_o", 1024), ("n_h", 1024), ("n_phi", 1024), ("warp_power", 4))
     }
     layout = SamplerLayout(**sizes)
-    _check_size(bundle, "sampler", (layout.cells, layout.n_o))
+    _check_size(bundle, name, (layout.cells, layout.n_o))
     return layout
 
 
-def sampler_of(bundle: Bundle) -> AliasSampler:
-    """The stored alias tables. Raises BakeError where a number would lead out of them."""
-    layout, texels = sampler_layout_of(bundle), bundle.load("sampler")
+def sampler_of(bundle: Bundle, name: str = "sampler") -> AliasSampler:
+    """The stored alias tables, of the whole or "residual_sampler". Raises BakeError where a number would lead out."""
+    layout, texels = sampler_layout_of(bundle, name), bundle.load(name)
     if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= layout.cells).any():
-        raise BakeError(bundle.image_path("sampler"), "is no alias table", "bake it again")
+        raise BakeError(bundle.image_path(name), "is no alias table", "bake it again")
     return AliasSampler(layout, texels)
 
 

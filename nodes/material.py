@@ -13,9 +13,10 @@ from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
-from ..bake.table_facts import grid_of, sampler_layout_of, sampler_of, scale_of
+from ..bake.table_facts import envelope_of, grid_of, residual_scale_of, sampler_layout_of, sampler_of, scale_of
 from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
+from .exact_group import EnvelopeImage, exact_group
 from .group import HASH_KEY, content_hash
 from .reference_group import reference_group
 from .table_lookup_group import table_lookup_group
@@ -36,8 +37,9 @@ def build_material(
     stochastic: bool = True,
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
+    mode: str | None = None,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle, in Reference mode (mirror only).
+    """Build or rebuild a material from a bundle.
 
     Parameters
     ----------
@@ -46,15 +48,20 @@ def build_material(
     stochastic : choose among theta_o slices at random instead of blending them (unbiased, fewer taps)
     pack : store the textures inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    mode : "exact" (native closures and a mirror for the rest) or "reference" (mirror only); by default "exact" where
+        the bundle holds an envelope
 
     Raises
     ------
-    BakeError : the bundle does not describe a table this version knows
+    BakeError : the bundle does not describe a table this version knows, or holds no envelope
     """
     where = bundle.path / "material.json"
     if bundle.material.get("kind") != "brdf":
         raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a BRDF", "update the extension")
-    return build_from(bundle, material, lambda name: _measured_group(bundle, name, filter, stochastic, pack, lamps))
+    if mode is None:
+        mode = "exact" if bundle.has("envelope") else "reference"
+    maker = _exact_group if mode == "exact" else _measured_group
+    return build_from(bundle, material, lambda name: maker(bundle, name, filter, stochastic, pack, lamps))
 
 
 def build_from(
@@ -85,6 +92,16 @@ def _measured_group(
     return reference_group(f"Measured {name}", groups.lookup, groups.sampler, groups.density, lamps)
 
 
+def _exact_group(
+    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
+) -> bpy.types.ShaderNodeTree:
+    groups = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None, part="residual")
+    fit = envelope_of(bundle)
+    weights = load_data_image(bundle.image_path("envelope"), f"{name} envelope", pack=pack)
+    envelope = EnvelopeImage(fit.closures, weights, len(fit.weights))
+    return exact_group(f"Measured {name}", envelope, groups.lookup, groups.sampler, groups.density, lamps)
+
+
 @dataclass(frozen=True)
 class TableGroups:
     """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf.
@@ -98,21 +115,31 @@ class TableGroups:
 
 
 def table_groups(
-    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
+    bundle: Bundle,
+    name: str,
+    filter: str | None,
+    stochastic: bool,
+    pack: bool,
+    *,
+    aimed: bool,
+    part: str = "table",
 ) -> TableGroups:
-    """Groups of this bundle's BRDF, their textures loaded. Raises BakeError."""
+    """Groups of this bundle's BRDF, or of its "residual", their textures loaded. Raises BakeError."""
     where = bundle.path / "material.json"
+    whole = part == "table"
+    sampler_image = "sampler" if whole else "residual_sampler"
     # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    bundle.load("table")
-    sampler_of(bundle)
-    grid, layout, scale = grid_of(bundle), sampler_layout_of(bundle), 1 / scale_of(bundle)
+    bundle.load(part)
+    sampler_of(bundle, sampler_image)
+    grid, layout = grid_of(bundle), sampler_layout_of(bundle, sampler_image)
+    scale = 1 / (scale_of(bundle) if whole else residual_scale_of(bundle))
     table = require(bundle.material, "table", dict, where)
     if filter is None:
         filter = require(table, "filter", str, where, choices=FILTERS)
     half = require(table, "storage", str, where) == Storage.HALF
-    atlas = load_data_image(bundle.image_path("table"), f"{name} table", half=half, pack=pack)
+    atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
     lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic)
-    cells = load_data_image(bundle.image_path("sampler"), f"{name} sampler", pack=pack)
+    cells = load_data_image(bundle.image_path(sampler_image), f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
     density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return TableGroups(lookup, sampler, density)
