@@ -111,15 +111,18 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
     print("8 slices, half floats. Left out: each photograph predicted from the others at its own average, RMS relative")
     print("to a_max and, median, to its own RMS. Power law: RMS relative to a_max, and to the largest value, as the")
     print(f"paper, whose table 1 states {PAPER}.")
-    heading = f"{'stack':24s} {'lights':13s} {'azimuth':>8s} {'photographs':>11s} {'size':>10s} {'envelope':>9s} {'left out':>9s}"
-    print(heading + f" {'relative':>9s} {'power law':>10s} {'display':>8s} {'bake s':>7s}")
+    heading = f"{'stack':24s} {'lights':13s} {'azimuth':>8s} {'photographs':>11s} {'size':>10s}"
+    print(
+        heading
+        + "".join(f"{word:>10s}" for word in ("envelope", "left out", "relative", "power law", "display", "bake s"))
+    )
     for r in rows:
         size = f"{r['width']} x {r['height']}"
-        print(
-            f"{r['stack']:24s} {r['lights']:13s} {r['azimuth']:8.0f} {r['photographs']:11d} {size:>10s} {r['envelope_energy']:9.1%}"
-            f" {r['held_out_rms']:9.4f} {r['held_out_relative']:9.1%} {r['power_rms']:10.4f} {r['power_display']:8.4f}"
-            f" {r['seconds']:7.1f}"
+        words = f"{r['stack']:24s} {r['lights']:13s} {r['azimuth']:8.0f} {r['photographs']:11d} {size:>10s}"
+        errors = (
+            f"{r['held_out_rms']:10.4f}{r['held_out_relative']:10.1%}{r['power_rms']:10.4f}{r['power_display']:10.4f}"
         )
+        print(f"{words}{r['envelope_energy']:10.1%}{errors}{r['seconds']:10.1f}")
 
 
 # --- photographs it has not seen ------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,7 @@ def run(out: Path, quick: bool) -> None:
         _print_material(material, rows)
     _print_summary(rows)
     _print_slices(shown, size)
+    _print_verdict(rows)
     write_sheet(out / "techniques.png", [cell for m in shown for cell in _cells(m, size)], 1 + len(IN_ORDER), _TITLE)
     with (out / "techniques.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, rows[0])
@@ -211,14 +213,15 @@ def _heading(title: str) -> None:
 
 
 def _line(label: str, rows: list[dict[str, Any]], key: str) -> None:
-    """Root mean square over the pictures of a material; the median of that over the materials."""
-    values = []
-    for technique in COLUMNS:
-        found = [row for row in rows if row["technique"] == technique]
-        names = {row["material"] for row in found}
-        each = [techniques.mean_errors([{key: r[key]} for r in found if r["material"] == name])[key] for name in names]
-        values.append(float(np.median(each)))
+    values = [_median([row for row in rows if row["technique"] == technique], key) for technique in COLUMNS]
     print(f"  {label:32s}" + "".join(f"{v:15.1%} " for v in values))
+
+
+def _median(rows: list[dict[str, Any]], key: str) -> float:
+    """Over the materials, of the root mean square over each one's pictures."""
+    names = {row["material"] for row in rows}
+    each = [np.mean([row[key] ** 2 for row in rows if row["material"] == name]) for name in names]
+    return float(np.sqrt(np.median(each)))
 
 
 def _print_material(material: Material, rows: list[dict[str, Any]]) -> None:
@@ -265,3 +268,30 @@ def _print_slices(materials: list[Material], size: int) -> None:
             ]
             print(f"{techniques.mean_errors(found)['rms']:8.1%}", end="")
         print()
+
+
+def _print_verdict(rows: list[dict[str, Any]]) -> None:
+    """What the lookup can do and where it fails, in words with this run's medians."""
+
+    def median(technique: str, case: str, key: str = "rms") -> str:
+        chosen = [row for row in rows if row["chosen"] and (row["case"], row["technique"]) == (case, technique)]
+        return f"{_median(chosen, key):.0%}"
+
+    lookup, texture = partial(median, "lookup"), partial(median, "lit_texture")
+    between, across, behind, grazing, tilted, oblique, low, high = _groups()
+    bright = median("final_radiance", high)
+    aside, opposite, flat, tones = lookup(across), lookup(behind), texture(behind), lookup(behind, "tones")
+    seen_30, seen_60, flat_60 = lookup(tilted), lookup(oblique), texture(oblique)
+    print("\nverdict on the lookup by r (medians)")
+    for line in (
+        f"holds  between the photographs: {lookup(between)}, a lit texture {texture(between)}",
+        f"holds  under lights of different strength: {lookup(low)} and {lookup(high)}, final radiance {bright}",
+        f"fails  azimuth: {aside} at 90 degrees, {opposite} at 180, where even a lit texture has {flat}. As many",
+        f"       shadows as should be (tones {tones}), but on the wrong side, plainly on large features",
+        f"fails  below the arc: {lookup(grazing)}; from the lowest photograph to black the map can only fade",
+        f"fails  parallax: {seen_30} seen at 30 degrees, {seen_60} at 60 (lit texture {flat_60}):",
+        "       what stands out neither shifts nor hides, and an f_r that was found from above is a guess there",
+        f"       (brightness off by {lookup(oblique, 'mean')})",
+        "fails  gloss in few slices: photographs of a glossy swatch crowd near black, see plastic_60 above",
+    ):
+        print(f"  {line}")
