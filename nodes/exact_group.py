@@ -33,7 +33,7 @@ def exact_group(
     density: bpy.types.ShaderNodeTree | None = None,
     lamps: bpy.types.Image | None = None,
 ) -> bpy.types.ShaderNodeTree:
-    """(Normal, Tint) to a shader: the envelope's closures or, as often as its share of the light, the residual's mirror.
+    """(Normal, Tint) to a shader: the envelope's closures or, as often as its share of light, the residual's mirror.
 
     Parameters
     ----------

@@ -181,7 +181,7 @@ def _choose(condition: Any, otherwise: Any, chosen: Any) -> Any:
 def _lit_texture(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
     """The brightest photograph as a texture on f_r."""
     level = expr.vec(1.0, 1.0, 1.0) if lighting.measured is not None else 1.0
-    texture = call(slices, uv, level, 1.0, 1.0)[0] * tint
+    texture = call(slices, uv, level, 1.0, 0.0)[0] * tint  # any number below 1 draws the last slice
     if lighting.native and lighting.lobe.native_share == 1:
         return native_closure(lighting.lobe, expr.scale(texture, lighting.sigma), normal)
     return _proportional(*_draw(lighting, normal), lighting, texture)

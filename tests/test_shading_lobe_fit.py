@@ -116,7 +116,8 @@ def test_fit_returns_the_lobe(lobe: Lobe) -> None:
     found = fit.candidates[lobe.name].lobe
     assert found.p1 == pytest.approx(lobe.p1, rel=0.02)
     assert found.p2 == pytest.approx(lobe.p2, abs=0.01)
-    assert fit.residual <= min(c.residual for c in fit.candidates.values()) + 0.01
+    matte = fit.lobe.name in ("lambert", "oren_nayar")
+    assert fit.residual <= min(c.residual for c in fit.candidates.values()) + (0.05 if matte else 0.01)
     assert len(PARAMETERS[fit.lobe.name]) <= len(PARAMETERS[lobe.name])
     assert set(fit.candidates) == set(LOBES)
     json.dumps(fit.facts())

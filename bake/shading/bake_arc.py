@@ -26,7 +26,7 @@ from .lobe_fit import fit_lobe
 from .map_albedo import map_albedo_facts
 from .map_store import COMPRESSIONS, Compression, check_storage, store_map
 from .render_settings import RenderSettings
-from .shading_map import ShadingMap, averages_of, held_out_errors, linearise
+from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, linearise
 from .slice_atlas import GUTTER
 from .swatch_preview import preview_swatch
 from .tileable import TileSettings, make_tileable
@@ -135,7 +135,7 @@ def bake_stack(
     facts = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": name, "facts": {"format": "photographs on a light arc", **stack.facts}},
-        "warnings": [*stack.warnings, *_tiling_warnings(tiling)],
+        "warnings": [*stack.warnings, *_slice_warnings(made), *_tiling_warnings(tiling)],
         "settings": _plain(settings),
         "map": {
             **map_facts,
@@ -202,6 +202,16 @@ def _chosen_render(
     seen = stack.directions[:, 2] > 1e-3
     fit = fit_lobe(np.arcsin(np.minimum(stack.directions[seen, 2], 1)), averages[seen])
     return (replace(settings.render, lobe=fit.lobe) if settings.lobe_auto else settings.render), fit.facts()
+
+
+def _slice_warnings(made: Linearised) -> list[str]:
+    """Told where a highlight takes up the slices: most photographs then lie below the first of them."""
+    slices = len(made.map.slices)
+    below = int((made.averages < made.a_max / (slices - 1)).sum())
+    if 2 * below <= len(made.averages):
+        return []
+    wanted = int(min(np.ceil(made.a_max / max(float(np.median(made.averages)), 1e-30)) * 4, MAX_SLICES))
+    return [f"{below} of {len(made.averages)} photographs are darker than the first of {slices} slices; try {wanted}"]
 
 
 def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
