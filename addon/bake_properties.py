@@ -69,6 +69,12 @@ _ALPHA_PHI = bpy.props.FloatProperty(
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline)
+_ENVELOPE = bpy.props.BoolProperty(
+    name="Native Closures",
+    description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
+    "noise, at a bias of at most 0.1 % of the light",
+    default=_USUAL.envelope,
+)
 _PACK = bpy.props.BoolProperty(
     name="Pack into .blend",
     description="Keep the textures inside the .blend file. While rendering they then take 16 bytes per texel",
@@ -87,6 +93,7 @@ class BakeProperties:
     storage: _STORAGE
     filter: _FILTER
     spline: _SPLINE
+    envelope: _ENVELOPE
     pack: _PACK
 
 
@@ -104,12 +111,13 @@ def settings_of(properties: Any) -> BakeSettings:
         storage=Storage(properties.storage),
         filter=properties.filter,
         spline=properties.spline,
+        envelope=properties.envelope,
     )
 
 
 def show_settings(properties: Any, settings: BakeSettings) -> None:
     """Set the properties to what a bake was made with."""
-    for name in ("resolution", "parameterization", "filter", "spline"):
+    for name in ("resolution", "parameterization", "filter", "spline", "envelope"):
         setattr(properties, name, getattr(settings, name))
     properties.storage = str(settings.storage)
     if isinstance(settings.alpha, str):
@@ -135,6 +143,7 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     if properties.filter == "bspline":
         column.prop(properties, "spline")
     column.prop(properties, "storage")
+    column.prop(properties, "envelope")
     column.prop(properties, "pack")
 
 

@@ -76,6 +76,12 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         default=usual.spline,
         help="coefficients for --filter bspline: the plain samples, fitted ones, or the better (%(default)s)",
     )
+    parser.add_argument(
+        "--envelope",
+        action="store_true",
+        help="also fit Cycles' own closures under the measurement, so that the mirror has only the rest to carry: less "
+        "noise, at a bias of at most 0.1 %% of the light",
+    )
 
 
 def _alpha(text: str) -> str | tuple[float, float]:
@@ -113,6 +119,7 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             storage=Storage(options.storage),
             filter=options.filter,
             spline=options.spline,
+            envelope=options.envelope,
         )
     except BakeError as error:
         raise usage_error(error, options) from None

@@ -17,7 +17,13 @@ from .cli_bake_arc import blender_decoder, is_bundle
 from .cli_result import Result, columns, one_line
 from .progress import Progress
 
-_BRDF_ROWS = (describe.source_rows, describe.table_rows, describe.error_rows, describe.albedo_rows)
+_BRDF_ROWS = (
+    describe.source_rows,
+    describe.table_rows,
+    describe.error_rows,
+    describe.envelope_rows,
+    describe.albedo_rows,
+)
 _MAP_ROWS = (
     describe.source_rows,
     describe_map.photograph_rows,

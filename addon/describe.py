@@ -64,6 +64,17 @@ def error_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     return rows
 
 
+def envelope_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
+    """What native closures carry of a measured BRDF, and at what bias; nothing where none were fitted."""
+    if "residual" not in facts:
+        return []
+    envelope = require(facts, "envelope", dict, where)
+    closures = len(require(envelope, "closures", list, where, minimum=1))
+    share, bias = (require(envelope, key, float, where) for key in ("share", "overshoot"))
+    words = f"{100 * share:.3g} % of the light by {closures} closure{'s' if closures > 1 else ''}"
+    return [("Native", f"{words}, bias {100 * bias:.2g} %")]
+
+
 def albedo_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     """Directional albedo at the normal, of a white sky, and a word where more light leaves than arrives."""
     albedo = require(facts, "albedo", dict, where)

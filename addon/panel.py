@@ -21,6 +21,7 @@ _TITLE = "Measured Materials"
 _BRDF_ROWS = (
     describe.source_rows,
     describe.error_rows,
+    describe.envelope_rows,
     describe.table_rows,
     describe.albedo_rows,
     describe.size_rows,
