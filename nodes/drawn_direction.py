@@ -12,12 +12,15 @@ from . import expr
 from .aimed_light_group import aimed_light_group
 from .group import call
 from .local_frame_group import to_world, viewer_frame_group
-from .stochastic_mirror_group import more_random_numbers_group, random_numbers_group
+from .stochastic_mirror_group import mirror_closure, more_random_numbers_group, random_numbers_group
 
 
 @dataclass(frozen=True)
 class DrawnDirection:
-    """`wi` and `wo` local, `wi_world` and `incoming` not; `pdf` of wi; `random` two numbers that nothing has used."""
+    """`wi` and `wo` local, `wi_world` and `incoming` not; `pdf` of wi; `random` two numbers that nothing has used.
+
+    `roulette` is a third one where directions are aimed, and their weights may be as small as lamps are; else None.
+    """
 
     wi: Any
     wo: Any
@@ -25,6 +28,11 @@ class DrawnDirection:
     incoming: Any
     pdf: Any
     random: tuple[Any, Any]
+    roulette: Any = None
+
+    def mirror(self, weight: Any) -> Any:
+        """Closure that sends the path along wi with this weight."""
+        return mirror_closure(self.wi_world, self.incoming, weight, self.roulette)
 
     @property
     def cosine(self) -> Any:
@@ -53,11 +61,13 @@ def drawn_direction(
     wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
     wi, pdf = sample(wo, *u[:4])
     world = to_world(wi, tangent, bitangent, normal)
+    roulette = None
     if lamps is not None:
         position = expr.Vector(geometry.outputs["Position"])
         more = call(more_random_numbers_group())
         # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
         world, aimed, rest = call(aimed_light_group(lamps), position, normal, world, *more[:2], u[0], u[1])
+        roulette = more[2]
         wi = expr.vec(*(expr.dot(world, axis) for axis in (tangent, bitangent, normal)))
         pdf = aimed + rest * density(wi, wo)
-    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6])
+    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6], roulette)

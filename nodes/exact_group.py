@@ -13,7 +13,6 @@ from . import expr
 from .drawn_direction import drawn_direction
 from .group import call, node_group
 from .native_closure import native_closure
-from .stochastic_mirror_group import mirror_closure
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def exact_group(
         chance = mirror_probability(expr, taps[0][1])
         gain = expr.divide(drawn.cosine, drawn.pdf * chance)
         residual = expr.scale(call(lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
-        mirror = mirror_closure(drawn.wi_world, drawn.incoming, residual)
+        mirror = drawn.mirror(residual)
         closures = [
             native_closure(lobe, expr.scale(weight * tint, expr.divide(1.0, 1 - chance)), normal)
             for lobe, (weight, _) in zip(envelope.closures, taps)

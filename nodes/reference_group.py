@@ -9,7 +9,6 @@ import bpy
 from . import expr
 from .drawn_direction import drawn_direction
 from .group import call, node_group
-from .stochastic_mirror_group import mirror_closure
 
 
 def reference_group(
@@ -35,6 +34,6 @@ def reference_group(
         )
         gain = expr.divide(drawn.cosine, drawn.pdf)
         weight = expr.scale(call(lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
-        return mirror_closure(drawn.wi_world, drawn.incoming, weight)
+        return drawn.mirror(weight)
 
     return node_group(name, {"Normal": "vector", "Tint": "vector"}, {"BSDF": "shader"}, build)

@@ -17,7 +17,6 @@ from .lobe_group import lobe_group, lobe_pdf_group, lobe_peak_group, sample_lobe
 from .map_models import piecewise_linear
 from .native_closure import has_native, native_closure, viewport_closures
 from .slices_group import SliceOptions
-from .stochastic_mirror_group import mirror_closure
 
 # Share of draws that go to the mirror where there is nothing left of the residual, and to the closure where it is all.
 MIN_CHOICE = 0.04
@@ -132,7 +131,7 @@ def _times(value: Any, factor: Any) -> Any:
 
 def _mirror(drawn: DrawnDirection, reflected: Any, lighting: Lighting, tint: Any, share: Any = 1.0) -> Any:
     gain = expr.divide(lighting.a_max, drawn.pdf * share)
-    return mirror_closure(drawn.wi_world, drawn.incoming, expr.scale(reflected, gain) * tint)
+    return drawn.mirror(expr.scale(reflected, gain) * tint)
 
 
 def _lookup(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
@@ -199,7 +198,7 @@ def _angular(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -
 def _proportional(drawn: DrawnDirection, f_cos: Any, lighting: Lighting, texture: Any) -> Any:
     weight = _times(f_cos, expr.divide(lighting.sigma, drawn.pdf))
     colour = texture * weight if isinstance(weight, expr.Vector) else expr.scale(texture, weight)
-    return mirror_closure(drawn.wi_world, drawn.incoming, colour)
+    return drawn.mirror(colour)
 
 
 def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, light_level: Any) -> Any:

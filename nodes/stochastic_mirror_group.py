@@ -43,8 +43,20 @@ def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
     return node_group("MM More Random Numbers", {}, {f"Random {k}": "float" for k in range(7, 10)}, numbers)
 
 
-def mirror_closure(wi_world: Any, incoming: Any, weight: Any) -> Any:
-    """Glossy closure of roughness 0 that sends the path along wi with this weight (f cos / pdf)."""
+# Cycles drops closures of a weight below 1e-5. One that aims at the sun has a weight of that order: it stands for a
+# small solid angle, but for all of the sun's light.
+LEAST_WEIGHT = 2e-5
+
+
+def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
+    """Glossy closure of roughness 0 that sends the path along wi with this weight (f cos / pdf).
+
+    With a random number, weights that Cycles would drop live on by Russian roulette: raised to `LEAST_WEIGHT`, as often
+    as keeps their mean.
+    """
+    if random is not None:
+        keep = expr.minimum(expr.dot(weight, expr.vec(*[1 / (3 * LEAST_WEIGHT)] * 3)), 1.0)
+        weight = expr.scale(weight, expr.divide(random < keep, keep))
     half = expr.normalize(wi_world + incoming)
     made = expr.node(
         "ShaderNodeBsdfAnisotropic",

@@ -68,6 +68,7 @@ LIGHTING: dict[str, list[tuple[str, tuple[float, float, float], dict[str, Any]]]
     "point": [("POINT", (1.5, -2, 2), {"energy": 150, "shadow_soft_size": 0.2})],
     "spot": [("SPOT", (1.5, -2, 2), {"energy": 400, "shadow_soft_size": 0.1, "spot_size": 0.8})],
     "sun": [("SUN", (1, -1.5, 2), {"energy": 2, "angle": math.radians(3)})],
+    "default sun": [("SUN", (1, -1.5, 2), {"energy": 2, "angle": math.radians(0.526)})],
     "three": [
         ("AREA", (2, -1.5, 3), {"energy": 60, "shape": "DISK", "size": 0.6}),
         ("SUN", (-2, -1, 2), {"energy": 1, "angle": math.radians(10)}),
