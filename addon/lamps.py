@@ -66,7 +66,6 @@ def update_scene(scene: bpy.types.Scene) -> LampReport:
 
 def survey(depsgraph: bpy.types.Depsgraph) -> LampReport:
     """Lamps of an evaluated scene that a mirror can meet, the strongest first."""
-    target = _lit_place(depsgraph)
     found, left_out = [], []
     for instance in depsgraph.object_instances:
         obj = instance.object
@@ -77,10 +76,17 @@ def survey(depsgraph: bpy.types.Depsgraph) -> LampReport:
         if why_not:
             left_out.append(f"{name}: {why_not}")
         else:
-            found.append((name, _lamp(obj.data, instance.matrix_world.copy())))
-    found = sorted((pair for pair in found if pair[1].power > 0), key=lambda pair: -_light_at(target, pair[1]))
+            matrix = instance.matrix_world.copy()
+            if obj.data.type == "AREA" and _sheared(matrix):
+                left_out.append(f"{name}: sheared by its parent's scale")
+            else:
+                found.append((name, _lamp(obj.data, matrix)))
+    found, rest = [pair for pair in found if pair[1].power > 0], 0.0
+    if len(found) > 1:
+        target = _lit_place(depsgraph)  # the slow part, of use only where there is a choice
+        found.sort(key=lambda pair: -_light_at(target, pair[1]))
+        rest = sum(_light_at(target, lamp) for _, lamp in found[CAPACITY:])
     left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _ in found[CAPACITY:]]
-    rest = sum(_light_at(target, lamp) for _, lamp in found[CAPACITY:])
     sky = rest + _world_irradiance(depsgraph.scene.world)
     return LampReport([lamp for _, lamp in found[:CAPACITY]], sky, left_out)
 
@@ -121,6 +127,8 @@ def _why_not(obj: bpy.types.Object) -> str:
     data, original = obj.data, obj.original
     if not original.visible_glossy:
         return "hidden from glossy rays"
+    if getattr(data.cycles, "is_portal", False):
+        return "a portal, which lights nothing itself"
     if not data.cycles.use_multiple_importance_sampling:
         return "Multiple Importance is off"
     if data.type == "SUN":
@@ -131,10 +139,17 @@ def _why_not(obj: bpy.types.Object) -> str:
     return "" if data.shadow_soft_size > 0 else "no radius, so that no ray can meet it"
 
 
+def _sheared(matrix: Matrix) -> bool:
+    """Whether the edges and the axis of an area lamp are no longer at right angles."""
+    u, v, w = (column.normalized() for column in matrix.to_3x3().col)
+    return max(abs(u.dot(v)), abs(u.dot(w)), abs(v.dot(w))) > 1e-3
+
+
 def _lamp(data: Any, matrix: Matrix) -> Lamp:
     """In world space."""
     centre, turn = matrix.translation, matrix.to_3x3()
     power = float(np.array(data.color) @ _LUMINANCE) * max(data.energy, 0.0)
+    power *= 2.0 ** getattr(data, "exposure", 0.0)
     if data.type == "SUN":
         axis = (turn @ Vector((0, 0, 1))).normalized()
         return Lamp(SUN, power, axis=tuple(axis), extent=data.angle)
@@ -199,8 +214,16 @@ def _in_use() -> bool:
 
 @persistent
 def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    if _in_use():
+    if _in_use() and any(_concerns_lamps(update.id) for update in depsgraph.updates):
         update_lamps(depsgraph)
+
+
+def _concerns_lamps(block: bpy.types.ID) -> bool:
+    """Whether an edit of this block may change what is aimed at, or by whom; most edits only move other objects."""
+    if isinstance(block, bpy.types.Object):
+        return block.type == "LIGHT" or block.is_instancer
+    kinds = (bpy.types.Light, bpy.types.World, bpy.types.Scene, bpy.types.Collection, bpy.types.Material)
+    return isinstance(block, (*kinds, bpy.types.ShaderNodeTree))
 
 
 @persistent

@@ -155,10 +155,17 @@ def test_lamps_that_no_mirror_meets_are_left_out_with_a_reason() -> None:
         add_lamp(scene, "SPOT", (0, 1, 3), energy=10, shadow_soft_size=0.1).data.cycles[
             "use_multiple_importance_sampling"
         ] = False
+        add_lamp(scene, "AREA", (1, 1, 3), energy=10, size=1).data.cycles.is_portal = True
+        parent = bpy.data.objects.new("parent", None)
+        parent.scale = (1, 4, 1)
+        scene.scene.collection.objects.link(parent)
+        sheared = add_lamp(scene, "AREA", (0, 0, 3), energy=10, size=1)
+        sheared.parent, sheared.rotation_euler = parent, (0, 0, 0.8)
         report = update_scene(scene.scene)
+        bpy.data.objects.remove(parent)
     assert not report.lamps
     words = " ".join(report.left_out)
-    for reason in ("no angle", "no radius", "hidden from glossy", "Multiple Importance"):
+    for reason in ("no angle", "no radius", "hidden from glossy", "Multiple Importance", "portal", "sheared"):
         assert reason in words
 
 

@@ -297,3 +297,18 @@ def test_a_highlight_that_takes_up_the_slices_is_told(tmp_path: Path) -> None:
 
     assert not warnings([0.2, 0.4, 0.7, 1.0])
     assert "3 of 4 photographs are darker than the first of 8 slices" in warnings([0.02, 0.04, 0.1, 1.0])[0]
+
+
+def test_what_no_image_or_memory_holds_is_refused_before_it_is_made(tmp_path: Path) -> None:
+    wide = np.broadcast_to(np.float32(0.5), (2, 3000, 4000, 3))
+    stack = PhotoStack(wide, ("a", "b"), None, False, ())
+    for settings_ in (ArcSettings(slices=64), ArcSettings(slices=64, compression="power")):
+        with pytest.raises(BakeError, match=r"16384|more than 4 GiB"):
+            bake_stack(stack, tmp_path / "wide", settings_)
+    with pytest.raises(BakeError, match="made to tile"):
+        ArcSettings(slices=2, tileable="auto")
+    hot = np.full((2, 300, 300, 3), 1e-6, np.float32)
+    hot[1, 0, 0] = 1000
+    with pytest.raises(BakeError, match="hot pixel"):
+        bake_stack(PhotoStack(hot, ("a", "b"), None, False, ()), tmp_path / "hot", ArcSettings(compression="power"))
+    assert not list(tmp_path.iterdir())

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .frame import area_average
+from .light_drift import light_drift
 
 LARGEST_SHARE = 0.05
 """Of the frame; a larger movement is told but not corrected."""
@@ -78,8 +79,9 @@ def measure(images: NDArray[np.float32], directions: NDArray[np.float64] | None)
     displacement, uncertain = _positions(n, pairs)
     displacement *= [width / shape[1], height / shape[0]]
     uncertain *= factor
-    size = np.hypot(*displacement.T)
-    moved = size > np.maximum(SMALLEST_PIXELS * factor, _CERTAINTY * uncertain)  # False for NaN
+    bounds = np.maximum(SMALLEST_PIXELS * factor, _CERTAINTY * uncertain)
+    displacement = displacement - light_drift(displacement, uncertain, directions, bounds)
+    moved = np.hypot(*displacement.T) > bounds  # False for NaN
     too_far = moved & (np.abs(displacement) > LARGEST_SHARE * np.array([width, height])).any(axis=1)
     return Shifts(displacement, uncertain, moved, too_far)
 

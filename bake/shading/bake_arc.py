@@ -27,7 +27,7 @@ from .map_albedo import map_albedo_facts
 from .map_store import COMPRESSIONS, Compression, check_storage, store_map
 from .render_settings import RenderSettings
 from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, linearise
-from .slice_atlas import GUTTER
+from .slice_atlas import GUTTER, SliceLayout
 from .swatch_preview import preview_swatch
 from .tileable import TileSettings, make_tileable
 
@@ -36,6 +36,7 @@ Tileable = Literal["off", "auto", "quilt", "offset"]
 TILEABLES: tuple[str, ...] = get_args(Tileable)
 
 
+MAX_MAP_BYTES = 4 << 30
 # Seams, relative to the swatch's own structure, from which on they catch the eye.
 VISIBLE_SEAM = 1.5
 
@@ -75,6 +76,8 @@ class ArcSettings:
         object.__setattr__(self, "storage", Storage(self.storage))
         if not 2 <= self.slices <= 64:
             raise BakeError("slices", f"cannot be {self.slices}", "choose 2 to 64")
+        if self.slices < 3 and self.tileable != "off":
+            raise BakeError("slices", f"cannot be {self.slices} for a swatch made to tile", "choose 3 to 64")
         if not 1 <= self.rank <= 3:
             raise BakeError("rank", f"cannot be {self.rank}", "choose 1, 2 or 3")
         check_storage(self.compression, self.storage)
@@ -112,6 +115,7 @@ def bake_stack(
     """Bake photographs already read. Raises BakeError."""
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
+    _check_size(stack, settings)
     say("averages and slices", 0.0)
     made = linearise(stack.images, settings.slices, name)
     say("predicting photographs", 0.0)
@@ -161,6 +165,16 @@ def bake_stack(
     path = write_bundle(out, facts, images, preview_swatch(stored), kind="shading_map")
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
+
+
+def _check_size(stack: PhotoStack, settings: ArcSettings) -> None:
+    """Refuse, before memory is taken, what no image or no memory would hold."""
+    height, width = stack.images.shape[1:3]
+    if settings.compression == "none":
+        SliceLayout(settings.slices - 1, height, width)
+    if settings.slices * height * width * 12 > MAX_MAP_BYTES:
+        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {settings.slices} slices of {width} x {height}"
+        raise BakeError("shading map", cause, "choose a smaller --size or fewer --slices")
 
 
 def _measured_brdf(path: Path | None) -> tuple[Bundle | None, BrdfSource | None]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..bundle import StoredImage
 from ..errors import BakeError
-from ..storage import Storage, quantize, scale_for
+from ..storage import HALF_LARGEST, Storage, quantize, scale_for
 from . import power_law, slice_basis
 from .envelope import EnvelopeSplit, split
 from .shading_map import ShadingMap
@@ -78,6 +78,9 @@ def _envelope_storage(storage: Storage) -> Storage:
 
 def _store_power(shading_map: ShadingMap, storage: Storage) -> Stored:
     law = power_law.fit(shading_map.slices)
+    if storage is Storage.HALF and law.k.max() > HALF_LARGEST:
+        cause = f"is {law.k.max():.3g} times as bright as the swatch in one texel, more than half floats hold"
+        raise BakeError("shading map", cause, "mend the hot pixel, crop it away, or choose --storage float32")
     k, exponent = (quantize(part, storage) for part in (law.k, law.exponent))
     stored = power_law.PowerLaw(k, exponent)
     again = _tabulated(stored, len(shading_map.slices))

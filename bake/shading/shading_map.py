@@ -157,23 +157,42 @@ def held_out_errors(images: NDArray[np.float32], slices: int = 8) -> list[dict[s
     rows = []
     for place in range(1, len(order) - 1):
         k = int(order[place])
-        try:
-            made = linearise(images[order[order != k]], slices)
-        except BakeError:
+        rest = order[order != k]
+        levels, members = _levels(averages[rest], np.arange(len(rest)))
+        if levels[-1] <= 0 or len(levels) < 2 or averages[k] > levels[-1]:
             continue
-        x = averages[k] / made.a_max
-        if x > 1:
-            continue
-        rms = _rms(at_level(made.map, x) * np.float32(made.a_max) - images[k])
+        predicted = _predicted(images, rest, levels, members, slices, averages[k] / levels[-1])
+        rms = _rms(predicted - images[k])
         rows.append(
             {
                 "index": k,
                 "level": float(averages[k] / averages[order[-1]]),
-                "rms": rms / made.a_max,
+                "rms": rms / float(levels[-1]),
                 "relative": rms / max(_rms(images[k]), 1e-30),
             }
         )
     return rows
+
+
+def _predicted(
+    images: NDArray[np.float32],
+    rest: NDArray[np.intp],
+    levels: NDArray[np.float64],
+    members: list[list[int]],
+    slices: int,
+    x: float,
+) -> NDArray[np.float32]:
+    """The swatch at level x of a map of `images[rest]`; only the two slices beside it are made."""
+    position = x * (slices - 1)
+    base = min(int(position), slices - 2)
+    result = np.zeros(images.shape[1:], np.float32)
+    for i, share in ((base, 1 - (position - base)), (base + 1, position - base)):
+        if i == 0 or share == 0:
+            continue
+        for weight, group in _bracket(levels, levels[-1] * i / (slices - 1)):
+            for member in members[group]:
+                result += np.float32(share * weight / len(members[group])) * images[rest[member]]
+    return result
 
 
 def at_level(shading_map: ShadingMap, x: float) -> NDArray[np.float32]:
