@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
+
+_EXIT_STATUS = pytest.StashKey[int]()
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -21,3 +25,21 @@ def shared_data() -> Path:
 def shared_tools(shared_data: Path) -> Path:
     """Scripts beside the repository, among them the MERL reconstructor."""
     return SHARED / "tools"
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Kept for `pytest_unconfigure`."""
+    session.config.stash[_EXIT_STATUS] = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End at once after everything is said: a process that has rendered with the bpy wheel may never end by itself.
+
+    One of Blender's destructors waits for a thread that waits for it (seen in gdb once in a few dozen runs).
+    """
+    if "bpy" in sys.modules and _EXIT_STATUS in config.stash:
+        config.get_terminal_writer().flush()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(config.stash[_EXIT_STATUS])
