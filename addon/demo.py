@@ -21,6 +21,7 @@ from ..nodes.alias_sampler_group import alias_sampler_group
 from ..nodes.material import assemble, build_material, load_data_image
 from ..nodes.metallic_paint_group import metallic_paint_group
 from ..nodes.reference_group import reference_group
+from ..nodes.table_groups import TableGroups
 from .picture_sheet import Cell, to_display, write_sheet
 from .studio import build_studio, remove_studio, render_linear
 
@@ -89,7 +90,9 @@ def _truth_material(bundle_path: Path) -> bpy.types.Material:
     image = load_data_image(bundle.image_path("sampler"), "truth sampler")
     sampler = alias_sampler_group("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")
-    assemble(material, reference_group("Analytic truth", metallic_paint_group(PAINT), sampler), (0.1, 0.2, 0.5))
+    assemble(
+        material, reference_group("Analytic truth", TableGroups(metallic_paint_group(PAINT), sampler)), (0.1, 0.2, 0.5)
+    )
     return material
 
 

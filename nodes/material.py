@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -19,6 +18,7 @@ from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .exact_group import EnvelopeImage, exact_group
 from .group import HASH_KEY, content_hash
 from .reference_group import reference_group
+from .table_groups import TableGroups
 from .table_lookup_group import table_lookup_group
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
@@ -88,30 +88,18 @@ def build_from(
 def _measured_group(
     bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
 ) -> bpy.types.ShaderNodeTree:
-    groups = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None)
-    return reference_group(f"Measured {name}", groups.lookup, groups.sampler, groups.density, lamps)
+    table = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None)
+    return reference_group(f"Measured {name}", table, lamps)
 
 
 def _exact_group(
     bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
 ) -> bpy.types.ShaderNodeTree:
-    groups = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None, part="residual")
+    table = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None, part="residual")
     fit = envelope_of(bundle)
     weights = load_data_image(bundle.image_path("envelope"), f"{name} envelope", pack=pack)
     envelope = EnvelopeImage(fit.closures, weights, len(fit.weights))
-    return exact_group(f"Measured {name}", envelope, groups.lookup, groups.sampler, groups.density, lamps)
-
-
-@dataclass(frozen=True)
-class TableGroups:
-    """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf.
-
-    The last is None where nothing is aimed.
-    """
-
-    lookup: bpy.types.ShaderNodeTree
-    sampler: bpy.types.ShaderNodeTree
-    density: bpy.types.ShaderNodeTree | None
+    return exact_group(f"Measured {name}", envelope, table, lamps)
 
 
 def table_groups(

@@ -39,6 +39,19 @@ def viewport_closures(lobe: Lobe, normal: Any) -> list[Any]:
     return [diffuse, expr.Scalar(glossy.outputs[0])]
 
 
+def add_closures(closures: list[Any]) -> Any:
+    """Their sum."""
+    total = closures[0]
+    for closure in closures[1:]:
+        total = expr.Scalar(expr.node("ShaderNodeAddShader", {}, {0: total, 1: closure}).outputs[0])
+    return total
+
+
+def choose_closure(condition: Any, otherwise: Any, chosen: Any) -> Any:
+    """One of two closures; Cycles skips the nodes of the one that a factor of 0 or 1 leaves out."""
+    return expr.Scalar(expr.node("ShaderNodeMixShader", {}, {0: condition, 1: otherwise, 2: chosen}).outputs[0])
+
+
 _Closure = tuple[str, dict[str, Any], dict[str, Any]]
 
 

@@ -15,8 +15,9 @@ from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call, node_group
 from .lobe_group import lobe_group, lobe_pdf_group, lobe_peak_group, sample_lobe_group
 from .map_models import piecewise_linear
-from .native_closure import has_native, native_closure, viewport_closures
+from .native_closure import add_closures, choose_closure, has_native, native_closure, viewport_closures
 from .slices_group import SliceOptions
+from .table_groups import TableGroups
 
 # Share of draws that go to the mirror where there is nothing left of the residual, and to the closure where it is all.
 MIN_CHOICE = 0.04
@@ -25,11 +26,9 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 @dataclass(frozen=True)
 class MeasuredLobe:
-    """f_r from a table: groups that look it up (not at random: S is not linear in it), draw, and tell the density."""
+    """f_r from a table, whose lookup must not choose at random, since S is not linear in it."""
 
-    lookup: bpy.types.ShaderNodeTree
-    sampler: bpy.types.ShaderNodeTree
-    density: bpy.types.ShaderNodeTree | None
+    table: TableGroups
     albedo: float
 
 
@@ -108,13 +107,8 @@ def _draw(lighting: Lighting, normal: Any) -> tuple[DrawnDirection, Any]:
     """A direction and f_r cos(theta_i) there: a scalar, or a colour where f_r is measured."""
     measured = lighting.measured
     if measured is not None:
-        drawn = drawn_direction(
-            normal,
-            lambda wo, *u: call(measured.sampler, wo, *u),
-            lambda wi, wo: call(measured.density, wi, wo),
-            lighting.lamps,
-        )
-        return drawn, expr.scale(call(measured.lookup, drawn.wi, drawn.wo, 0.5), drawn.cosine)
+        drawn = measured.table.draw(normal, lighting.lamps)
+        return drawn, expr.scale(call(measured.table.lookup, drawn.wi, drawn.wo, 0.5), drawn.cosine)
     lobe = lighting.lobe
     drawn = drawn_direction(
         normal,
@@ -154,7 +148,7 @@ def _lookup(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) ->
     mirror = _mirror(drawn, residual, lighting, tint, chance)
     weight = expr.scale(envelope * tint, expr.divide(lighting.sigma * lobe.native_share, 1 - chance))
     closure = native_closure(lobe, weight, normal)
-    return _choose(drawn.random[1] < chance, closure, mirror)
+    return choose_closure(drawn.random[1] < chance, closure, mirror)
 
 
 def _mirror_chance(residual: Any, reflected: Any, share: Any, lighting: Lighting) -> Any:
@@ -170,11 +164,6 @@ def _mirror_chance(residual: Any, reflected: Any, share: Any, lighting: Lighting
         one = expr.vec(1.0, 1.0, 1.0)
         part = expr.divide(expr.dot(residual, one), expr.dot(reflected, one))
     return part * (1 - 2 * MIN_CHOICE) + MIN_CHOICE
-
-
-def _choose(condition: Any, otherwise: Any, chosen: Any) -> Any:
-    """One of two closures; Cycles skips the nodes of the one that a factor of 0 or 1 leaves out."""
-    return expr.Scalar(expr.node("ShaderNodeMixShader", {}, {0: condition, 1: otherwise, 2: chosen}).outputs[0])
 
 
 def _lit_texture(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
@@ -227,7 +216,4 @@ def _sum_shader_to_rgb(lighting: Lighting, normal: Any) -> Any:
         closures = [native_closure(Lobe("lambert"), expr.vec(grey, grey, grey), normal)]
     else:
         closures = viewport_closures(lighting.lobe, normal)
-    total = closures[0]
-    for closure in closures[1:]:
-        total = expr.Scalar(expr.node("ShaderNodeAddShader", {}, {0: total, 1: closure}).outputs[0])
-    return expr.node("ShaderNodeShaderToRGB", {}, {0: total}).outputs["Color"]
+    return expr.node("ShaderNodeShaderToRGB", {}, {0: add_closures(closures)}).outputs["Color"]

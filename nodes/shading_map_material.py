@@ -82,8 +82,8 @@ def _group(
     lighting = replace(lighting_of(bundle, facts, settings), lamps=lamps)
     if settings.lobe is None:
         # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
-        groups = table_groups(bundle, name, None, False, pack, aimed=lamps is not None)
-        measured = MeasuredLobe(groups.lookup, groups.sampler, groups.density, _f_r_albedo(bundle))
+        table = table_groups(bundle, name, None, False, pack, aimed=lamps is not None)
+        measured = MeasuredLobe(table, _f_r_albedo(bundle))
         lighting = replace(lighting, measured=measured)
     images = load_slices(bundle, facts, name, pack)
     traced = map_group(f"MM Slices {name}", facts, images, lighting.options(stochastic=True))

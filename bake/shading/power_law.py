@@ -8,6 +8,7 @@ the same K by Newton's method from a coarse search, and can free k as well.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,19 +68,9 @@ def fit(slices: NDArray[Any], *, free_k: bool = False, bounds: tuple[float, floa
     free k the exponent alone is searched, since the best k of a given one is (S . b) / (b . b), b = x^K
     (variable projection). Raises BakeError.
     """
-    slices = check_slices(slices)
-    log_x = _log_x(len(slices))
     candidates = _candidates(bounds, _START_CANDIDATES)
-    flat = slices.reshape(len(slices), -1)
-    exponent, k = np.ones(flat.shape[1], np.float32), np.empty(flat.shape[1], np.float32)
     with np.errstate(all="ignore"):  # a step that is not finite is replaced by a bisection
-        for start in range(0, flat.shape[1], _BLOCK):
-            block = np.ascontiguousarray(flat[1:, start : start + _BLOCK], np.float32)
-            here = slice(start, start + _BLOCK)
-            if len(block) > 1:
-                exponent[here] = _newton(block, log_x, candidates, free_k)
-            k[here] = _best_k(block, np.exp(log_x * exponent[here])) if free_k else np.maximum(block[-1], 0)
-    return _power_law(k, exponent, slices.shape[1:])
+        return _fit_by(_newton, slices, candidates, free_k)
 
 
 def fit_brute_force(
@@ -94,18 +85,22 @@ def fit_brute_force(
     The candidates are evenly spaced in log K, by default 1.2 % apart; a golden-section search between the
     neighbours of the best one refines it. Kept as the truth that `fit` is measured against. Raises BakeError.
     """
+    with np.errstate(under="ignore"):
+        return _fit_by(_search, slices, _candidates(bounds, candidates), free_k)
+
+
+def _fit_by(find: Callable[..., _F32], slices: NDArray[Any], candidates: Any, free_k: bool) -> PowerLaw:
+    """Exponents by `find`, block by block, and the k that belongs to each."""
     slices = check_slices(slices)
     log_x = _log_x(len(slices))
-    tried = _candidates(bounds, candidates)
     flat = slices.reshape(len(slices), -1)
     exponent, k = np.ones(flat.shape[1], np.float32), np.empty(flat.shape[1], np.float32)
-    with np.errstate(under="ignore"):
-        for start in range(0, flat.shape[1], _BLOCK):
-            block = np.ascontiguousarray(flat[1:, start : start + _BLOCK], np.float32)
-            here = slice(start, start + _BLOCK)
-            if len(block) > 1:
-                exponent[here] = _search(block, log_x, tried, free_k)
-            k[here] = _best_k(block, np.exp(log_x * exponent[here])) if free_k else np.maximum(block[-1], 0)
+    for start in range(0, flat.shape[1], _BLOCK):
+        block = np.ascontiguousarray(flat[1:, start : start + _BLOCK], np.float32)
+        here = slice(start, start + _BLOCK)
+        if len(block) > 1:
+            exponent[here] = find(block, log_x, candidates, free_k)
+        k[here] = _best_k(block, np.exp(log_x * exponent[here])) if free_k else np.maximum(block[-1], 0)
     return _power_law(k, exponent, slices.shape[1:])
 
 
