@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -39,7 +40,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     One of Blender's destructors waits for a thread that waits for it (seen in gdb once in a few dozen runs).
     """
     if "bpy" in sys.modules and _EXIT_STATUS in config.stash:
-        config.get_terminal_writer().flush()
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (config.get_terminal_writer(), sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
         os._exit(config.stash[_EXIT_STATUS])

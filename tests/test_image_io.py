@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tracemalloc
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -94,23 +95,28 @@ def test_attributes_come_back(library: str, tmp_path: Path) -> None:
 # --- failing writes ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture
+@contextmanager
 def full_disk() -> Iterator[None]:
-    """Files may not grow beyond 2000 bytes, which the system reports as it does a full disk."""
+    """Files may not grow beyond 2000 bytes, which the system reports as it does a full disk.
+
+    Entered around one write only: the limit holds for the test runner's own output too, when that is a file.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.mark.parametrize("storage", Storage)
-@pytest.mark.usefixtures("full_disk")
 def test_failed_write_keeps_the_older_file(library: str, tmp_path: Path, storage: Storage) -> None:
     path = tmp_path / f"image{storage.suffix}"
     image_io.write_image(path, np.ones((2, 2, 3)), storage)
     older = path.read_bytes()
-    with pytest.raises(BakeError, match=r"image.* cannot be written"):
-        image_io.write_image(path, np.random.default_rng(0).random((99, 99, 3)), storage)
+    large = np.random.default_rng(0).random((99, 99, 3))
+    with full_disk(), pytest.raises(BakeError, match=r"image.* cannot be written"):
+        image_io.write_image(path, large, storage)
     assert path.read_bytes() == older and list(tmp_path.iterdir()) == [path]
 
 
