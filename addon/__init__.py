@@ -11,11 +11,14 @@ _MODULES = (
     "bake_properties",
     "arc_properties",
     "lighting_properties",
+    "quality_properties",
     "import_operator",
     "lamps",
     "arc_operator",
     "bake_operator",
+    "fit_operator",
     "panel",
+    "check_operator",
     "command",
 )
 

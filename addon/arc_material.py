@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +11,20 @@ import bpy
 import numpy as np
 
 from ..bake.bake_brdf import BakeResult, Progress
-from ..bake.bundle import Bundle, read_bundle, require
+from ..bake.bundle import read_bundle, require
 from ..bake.errors import BakeError
 from ..bake.shading.bake_arc import ArcSettings, bake_arc
 from ..bake.shading.map_facts import render_of, shading_map_of
 from ..nodes.shading_map_material import build_shading_map
+from .arc_build import build_map
 from .blender_photographs import decode
 from .describe_map import energy_rows, map_error_rows, map_rows
-from .lamps import lamp_image
+from .kept_textures import keep_textures
 from .lighting_properties import show_lighting
 from .measured_material import facts_of, free_bundle, remember, source_file, target_of
 
 # Names of the photographs as JSON where they are not a whole folder.
 FILES_KEY = "measured_materials_photographs"
-# With the name of a bundle's image behind it: the texture. So the material keeps those that its light makes no use of.
-TEXTURE_KEY = "measured_materials_texture_"
 _MAPPING = "Swatch size and rotation"
 
 
@@ -79,14 +77,22 @@ def _material_from(
     """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
     fresh = material is None
-    material = build_shading_map(bundle, material, pack=pack, lamps=lamp_image())
     facts = bundle.material["map"]
+    material = build_shading_map(bundle, material, pack=pack)
     if fresh:
         set_repeat(material, 1.0, facts)
-    keep_textures(material, bundle)
+    rendering = build_map(bundle, material, render_of(bundle), pack=pack)
+    keep_textures(material, bundle, pack=pack)
     # With the mean colour of every slice the albedo under another light follows without a look at the pixels.
     means = shading_map_of(bundle).slices.mean(axis=(1, 2), dtype=np.float64)
-    remember(material, bundle, pack=pack, file=_folder_of(source), map={**facts, "means": means.tolist()})
+    remember(
+        material,
+        bundle,
+        pack=pack,
+        file=_folder_of(source),
+        map={**facts, "means": means.tolist()},
+        rendering=rendering,
+    )
     material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
     show_lighting(material.measured_lighting, render_of(bundle))
     return material
@@ -107,39 +113,3 @@ def set_repeat(material: bpy.types.Material, repeat: float, facts: dict[str, Any
     for node in material.node_tree.nodes:
         if node.bl_idname == "ShaderNodeMapping" and node.label == _MAPPING:
             node.inputs["Scale"].default_value = (repeat, repeat * width / height, 1.0)
-
-
-def keep_textures(material: bpy.types.Material, bundle: Bundle) -> None:
-    """Note which texture in its nodes is which image of the bundle just built; older ones go."""
-    files = {file_name(node.image): node.image for node in image_nodes(material.node_tree)}
-    names = {entry["file"]: name for name, entry in bundle.material["images"].items()}
-    found = {TEXTURE_KEY + names[file]: image for file, image in files.items() if file in names}
-    older = set(textures_of(material).values())
-    for key in [key for key in material.keys() if key.startswith(TEXTURE_KEY)]:
-        del material[key]
-    for key, image in found.items():
-        material[key] = image
-    for image in older - set(found.values()):
-        if not image.users:
-            bpy.data.images.remove(image)
-
-
-def textures_of(material: bpy.types.Material) -> dict[str, bpy.types.Image]:
-    """Textures that the material keeps, by the names of the bundle's images; some may have lost their file."""
-    keys = [key for key in material.keys() if key.startswith(TEXTURE_KEY)]
-    found = {key.removeprefix(TEXTURE_KEY): material[key] for key in keys}
-    return {name: image for name, image in found.items() if isinstance(image, bpy.types.Image)}
-
-
-def image_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Nodes with an image, those inside groups too."""
-    for node in tree.nodes:
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
-            yield from image_nodes(node.node_tree)
-        elif node.bl_idname == "ShaderNodeTexImage" and node.image:
-            yield node
-
-
-def file_name(image: bpy.types.Image) -> str:
-    """Of the file it was loaded from, without the folder."""
-    return re.split(r"[/\\]", image.filepath)[-1]

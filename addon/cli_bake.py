@@ -78,9 +78,10 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--envelope",
-        action="store_true",
+        action=argparse.BooleanOptionalAction,
+        default=usual.envelope,
         help="also fit Cycles' own closures under the measurement, so that the mirror has only the rest to carry: less "
-        "noise, at a bias of at most 0.1 %% of the light",
+        "noise, at a bias of at most 0.1 %% of the light (on)",
     )
 
 

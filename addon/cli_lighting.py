@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from ..bake.errors import BakeError
+from ..bake.modes import MODES
 from ..bake.shading.lobes import LOBES, PARAMETERS, Lobe, parameters_of
-from ..bake.shading.render_settings import MODES, TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
+from ..bake.shading.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
 from ..bake.shading.shading_map import ABOVE
 from .cli_jobs import usage_error
 
@@ -41,7 +42,8 @@ def add_lighting(parser: Any, lobe_help: str, lobe_words: str = "NAME") -> None:
     parser.add_argument(
         "--mode",
         choices=MODES,
-        help=f"exact: Cycles' own closures as far as they go; reference: all by stochastic mirror ({usual.mode})",
+        help="preview: Cycles' own closures alone; exact: as far as they go, the rest by stochastic mirror; balanced: "
+        "exact until a diffuse bounce, then preview; reference: all by stochastic mirror (exact)",
     )
     parser.add_argument("--tiling", choices=TILINGS, help=f"beyond the swatch's border ({usual.tiling})")
     parser.add_argument(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,13 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--filter", choices=FILTERS, help="of a BRDF's table (default: the one the bundle was baked for)"
     )
-    _add_shading_map(parser.add_argument_group("shading maps (default: as the bundle says)"))
+    parser.add_argument(
+        "--aim",
+        choices=("auto", "always", "never"),
+        default="auto",
+        help="send the mirror towards lamps and bright surroundings, where there are any (%(default)s)",
+    )
+    _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run, command="render")
 
@@ -114,6 +121,7 @@ def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | N
     """How a shading map is to be lit, None for a BRDF. Options of the other kind are wrong usage."""
     given = given_lighting(options) + (["repeat"] if options.repeat is not None else [])
     if bundle.material["kind"] != "shading_map":
+        given = [name for name in given if name != "mode"]
         if given:
             raise argparse.ArgumentTypeError(f"--{given[0].replace('_', '-')} is for shading maps, not BRDFs")
         return None
@@ -135,19 +143,15 @@ def _render(
     import bpy
 
     from ..bake.image_io import write_png
-    from ..nodes.material import build_material
     from ..nodes.shading_map_material import build_shading_map
     from .arc_material import set_repeat
+    from .brdf_build import build_brdf, usual_choices
     from .lamps import lamp_image
     from .picture_sheet import to_display
     from .studio import build_studio, remove_studio, render_linear
 
     progress("building", 0.0)
-    if settings is None:
-        material = build_material(bundle, filter=options.filter, lamps=lamp_image())
-    else:
-        material = build_shading_map(bundle, settings=settings, lamps=lamp_image())
-        set_repeat(material, options.repeat or USUAL_REPEAT, bundle.material["map"])
+    material = bpy.data.materials.new(bundle.path.stem)
     try:
         scene = build_studio(
             material,
@@ -156,6 +160,14 @@ def _render(
             environment=options.environment,
         )
         try:
+            if settings is None:
+                filter = {} if options.filter is None else {"filter": options.filter}
+                choices = replace(usual_choices(bundle, options.mode), aim=options.aim, **filter)
+                build_brdf(bundle, material, choices=choices, scene=scene)
+            else:
+                lamps = None if options.aim == "never" else lamp_image()
+                build_shading_map(bundle, material, settings=settings, lamps=lamps)
+                set_repeat(material, options.repeat or USUAL_REPEAT, bundle.material["map"])
             linear = render_linear(
                 scene,
                 out.with_suffix(".exr") if options.exr else None,

@@ -18,9 +18,9 @@ from ..bake.source import Array
 from ..bake.sources.analytic import MetallicPaint
 from ..bake.sources.merl import write_merl
 from ..nodes.alias_sampler_group import alias_sampler_group
+from ..nodes.brdf_group import BrdfParts, brdf_group
 from ..nodes.material import assemble, build_material, load_data_image
 from ..nodes.metallic_paint_group import metallic_paint_group
-from ..nodes.reference_group import reference_group
 from ..nodes.table_groups import TableGroups
 from .picture_sheet import Cell, to_display, write_sheet
 from .studio import build_studio, remove_studio, render_linear
@@ -61,7 +61,9 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
     bakes = {}
     for k, kind in enumerate(TABLES):
         say("baking", k / len(TABLES))
-        bakes[kind] = bake_file(measurement, out / f"metallic_paint_{kind}.mmat", BakeSettings(parameterization=kind))
+        # Tables are compared here, each shown whole by mirror alone.
+        settings = BakeSettings(parameterization=kind, envelope=False)
+        bakes[kind] = bake_file(measurement, out / f"metallic_paint_{kind}.mmat", settings)
     shown = []
     for k, kind in enumerate((*TABLES, "truth")):
         step = (k / 4, lambda share, k=k: say("rendering", (k + share) / 4))
@@ -90,9 +92,8 @@ def _truth_material(bundle_path: Path) -> bpy.types.Material:
     image = load_data_image(bundle.image_path("sampler"), "truth sampler")
     sampler = alias_sampler_group("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")
-    assemble(
-        material, reference_group("Analytic truth", TableGroups(metallic_paint_group(PAINT), sampler)), (0.1, 0.2, 0.5)
-    )
+    truth = BrdfParts(TableGroups(metallic_paint_group(PAINT), sampler))
+    assemble(material, brdf_group("Analytic truth", "reference", truth), (0.1, 0.2, 0.5))
     return material
 
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import bpy
 
+from ..bake.modes import MODES
 from ..bake.shading.lobes import LOBES, PARAMETERS, Lobe, Parameter
-from ..bake.shading.render_settings import MODES, TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
+from ..bake.shading.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
 from ..bake.shading.shading_map import ABOVE
+from .quality_properties import MODE_WORDS
 
 MEASURED = "measured"
 _USUAL = RenderSettings()
@@ -30,11 +32,9 @@ _WORDS = {
     "lit_texture": ("Lit Texture", "The brightest photograph as a texture"),
     "angular": ("Angular", "The photograph taken at the light's elevation"),
     "final_radiance": ("Final Radiance", "By the light that the flat material sends out; EEVEE only, Cycles: Lookup"),
-    "exact": ("Exact", "What Cycles has a closure for goes through it, the rest by stochastic mirror: less noise"),
-    "reference": ("Reference", "All of it by stochastic mirror"),
     "repeat": ("Repeat", "The swatch again and again"),
     "extend": ("Extend", "The border's colour"),
-}
+} | MODE_WORDS
 
 
 def enum(name: str, description: str, choices: tuple[str, ...], words: Any, usual: object, **options: Any) -> Any:
@@ -191,8 +191,7 @@ def draw_lighting(layout: bpy.types.UILayout, properties: Any, *, fitted: bool =
     column.prop(properties, "technique")
     if properties.technique in ("lookup", "final_radiance"):
         column.prop(properties, "above")
-        if properties.lobe != MEASURED:
-            column.prop(properties, "mode")
+        column.prop(properties, "mode")
     column.prop(properties, "tiling")
 
 

@@ -18,9 +18,11 @@ from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
 from ..bake.sources.analytic import by_name
-from ..nodes.material import BUNDLE_KEY, SOURCE_KEY, build_material
+from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
+from .brdf_build import account_of, build_brdf, usual_choices
 from .describe import image_sizes
-from .lamps import lamp_image
+from .kept_textures import keep_textures
+from .quality_properties import choices_of, show_choices
 
 # The bundle's facts as JSON text, so that the panel knows them wherever the .blend goes.
 FACTS_KEY = "measured_materials_facts"
@@ -61,8 +63,13 @@ def material_from(
 ) -> bpy.types.Material:
     """The material of a bundle just baked from `file`; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
-    material = build_material(bundle, material, pack=pack, lamps=lamp_image())
-    remember(material, bundle, pack=pack, file=file)
+    choices = usual_choices(bundle)
+    if material is not None and is_measured(material) and bundle.has("envelope"):
+        choices = choices_of(material.measured_quality)
+    material, plan = build_brdf(bundle, material, choices=choices, pack=pack)
+    keep_textures(material, bundle, pack=pack, others=bundle.material["images"])
+    remember(material, bundle, pack=pack, file=file, rendering=account_of(choices, plan))
+    show_choices(material.measured_quality, choices)
     return material
 
 

@@ -13,9 +13,13 @@ from .arc_properties import draw_arc_settings
 from .arc_relight import why_not_relightable
 from .bake_operator import MEASURED_MATERIALS_OT_bake_again, shown_material
 from .bake_properties import draw_settings
+from .brdf_build import asks_for_passes
+from .fit_operator import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
 from .import_operator import MEASURED_MATERIALS_OT_import_brdf
 from .lighting_properties import draw_lighting
 from .measured_material import facts_of, is_measured, is_shading_map, why_not_bakeable
+from .quality_properties import draw_quality
+from .rebuild import effects_of, why_not_rebuildable
 
 _TITLE = "Measured Materials"
 _BRDF_ROWS = (
@@ -51,7 +55,7 @@ class _Panel:
             layout.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
             return
         _draw_facts(layout, material)
-        shows = "EEVEE approximates it" if is_shading_map(material) else "others a stand-in"
+        shows = "EEVEE approximates it"
         if context.engine != "CYCLES":
             layout.label(text=f"Cycles renders it, {shows}", icon="INFO")
 
@@ -75,6 +79,36 @@ class _LightingPanel:
         column = layout.column()
         column.enabled = material.is_editable and not why_not_relightable(material)
         draw_lighting(column, properties)
+
+
+class _QualityPanel:
+    """What a sample is worth, and the account of what the scene made of it."""
+
+    bl_label = "Quality"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only for measured materials."""
+        return is_measured(shown_material(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The knob, what is kept and left out, and the overrides."""
+        material, layout = shown_material(context), self.layout
+        properties, shading_map = material.measured_quality, is_shading_map(material)
+        lost = "" if shading_map else why_not_rebuildable(material)
+        for text in filter(None, (lost, properties.problem)):
+            layout.label(text=text, icon="ERROR")
+        column = layout.column()
+        column.enabled = material.is_editable and not lost
+        draw_quality(column, properties, shading_map=shading_map)
+        for effect in effects_of(material):
+            layout.label(text=f"{effect.name}: {effect.why}", icon="CHECKMARK" if effect.kept else "REMOVE")
+        row = layout.row(align=True)
+        row.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
+        if not shading_map:
+            denoised = asks_for_passes(context.scene)
+            words = {"text": "Stop Denoising"} if denoised else {}
+            row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
 
 
 class _BakePanel:
@@ -132,6 +166,13 @@ class MEASURED_MATERIALS_PT_material(_Panel, bpy.types.Panel):
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
 
 
+class MEASURED_MATERIALS_PT_material_quality(_QualityPanel, bpy.types.Panel):
+    """In the material properties."""
+
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
+    bl_parent_id = "MEASURED_MATERIALS_PT_material"
+
+
 class MEASURED_MATERIALS_PT_material_lighting(_LightingPanel, bpy.types.Panel):
     """In the material properties."""
 
@@ -158,6 +199,13 @@ class MEASURED_MATERIALS_PT_shader(_Panel, bpy.types.Panel):
         return space.tree_type == "ShaderNodeTree" and space.shader_type == "OBJECT"
 
 
+class MEASURED_MATERIALS_PT_shader_quality(_QualityPanel, bpy.types.Panel):
+    """In the shader editor's sidebar."""
+
+    bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
+    bl_parent_id = "MEASURED_MATERIALS_PT_shader"
+
+
 class MEASURED_MATERIALS_PT_shader_lighting(_LightingPanel, bpy.types.Panel):
     """In the shader editor's sidebar."""
 
@@ -174,9 +222,11 @@ class MEASURED_MATERIALS_PT_shader_bake(_BakePanel, bpy.types.Panel):
 
 classes = (
     MEASURED_MATERIALS_PT_material,
+    MEASURED_MATERIALS_PT_material_quality,
     MEASURED_MATERIALS_PT_material_lighting,
     MEASURED_MATERIALS_PT_material_bake,
     MEASURED_MATERIALS_PT_shader,
+    MEASURED_MATERIALS_PT_shader_quality,
     MEASURED_MATERIALS_PT_shader_lighting,
     MEASURED_MATERIALS_PT_shader_bake,
 )

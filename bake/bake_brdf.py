@@ -19,7 +19,7 @@ from .alpha_search import search_alpha, with_alpha
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
-from .envelope import fit_envelope, pack_weights, reconstruction_errors, residual_table
+from .envelope import fit_envelope, fit_preview, pack_weights, reconstruction_errors, residual_table
 from .errors import BakeError
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
@@ -53,7 +53,7 @@ class BakeSettings:
     spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
         two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : sizes of the alias tables
-    envelope : also fit native closures under the measurement, and bake what they leave, for mode "exact"
+    envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     """
 
     resolution: int = 64
@@ -63,7 +63,7 @@ class BakeSettings:
     filter: Filter = "trilinear"
     spline: SplineFit = "auto"
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
-    envelope: bool = False
+    envelope: bool = True
 
     def __post_init__(self) -> None:
         _check(
@@ -170,6 +170,7 @@ def bake_source(
         "search": search,
         "sampler": asdict(settings.sampler),
         "errors": table_errors(stored, settings.filter, pairs, truth),
+        "rms_by_filter": _simpler_filters(stored, settings.filter, spline, pairs, truth),
         "albedo": albedo_facts(treated_protocol(treated)),
         # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
         "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
@@ -178,6 +179,9 @@ def bake_source(
         "table": StoredImage(pack(stored.values * np.float32(scale)), settings.storage),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
+    preview = fit_preview(treated)
+    facts["preview"] = preview.facts()
+    images["preview_weights"] = StoredImage(preview.packed(), Storage.FLOAT32)
     if settings.envelope:
         say("envelope", 0.0)
         extra, images_of_envelope = _envelope(treated, stored, settings, pairs)
@@ -297,6 +301,15 @@ def table_errors(table: BrdfTable, filter: Filter, pairs: DirectionPairs, truth:
         "rms_of_signal": pairs.rms(truth),
         "directions": len(truth),
     }
+
+
+def _simpler_filters(
+    table: BrdfTable, filter: Filter, spline: str, pairs: DirectionPairs, truth: Array
+) -> dict[str, float]:
+    """RMS with this filter and every simpler one that the stored values serve as well: builders may choose."""
+    last = FILTERS.index(filter)
+    names = FILTERS[last : last + 1] if spline == "fitted" else FILTERS[: last + 1]
+    return {name: table_errors(table, name, pairs, truth)["rms"] for name in names}  # type: ignore[arg-type]
 
 
 def _plain_settings(settings: BakeSettings) -> dict[str, Any]:

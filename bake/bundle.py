@@ -1,8 +1,9 @@
 """The bundle: a folder NAME.mmat that holds a baked material.
 
-    table, sampler, envelope, slices, power, coefficients    .exr, .hdr or .png: images, those that the material has
-    material.json                                            all parameters, errors and facts
-    preview.png                                              for people
+    table, sampler, envelope, residual, residual_sampler, preview_weights, slices, power, coefficients
+                     .exr, .hdr or .png: images, those that the material has
+    material.json    all parameters, errors and facts
+    preview.png      for people
 
 A bundle appears under its name whole or not at all, and reading one trusts nothing in it: no code, no paths,
 no size that was not checked.
@@ -35,7 +36,17 @@ Kind = Literal["brdf", "shading_map"]
 KINDS: tuple[str, ...] = get_args(Kind)
 SCHEMA = 1
 SUFFIX = ".mmat"
-IMAGES = ("table", "sampler", "envelope", "residual", "residual_sampler", "slices", "power", "coefficients")
+IMAGES = (
+    "table",
+    "sampler",
+    "envelope",
+    "residual",
+    "residual_sampler",
+    "preview_weights",
+    "slices",
+    "power",
+    "coefficients",
+)
 MATERIAL, PREVIEW = "material.json", "preview.png"
 _FILES = {MATERIAL, PREVIEW} | {name + storage.suffix for name in IMAGES for storage in Storage}
 _OF_THE_SYSTEM = {".DS_Store", "Thumbs.db", "desktop.ini"}  # what file browsers leave in any folder

@@ -9,7 +9,8 @@ A lamp is five RGBA texels, one row of the table:
     u, power              full edge or diameter; irradiance at distance 1, or of a sun
     v, -                  the same, across
     axis, extent          unit emission direction, 1 / area | -, radius | towards the sun, 1 - cos(half its angle)
-    sky, largest share    of the scene, in the first row: irradiance of the sky, and the most draws to aim
+    the scene's own       sky, largest share | toward, flux, in the first two rows: irradiance of all that is not aimed
+                          at, the most draws to aim; light of the world's structure, as `expected_world_light` takes it
 """
 
 from __future__ import annotations
@@ -59,13 +60,20 @@ class Lamp:
         return 1 / (area * (math.pi / 4 if self.kind == ELLIPSE else 1))
 
 
-def lamp_table(lamps: list[Lamp], rows: int, sky: float = 0.0, largest_share: float = 0.9) -> Array:
+def lamp_table(
+    lamps: list[Lamp],
+    rows: int,
+    sky: float = 0.0,
+    largest_share: float = 0.9,
+    world: tuple[tuple[float, float, float], float] | None = None,
+) -> Array:
     """Texels (rows, 5, 4) float32; rows without a lamp have no power and are never aimed at.
 
     Parameters
     ----------
-    sky : irradiance of all light that is not of these lamps, about; the more, the fewer draws are aimed
+    sky : irradiance of all light that is not aimed at, about; the more, the fewer draws are aimed
     largest_share : of draws to aim, below 1, so that everything else is found too
+    world : `toward` and `flux` of the world's structure, if it is aimed at; needs a second row
     """
     table = np.zeros((rows, TEXELS, 4), np.float32)
     # Whatever formula meets an empty row stays finite.
@@ -76,6 +84,9 @@ def lamp_table(lamps: list[Lamp], rows: int, sky: float = 0.0, largest_share: fl
         table[k, 2, :3] = lamp.v
         table[k, 3] = (*lamp.axis, lamp.fourth())
     table[0, 4, :2] = sky, largest_share
+    if world is not None:
+        toward, flux = world
+        table[1, 4] = (*(0.5 * c for c in toward), 0.25 * flux)
     return table
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
-from .envelope import EnvelopeFit, fit_from_image
+from .envelope import EnvelopeFit, PreviewFit, fit_from_image, preview_from_image
 from .errors import BakeError
 from .parameterization import PARAMETERIZATIONS
 from .table import BrdfTable, TableGrid
@@ -53,6 +53,12 @@ def envelope_of(bundle: Bundle) -> EnvelopeFit:
     """The stored envelope. Raises BakeError."""
     where = bundle.path / "material.json"
     return fit_from_image(require(bundle.material, "envelope", dict, where), bundle.load("envelope"), where)
+
+
+def preview_of(bundle: Bundle) -> PreviewFit:
+    """The stored closures of mode Preview. Raises BakeError."""
+    where = bundle.path / "material.json"
+    return preview_from_image(require(bundle.material, "preview", dict, where), bundle.load("preview_weights"), where)
 
 
 def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SamplerLayout:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 
@@ -52,3 +54,21 @@ def save_as_exr(settings: bpy.types.ImageFormatSettings) -> None:
     settings.exr_codec = "NONE"
     settings.color_management = "OVERRIDE"
     settings.linear_colorspace_settings.name = "Linear Rec.709"
+
+
+def uses_nodes(material: bpy.types.Material) -> bool:
+    """Whether the material renders by its nodes; from 5.0 on there is nothing else."""
+    return material.node_tree is not None and (blender_version() >= (5, 0) or material.use_nodes)
+
+
+def compute_device() -> str:
+    """What Cycles takes for "GPU Compute", e.g. "OPTIX"; "NONE" where nothing is chosen."""
+    addon = bpy.context.preferences.addons.get("cycles")
+    return str(getattr(addon.preferences, "compute_device_type", "NONE")) if addon is not None else "NONE"
+
+
+def shadow_terminator(obj: bpy.types.Object) -> tuple[Any, str, str]:
+    """Owner of an object's Shadow Terminator settings, and their names: Shading Offset, Geometry Offset."""
+    if hasattr(obj, "shadow_terminator_shading_offset"):
+        return obj, "shadow_terminator_shading_offset", "shadow_terminator_geometry_offset"
+    return obj.cycles, "shadow_terminator_offset", "shadow_terminator_geometry_offset"  # before 4.4

@@ -5,28 +5,40 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
-from ..bake.table_facts import envelope_of, grid_of, residual_scale_of, sampler_layout_of, sampler_of, scale_of
+from ..bake.table_facts import (
+    envelope_of,
+    grid_of,
+    preview_of,
+    residual_scale_of,
+    sampler_layout_of,
+    sampler_of,
+    scale_of,
+)
 from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
-from .exact_group import EnvelopeImage, exact_group
+from .brdf_group import BrdfParts, brdf_group
+from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash
-from .reference_group import reference_group
 from .table_groups import TableGroups
 from .table_lookup_group import table_lookup_group
+from .weighted_closures import WeightedClosures
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
 # is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
-_VIEWPORT_KEY = "measured_materials_viewport"
+_VIEWPORT_KEY, _STAND_IN_KEY = "measured_materials_viewport", "measured_materials_stand_in"
 
 
 def build_material(
@@ -38,8 +50,10 @@ def build_material(
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
     mode: str | None = None,
+    residual: bool = True,
+    features: bool = False,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle.
+    """Build or rebuild a material from a bundle. No texture is baked for that.
 
     Parameters
     ----------
@@ -48,20 +62,53 @@ def build_material(
     stochastic : choose among theta_o slices at random instead of blending them (unbiased, fewer taps)
     pack : store the textures inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
-    mode : "exact" (native closures and a mirror for the rest) or "reference" (mirror only); by default "exact" where
-        the bundle holds an envelope
+    mode : of `bake.modes.MODES`; by default `usual_mode`
+    residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
+    features : also write the passes of `feature_passes`, for the denoiser
 
     Raises
     ------
-    BakeError : the bundle does not describe a table this version knows, or holds no envelope
+    BakeError : the bundle does not describe a table this version knows, or holds not what the mode needs
     """
     where = bundle.path / "material.json"
     if bundle.material.get("kind") != "brdf":
         raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a BRDF", "update the extension")
-    if mode is None:
-        mode = "exact" if bundle.has("envelope") else "reference"
-    maker = _exact_group if mode == "exact" else _measured_group
-    return build_from(bundle, material, lambda name: maker(bundle, name, filter, stochastic, pack, lamps))
+    mode = mode or usual_mode(bundle)
+    missing = [name for name in _NEEDS[mode] if not bundle.has(name)]
+    if missing:
+        raise BakeError(where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
+
+    def make(name: str) -> bpy.types.ShaderNodeTree:
+        table = None
+        if mode == "reference" or (mode != "preview" and residual):
+            part = "table" if mode == "reference" else "residual"
+            table = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None, part=part)
+        envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
+        preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
+        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps))
+        return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
+
+    return build_from(bundle, material, make)
+
+
+_NEEDS = {
+    "preview": ("preview_weights",),
+    "balanced": ("envelope", "residual", "preview_weights"),
+    "exact": ("envelope", "residual"),
+    "reference": ("table",),
+}
+
+
+def usual_mode(bundle: Bundle) -> str:
+    """The mode of a material of which nothing else was said: "exact" where the bundle holds an envelope."""
+    return "exact" if bundle.has("envelope") else "reference"
+
+
+def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> WeightedClosures:
+    """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
+    fit = envelope_of(bundle) if part == "envelope" else preview_of(bundle)
+    image = load_data_image(bundle.image_path(part), f"{name} {part.replace('_', ' ')}", pack=pack)
+    return WeightedClosures(fit.closures, image, len(fit.weights))
 
 
 def build_from(
@@ -83,23 +130,6 @@ def build_from(
         raise
     material[BUNDLE_KEY] = str(bundle.path)
     return material
-
-
-def _measured_group(
-    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
-) -> bpy.types.ShaderNodeTree:
-    table = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None)
-    return reference_group(f"Measured {name}", table, lamps)
-
-
-def _exact_group(
-    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, lamps: bpy.types.Image | None
-) -> bpy.types.ShaderNodeTree:
-    table = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None, part="residual")
-    fit = envelope_of(bundle)
-    weights = load_data_image(bundle.image_path("envelope"), f"{name} envelope", pack=pack)
-    envelope = EnvelopeImage(fit.closures, weights, len(fit.weights))
-    return exact_group(f"Measured {name}", envelope, table, lamps)
 
 
 def table_groups(
@@ -159,6 +189,21 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
     return image
 
 
+def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
+    """An image of these numbers (H, W, 3 or 4), top row first, packed so that the .blend keeps it."""
+    height, width, channels = pixels.shape
+    full = np.ones((height, width, 4), np.float32)
+    full[..., :channels] = pixels[::-1]
+    image = bpy.data.images.new(name, width, height, float_buffer=True, is_data=True, alpha=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.use_half_precision = half
+    image.pixels.foreach_set(full.ravel())
+    image.update()
+    image.pack()
+    return image
+
+
 def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float]) -> None:
     """Output <- group <- normal and, where it has them, texture coordinates.
 
@@ -176,8 +221,8 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     if output is not None and not output.inputs["Surface"].is_linked:
         tree.links.new(nodes[0].outputs["BSDF"], output.inputs["Surface"])
     viewport = next((n for n in tree.nodes if n.get(_VIEWPORT_KEY)), None)
-    if viewport is not None and "EEVEE" in nodes[0].outputs and not viewport.inputs["Surface"].is_linked:
-        tree.links.new(nodes[0].outputs["EEVEE"], viewport.inputs["Surface"])
+    if viewport is not None and "EEVEE" in nodes[0].outputs:
+        _show_in_eevee(tree, nodes[0].outputs["EEVEE"], viewport.inputs["Surface"])
     for old in previous:
         # A group that an artist has worked in is left in the file, for its work to be taken over.
         if old.get(HASH_KEY) == content_hash(old):
@@ -187,6 +232,15 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     material.diffuse_color = (*albedo, 1)
     # Cycles would bend the mirror's facet where its reflection dips under the surface: +0.8 % light on a coarse sphere.
     material.cycles.use_bump_map_correction = False
+
+
+def _show_in_eevee(tree: bpy.types.ShaderNodeTree, shown: Any, surface: Any) -> None:
+    """Link the group's own closure where nothing is, or only the stand-in of a material that had none."""
+    before = surface.links[0].from_node if surface.is_linked else None
+    if before is None or before.get(_STAND_IN_KEY):
+        tree.links.new(shown, surface)
+        if before is not None:
+            tree.nodes.remove(before)
 
 
 def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.types.ShaderNodeTree) -> None:
@@ -228,6 +282,7 @@ def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, floa
     if albedo is not None:
         stand_in = tree.nodes.new("ShaderNodeBsdfPrincipled")
         stand_in.label, stand_in.location = "EEVEE stand-in", (0, 0)
+        stand_in[_STAND_IN_KEY] = True
         stand_in.inputs["Base Color"].default_value = (*albedo, 1)
         tree.links.new(stand_in.outputs[0], preview.inputs["Surface"])
     return node

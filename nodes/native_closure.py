@@ -24,18 +24,21 @@ def has_native(lobe: Lobe) -> bool:
     return lobe.native_share > 0
 
 
-def viewport_closures(lobe: Lobe, normal: Any) -> list[Any]:
-    """White closures that look like the whole lobe, for EEVEE."""
-    white = expr.vec(1.0, 1.0, 1.0)
+def viewport_closures(lobe: Lobe, normal: Any, colour: Any) -> list[Any]:
+    """Closures that look like the whole lobe times a colour, for EEVEE and mode Preview."""
     if lobe.name != "phong":
-        return [native_closure(lobe, white, normal)]
+        return [native_closure(lobe, colour, normal)]
     glossy = expr.node(
         "ShaderNodeBsdfAnisotropic",
         {"distribution": "GGX"},
         # The GGX lobe of the same curvature at its peak as cos^n about the mirror direction.
-        {"Color": expr.vec(*[1 - lobe.native_share] * 3), "Roughness": (8 / (lobe.p1 + 2)) ** 0.25, "Normal": normal},
+        {
+            "Color": expr.scale(colour, 1 - lobe.native_share),
+            "Roughness": (8 / (lobe.p1 + 2)) ** 0.25,
+            "Normal": normal,
+        },
     )
-    diffuse = native_closure(lobe, expr.vec(*[lobe.native_share] * 3), normal)
+    diffuse = native_closure(lobe, expr.scale(colour, lobe.native_share), normal)
     return [diffuse, expr.Scalar(glossy.outputs[0])]
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import bpy
 
 from ..bake.shading.lobes import Lobe
-from ..bake.shading.render_settings import RenderSettings
+from ..bake.shading.render_settings import PREVIEW_LEVEL, RenderSettings
 from . import expr
+from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call, node_group
 from .lobe_group import lobe_group, lobe_pdf_group, lobe_peak_group, sample_lobe_group
@@ -63,7 +64,7 @@ class Lighting:
     @property
     def exact(self) -> bool:
         """Whether a native closure carries the envelope."""
-        return self.settings.mode == "exact" and self.native
+        return self.settings.mode in ("exact", "balanced") and self.native
 
     @property
     def native(self) -> bool:
@@ -96,7 +97,7 @@ def shading_map_group(
     builders: dict[str, Callable[..., Any]] = {"lit_texture": _lit_texture, "angular": _angular}
 
     def build(normal: Any, tint: Any, uv: Any, light_level: Any) -> tuple[Any, Any]:
-        closure = builders.get(technique, _lookup)(slices, lighting, normal, tint, uv)
+        closure = builders.get(technique, _in_mode)(slices, lighting, normal, tint, uv)
         return closure, _viewport(viewport, lighting, normal, tint, uv, light_level)
 
     sockets = {"Normal": "vector", "Tint": "vector", "UV": "vector", "Light Level": "float"}
@@ -126,6 +127,33 @@ def _times(value: Any, factor: Any) -> Any:
 def _mirror(drawn: DrawnDirection, reflected: Any, lighting: Lighting, tint: Any, share: Any = 1.0) -> Any:
     gain = expr.divide(lighting.a_max, drawn.pdf * share)
     return drawn.mirror(expr.scale(reflected, gain) * tint)
+
+
+def _in_mode(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+    mode = lighting.settings.mode
+    if mode == "preview":
+        return _preview(slices, lighting, normal, tint, uv)
+    traced = _lookup(slices, lighting, normal, tint, uv)
+    if mode == "balanced":
+        return choose_closure(after_diffuse(), traced, _preview(slices, lighting, normal, tint, uv))
+    return traced
+
+
+def _preview(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+    """One photograph, relative to its mean, as a texture on closures that look like f_r.
+
+    At every level the mean over the texels is the level itself, so this reflects as much light as the lookup.
+    """
+    level = expr.vec(*[PREVIEW_LEVEL] * 3) if lighting.measured is not None else PREVIEW_LEVEL
+    texture = expr.scale(call(slices, uv, level, 1.0, 0.5)[0] * tint, lighting.sigma / PREVIEW_LEVEL)
+    return add_closures(_like_f_r(lighting, normal, texture))
+
+
+def _like_f_r(lighting: Lighting, normal: Any, colour: Any) -> list[Any]:
+    """Closures that look like f_r, times a colour."""
+    if lighting.measured is not None:
+        return [native_closure(Lobe("lambert"), expr.scale(colour, lighting.measured.albedo), normal)]
+    return viewport_closures(lighting.lobe, normal, colour)
 
 
 def _lookup(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
@@ -211,9 +239,5 @@ def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, 
 
 def _sum_shader_to_rgb(lighting: Lighting, normal: Any) -> Any:
     """Radiance of white f_r."""
-    if lighting.measured is not None:
-        grey = lighting.measured.albedo
-        closures = [native_closure(Lobe("lambert"), expr.vec(grey, grey, grey), normal)]
-    else:
-        closures = viewport_closures(lighting.lobe, normal)
+    closures = _like_f_r(lighting, normal, expr.vec(1.0, 1.0, 1.0))
     return expr.node("ShaderNodeShaderToRGB", {}, {0: add_closures(closures)}).outputs["Color"]

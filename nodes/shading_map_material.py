@@ -15,12 +15,13 @@ from ..bake.errors import BakeError
 from ..bake.shading.lobes import lobe_peak
 from ..bake.shading.map_albedo import resolved_scale
 from ..bake.shading.map_facts import MapFacts, map_facts_of, render_of
+from ..bake.shading.reduced_map import reduced_slices
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
 from .map_models import basis_group, power_group
-from .material import build_from, load_data_image, table_groups
+from .material import build_from, load_data_image, new_data_image, table_groups
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
 
@@ -32,6 +33,7 @@ def build_shading_map(
     settings: RenderSettings | None = None,
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
+    reduce: int = 1,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle of kind "shading_map". No texture is baked for that.
 
@@ -41,6 +43,7 @@ def build_shading_map(
     settings : how it is lit; by default as the bundle says
     pack : store the textures inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    reduce : texels across that Cycles sees as their mean, for a swatch far away; for model "slices" only
 
     Raises
     ------
@@ -55,7 +58,7 @@ def build_shading_map(
         raise BakeError(bundle.path, "holds no measured BRDF to use as f_r", "choose a lobe, or bake with --brdf")
     for name in {facts.image, "envelope"} & set(bundle.material["images"]):
         bundle.load(name)  # pixels are read and checked once before Blender loads them
-    return build_from(bundle, material, lambda name: _group(bundle, facts, settings, name, pack, lamps))
+    return build_from(bundle, material, lambda name: _group(bundle, facts, settings, name, pack, lamps, reduce))
 
 
 def lighting_of(bundle: Bundle, facts: MapFacts, settings: RenderSettings) -> Lighting:
@@ -77,7 +80,13 @@ def _reaches_beyond(settings: RenderSettings, sigma: float, a_max: float) -> boo
 
 
 def _group(
-    bundle: Bundle, facts: MapFacts, settings: RenderSettings, name: str, pack: bool, lamps: bpy.types.Image | None
+    bundle: Bundle,
+    facts: MapFacts,
+    settings: RenderSettings,
+    name: str,
+    pack: bool,
+    lamps: bpy.types.Image | None,
+    reduce: int,
 ) -> bpy.types.ShaderNodeTree:
     lighting = replace(lighting_of(bundle, facts, settings), lamps=lamps)
     if settings.lobe is None:
@@ -86,7 +95,8 @@ def _group(
         measured = MeasuredLobe(table, _f_r_albedo(bundle))
         lighting = replace(lighting, measured=measured)
     images = load_slices(bundle, facts, name, pack)
-    traced = map_group(f"MM Slices {name}", facts, images, lighting.options(stochastic=True))
+    far = _reduced(bundle, facts, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
+    traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=True))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
     viewport = SliceOptions("scale", tiling=settings.tiling, interpolation="Fetched")
     shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
@@ -110,6 +120,16 @@ def load_slices(bundle: Bundle, facts: MapFacts, name: str, pack: bool) -> Slice
     main = load(facts.image)
     envelope = load("envelope") if facts.model != "power" else main
     return SliceImages(main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
+
+
+def _reduced(bundle: Bundle, facts: MapFacts, images: SliceImages, name: str, factor: int) -> SliceImages:
+    """The same map in fewer texels, kept in the .blend: they are a small part of the textures they were made of."""
+    pixels = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
+    made = [
+        new_data_image(f"{name} {part} / {factor}", values, half=image.use_half_precision)
+        for part, values, image in zip((facts.image, "envelope"), pixels, (images.residual, images.envelope))
+    ]
+    return replace(images, residual=made[0], envelope=made[1], layout=pixels[2])
 
 
 def map_group(name: str, facts: MapFacts, images: SliceImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:

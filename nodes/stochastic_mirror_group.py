@@ -10,18 +10,27 @@ from . import expr
 from .group import node_group
 
 
-def random_numbers() -> tuple[Any, ...]:
-    """Six independent numbers in [0, 1], fresh for every sample.
+def _place() -> tuple[Any, tuple[Any, Any, Any]]:
+    """Position, and three hashes of all else that tells one ray from another at a position.
 
-    Sub-pixel jitter moves position and incoming direction, and with them every bit of the hash; the two nodes
-    differ in the direction that the incoming vector is projected on.
+    Of a camera far from the origin many rays meet the surface at one float32 position and differ in direction alone;
+    those of an orthographic one all have one direction, and differ within the triangle more finely than in position.
+    A projection of the direction in place of its hash would drop the bits that a narrow view lives on.
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
-    position = expr.Vector(geometry.outputs["Position"])
-    incoming = expr.Vector(geometry.outputs["Incoming"])
-    first = expr.white_noise(position, expr.dot(incoming, expr.vec(3.17, 7.31, 1.93)))
-    second = expr.white_noise(position, expr.dot(incoming, expr.vec(1.17, 9.31, 2.93)) + 17.0)
-    return first + second
+    position, incoming, parametric = (expr.Vector(geometry.outputs[k]) for k in ("Position", "Incoming", "Parametric"))
+    # One number of two coordinates: the golden ratio keeps it from being constant along any edge or regular grid.
+    within = expr.dot(parametric, expr.vec(1.0, 1.618034, 0.0))
+    return position, expr.white_noise(incoming, within)
+
+
+def random_numbers() -> tuple[Any, ...]:
+    """Six independent numbers in [0, 1], fresh for every ray: sub-pixel jitter moves every bit of the hash.
+
+    The first sample of a pixel always passes its middle: with one sample a pixel, another seed draws the same numbers.
+    """
+    position, (first, second, _) = _place()
+    return expr.white_noise(position, first) + expr.white_noise(position, second)
 
 
 def random_numbers_group() -> bpy.types.ShaderNodeTree:
@@ -31,14 +40,11 @@ def random_numbers_group() -> bpy.types.ShaderNodeTree:
 
 
 def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
-    """Three more, for materials that aim at lamps."""
+    """Three more, for materials that aim at lamps; Cycles merges what both groups compute alike."""
 
     def numbers() -> tuple[Any, ...]:
-        geometry = expr.node("ShaderNodeNewGeometry", {}, {})
-        incoming = expr.Vector(geometry.outputs["Incoming"])
-        return expr.white_noise(
-            expr.Vector(geometry.outputs["Position"]), expr.dot(incoming, expr.vec(5.17, 1.31, 8.93)) + 31.0
-        )
+        position, (_, _, third) = _place()
+        return expr.white_noise(position, third)
 
     return node_group("MM More Random Numbers", {}, {f"Random {k}": "float" for k in range(7, 10)}, numbers)
 

@@ -191,10 +191,10 @@ def test_lost_measurement_can_be_replaced(lacquer: Any, measurement: Path, tmp_p
 
 def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     model = by_name("phong", diffuse=(0.1, 0.2, 0.3), exponent=7)
-    settings = BakeSettings(resolution=6, alpha=(0.5, 0.5))
+    settings = BakeSettings(resolution=6, alpha=(0.5, 0.5), envelope=False)
     material = measured_material.material_from(bake_source(model, tmp_path / "phong", settings), pack=True)
     assert measured_material.why_not_bakeable(material) == ""
-    measured_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5)), pack=False)
+    measured_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False), pack=False)
     facts = measured_material.facts_of(material)
     assert facts["source"]["facts"]["exponent"] == 7 and facts["table"]["n"] == 8
     material[BUNDLE_KEY] = str(tmp_path / "gone" / "phong.mmat")
@@ -265,7 +265,7 @@ def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
         assert text in texts
     stage = Stage(lacquer)
     stage.engine = "BLENDER_WORKBENCH"
-    assert any("stand-in" in text for text in stage.drawn(panel._Panel))
+    assert any("approximates" in text for text in stage.drawn(panel._Panel))
 
 
 def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:

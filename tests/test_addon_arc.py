@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import arc_material, arc_operator, arc_relight, measured_material, panel
+from measured_materials.addon import arc_material, arc_operator, arc_relight, kept_textures, measured_material, panel
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.lighting_properties import lighting_of, show_lighting
 from measured_materials.addon.stages import USUAL_SIZE
@@ -39,7 +39,9 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def measured_brdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("brdf") / "gloss"
-    return bake_source(by_name("ggx", alpha=0.5), path, BakeSettings(resolution=8, alpha=(0.5, 0.5))).path
+    return bake_source(
+        by_name("ggx", alpha=0.5), path, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
+    ).path
 
 
 @pytest.fixture
@@ -93,7 +95,7 @@ def test_import_puts_the_material_on_the_object(felt: Any, stack: Path, tmp_path
     assert felt[BUNDLE_KEY] == str(bundle.path) and felt[SOURCE_KEY] == str(stack)
     facts = measured_material.facts_of(felt)
     assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
-    assert all(image.packed_file for image in arc_material.textures_of(felt).values())
+    assert all(image.packed_file for image in kept_textures.textures_of(felt).values())
     assert felt.measured_arc.size == USUAL_SIZE and felt.measured_lighting.lobe == "lambert"
     # A swatch of 20 x 16 keeps its proportions on square texture coordinates.
     assert tuple(mapping_of(felt).inputs["Scale"].default_value) == (1.0, 20 / 16, 1.0)
@@ -109,7 +111,7 @@ def test_import_of_chosen_files(stack: Path, plate: Any, tmp_path: Path) -> None
     assert facts["render"]["lobe"] == {"name": "ggx", "alpha": 0.25} and facts["map"]["a_max"] > 0
     assert material.measured_lighting.ggx_alpha == 0.25 and material.measured_arc.scale_by == "albedo"
     assert arc_material.photographs_of(material) == [stack / file["name"] for file in files]
-    assert not any(image.packed_file for image in arc_material.textures_of(material).values())
+    assert not any(image.packed_file for image in kept_textures.textures_of(material).values())
 
 
 @pytest.mark.parametrize("chosen", ["el35.png", "lights.csv", ""])
@@ -211,7 +213,7 @@ def test_lost_textures_are_told_and_nothing_changes(stack: Path, plate: Any, tmp
     material = plate.active_material
     before = shape_of(group_of(material))
     (tmp_path / "felt.mmat").rename(tmp_path / "moved.mmat")
-    for image in arc_material.textures_of(material).values():
+    for image in kept_textures.textures_of(material).values():
         image.reload()  # as a new session would find them
     assert "felt.mmat" in arc_relight.why_not_relightable(material)
     material.measured_lighting.sigma = 0.9
@@ -231,7 +233,7 @@ def test_another_bake_in_the_bundle_is_not_mixed_in(stack: Path, plate: Any, tmp
     shutil.rmtree(tmp_path / "felt.mmat")
     other = write_stack(tmp_path / "other" / "felt", (20, 70))
     bpy.ops.measured_materials.import_arc(filepath=str(other), bundles=str(tmp_path), pack=False)
-    for image in arc_material.textures_of(material).values():
+    for image in kept_textures.textures_of(material).values():
         bpy.data.images.remove(image)
     material.measured_lighting.sigma = 0.9
     assert "another bake" in material.measured_lighting.problem
@@ -242,7 +244,7 @@ def test_measured_brdf_as_f_r(stack: Path, measured_brdf: Path, plate: Any, tmp_
     bpy.ops.measured_materials.import_arc(filepath=str(stack), **options)
     material = plate.active_material
     light = material.measured_lighting
-    assert light.lobe == "measured" and set(arc_material.textures_of(material)) >= {"table", "sampler"}
+    assert light.lobe == "measured" and set(kept_textures.textures_of(material)) >= {"table", "sampler"}
     light.lobe = "ggx"
     light.lobe = "measured"
     light.sigma = 0.7
@@ -268,7 +270,7 @@ def test_a_copy_is_lit_apart(felt: Any, tmp_path: Path) -> None:
     copy.measured_lighting.sigma = 0.9
     assert_lit_as(felt, RenderSettings(), tmp_path / "felt.mmat")
     assert_lit_as(copy, RenderSettings(sigma=0.9), tmp_path / "felt.mmat")
-    assert arc_material.textures_of(copy) == arc_material.textures_of(felt)
+    assert kept_textures.textures_of(copy) == kept_textures.textures_of(felt)
     bpy.data.materials.remove(copy)
     felt.measured_lighting.sigma = 0.4
     assert felt.measured_lighting.problem == ""

@@ -16,7 +16,7 @@ from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.table_facts import grid_of, sampler_of, table_of
 
-SMALL = {"resolution": 16, "alpha": (0.4, 0.2), "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8)}
+SMALL = {"resolution": 16, "alpha": (0.4, 0.2), "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8), "envelope": False}
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,9 @@ def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("storage", TABLE_STORAGES)
 def test_the_bundle_holds_the_measurement(measurement: Path, tmp_path: Path, storage: str) -> None:
     """The error stated in the bundle is the error of the stored table against the analytic truth, storage included."""
-    result = bake_file(measurement, tmp_path / "rough", BakeSettings(storage=storage, resolution=32, alpha=(0.4, 0.2)))
+    result = bake_file(
+        measurement, tmp_path / "rough", BakeSettings(storage=storage, resolution=32, alpha=(0.4, 0.2), envelope=False)
+    )
     bundle = read_bundle(result.path)
     table = table_of(bundle)
     pairs = direction_pairs(4000, offset=0.7)
@@ -74,7 +76,7 @@ def test_lambert_bakes_to_its_albedo(tmp_path: Path) -> None:
 def test_search_is_reported(tmp_path: Path) -> None:
     """Both metrics' choices and which wins are in the bundle; the table uses the one that was asked for."""
     for metric in ("error", "intensity"):
-        settings = BakeSettings(resolution=16, alpha=metric)
+        settings = BakeSettings(resolution=16, alpha=metric, envelope=False)
         facts = bake_source(analytic.Ggx(alpha=0.15), tmp_path / metric, settings).facts
         chosen = facts["search"][f"by_{metric}"]
         assert facts["table"]["alpha_theta"] == chosen["alpha_theta"]
@@ -85,7 +87,7 @@ def test_search_is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize("spline", ["plain", "fitted"])
 def test_spline_tables_say_what_they_hold(tmp_path: Path, spline: str) -> None:
     """A B-spline bundle states its coefficients."""
-    settings = BakeSettings(filter="bspline", spline=spline, resolution=32, alpha=(0.4, 0.2))
+    settings = BakeSettings(filter="bspline", spline=spline, resolution=32, alpha=(0.4, 0.2), envelope=False)
     facts = bake_source(analytic.Ggx(alpha=0.3), tmp_path / "spline", settings).facts
     assert facts["table"]["filter"] == "bspline" and facts["table"]["spline"] == spline
 
@@ -94,7 +96,7 @@ def test_fitted_spline_is_closer_than_plain(tmp_path: Path) -> None:
     """By the measured error that the bundle states."""
     rms = {}
     for spline in ("plain", "fitted"):
-        settings = BakeSettings(filter="bspline", spline=spline, resolution=32, alpha=(0.4, 0.2))
+        settings = BakeSettings(filter="bspline", spline=spline, resolution=32, alpha=(0.4, 0.2), envelope=False)
         rms[spline] = bake_source(analytic.Ggx(alpha=0.3), tmp_path / spline, settings).facts["errors"]["rms"]
     assert rms["fitted"] < 0.7 * rms["plain"]
 

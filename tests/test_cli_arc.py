@@ -123,7 +123,9 @@ def test_lobes_fitted_and_measured(stack: Path, tmp_path: Path, capsys: pytest.C
     assert main(["bake", "arc", str(stack), "--out", str(tmp_path / "auto.mmat"), "--lobe", "auto"]) == 0
     facts = read_bundle(tmp_path / "auto.mmat").material
     assert facts["render"]["lobe"] == facts["lobe_fit"]["lobe"]
-    bake_source(by_name("ggx", alpha=0.5), tmp_path / "ggx.mmat", BakeSettings(resolution=8, alpha=(0.5, 0.5)))
+    bake_source(
+        by_name("ggx", alpha=0.5), tmp_path / "ggx.mmat", BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
+    )
     measured = ["--lobe", str(tmp_path / "ggx.mmat")]
     assert main(["bake", "arc", str(stack), "--out", str(tmp_path / "both.mmat"), *measured]) == 0
     both = read_bundle(tmp_path / "both.mmat")
@@ -327,7 +329,9 @@ def test_render_wrong_usage(options: str, word: str, bundle: Path, capsys: pytes
 
 
 def test_options_of_shading_maps_are_refused_for_brdfs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bake_source(by_name("lambert"), tmp_path / "white.mmat", BakeSettings(resolution=8, alpha=(0.5, 0.5)))
+    bake_source(
+        by_name("lambert"), tmp_path / "white.mmat", BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
+    )
     for options in (["--lobe", "ggx"], ["--a-max", "1"], ["--repeat", "2"]):
         assert main(["render", str(tmp_path / "white.mmat"), *options]) == 2
         assert f"{options[0]} is for shading maps" in capsys.readouterr().err

@@ -36,7 +36,7 @@ def clean_blend() -> Iterator[None]:
 @pytest.mark.parametrize("name", SOURCES)
 def test_exact_is_reference(tmp_path: Path, name: str) -> None:
     """Sky, small lamp and bounce light, both modes aiming; with a planted 2 % that fails."""
-    settings = BakeSettings(resolution=40, alpha=(0.5, 0.4), sampler=SAMPLER, envelope=True)
+    settings = BakeSettings(resolution=40, alpha=(0.5, 0.4), sampler=SAMPLER)
     result = bake_source(SOURCES[name], tmp_path / name, settings)
     assert result.facts["envelope"]["share"] > 0.5
     bundle = read_bundle(result.path)

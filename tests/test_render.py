@@ -40,7 +40,7 @@ def grey(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """Grey Lambert of albedo 0.5 through a MERL file and a bake."""
     folder = tmp_path_factory.mktemp("grey")
     write_merl(folder / "grey.binary", analytic.Lambert())
-    settings = BakeSettings(resolution=8, storage="float32", alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER)
+    settings = BakeSettings(resolution=8, storage="float32", alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER, envelope=False)
     return read_bundle(bake_file(folder / "grey.binary", folder / "grey", settings).path)
 
 
@@ -99,7 +99,7 @@ def test_grey_lambert_in_a_white_furnace(grey: Bundle) -> None:
 def test_furnace_shows_the_albedo_of_gloss(tmp_path: Path, filter: str, stochastic: bool) -> None:
     """In a furnace a glossy material shows its directional albedo, by a quadrature that knows nothing of tables."""
     source = analytic.Ggx(alpha=0.3, f0=(0.9, 0.6, 0.3))
-    settings = BakeSettings(resolution=48, alpha=(0.5, 0.25), filter=filter)
+    settings = BakeSettings(resolution=48, alpha=(0.5, 0.25), filter=filter, envelope=False)
     bundle = read_bundle(bake_source(source, tmp_path / "gloss", settings).path)
     with furnace(build_material(bundle, stochastic=stochastic), resolution=48) as scene:
         picture = scene.render(128, 2).mean(0)
@@ -114,7 +114,9 @@ def test_scaled_tables_are_scaled_back(tmp_path: Path, monkeypatch: pytest.Monke
     """Where values had to be scaled to fit their storage, the shader undoes it: the furnace shows the albedo."""
     monkeypatch.setattr(bake_brdf, "scale_for", lambda values, storage: 1 / 16)
     source = analytic.Ggx(alpha=0.4)
-    result = bake_source(source, tmp_path / "scaled", BakeSettings(resolution=32, alpha=(0.5, 0.3), storage=storage))
+    result = bake_source(
+        source, tmp_path / "scaled", BakeSettings(resolution=32, alpha=(0.5, 0.3), storage=storage, envelope=False)
+    )
     assert result.facts["table"]["scale"] == 1 / 16
     with furnace(build_material(read_bundle(result.path)), resolution=48) as scene:
         middle = scene.render(64, 2).mean(0)[22:26, 22:26].mean()
@@ -125,7 +127,9 @@ def test_scaled_tables_are_scaled_back(tmp_path: Path, monkeypatch: pytest.Monke
 def test_changed_pixels_are_refused(tmp_path: Path) -> None:
     """A bundle whose table was exchanged after baking is one clear error, and leaves nothing in the file."""
     first, second = (
-        bake_source(analytic.Ggx(alpha=a), tmp_path / str(a), BakeSettings(resolution=8, sampler=LIGHT_SAMPLER)).path
+        bake_source(
+            analytic.Ggx(alpha=a), tmp_path / str(a), BakeSettings(resolution=8, sampler=LIGHT_SAMPLER, envelope=False)
+        ).path
         for a in (0.2, 0.4)
     )
     shutil.copy(second / "table.exr", first / "table.exr")
@@ -144,7 +148,7 @@ def test_building_again_survives_what_artists_do(grey: Bundle, tmp_path: Path) -
     node.inputs["Extra"].default_value = 0.3
     for output in [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial"]:
         material.node_tree.nodes.remove(output)
-    settings = BakeSettings(resolution=9, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER)
+    settings = BakeSettings(resolution=9, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER, envelope=False)
     again = read_bundle(bake_source(analytic.Lambert(), tmp_path / "again", settings).path)
     assert build_material(again, material) == material
     assert group_node(material).node_tree != edited
@@ -195,7 +199,7 @@ def test_normal_input_is_obeyed(grey: Bundle) -> None:
 def test_data_textures_reach_the_shader_unchanged(tmp_path: Path) -> None:
     """Non-Color, channel packed, and half precision only where the file is half."""
     for storage, half in (("float32", False), ("half", True), ("rgbe", False)):
-        settings = BakeSettings(resolution=8, storage=storage, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER)
+        settings = BakeSettings(resolution=8, storage=storage, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER, envelope=False)
         path = bake_source(analytic.Ggx(), tmp_path / storage, settings).path
         material = build_material(read_bundle(path), pack=True)
         images = [image for image in bpy.data.images if image.name.startswith("ggx")]

@@ -2,6 +2,7 @@
 
 from .closures import BASIS, closure_values
 from .fit import EnvelopeFit, EnvelopeSettings, fit_envelope
+from .preview import PreviewFit, fit_preview, preview_from_image
 from .residual import ResidualSource, reconstruction_errors, residual_source, residual_table
 from .texture import fit_from_image, guarded_share, mirror_probability, pack_weights, texture_coordinate, unpack_weights
 
@@ -9,13 +10,16 @@ __all__ = [
     "BASIS",
     "EnvelopeFit",
     "EnvelopeSettings",
+    "PreviewFit",
     "ResidualSource",
     "closure_values",
     "fit_envelope",
     "fit_from_image",
+    "fit_preview",
     "guarded_share",
     "mirror_probability",
     "pack_weights",
+    "preview_from_image",
     "reconstruction_errors",
     "residual_source",
     "residual_table",

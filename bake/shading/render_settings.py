@@ -8,15 +8,16 @@ from typing import Any, Literal, get_args
 
 from ..bundle import require
 from ..errors import BakeError
+from ..modes import MODES, Mode
 from .lobes import Lobe, lobe_from_facts
 from .shading_map import ABOVE, Above
 
 Technique = Literal["lookup", "lit_texture", "angular", "final_radiance"]
-Mode = Literal["exact", "reference"]
 Tiling = Literal["repeat", "extend"]
 TECHNIQUES: tuple[str, ...] = get_args(Technique)
-MODES: tuple[str, ...] = get_args(Mode)
 TILINGS: tuple[str, ...] = get_args(Tiling)
+# Of all levels, where a photograph taken for them all is nearest to them, about: the brightest is flattest.
+PREVIEW_LEVEL = 0.75
 # Of photographs without a scale: the swatch reflects half of the light, as a middling cloth or paper does.
 UNCALIBRATED_SIGMA = 0.5
 
@@ -34,7 +35,9 @@ class RenderSettings:
     technique : of KSS04 figure 6. "lookup" S(r); "lit_texture" the brightest photograph times r; "angular" the
         photograph taken at the light's elevation, relative to its mean, times r; "final_radiance" S of the radiance
         that the flat material would send out, which needs EEVEE's Shader to RGB: Cycles keeps "lookup"
-    mode : "exact" envelope as a native closure and residual by mirror; "reference" all of it by mirror
+    mode : of `bake.modes`: "exact" envelope as a native closure and residual by mirror; "reference" all of it by
+        mirror; "preview" f_r as native closures, times the photograph at `PREVIEW_LEVEL` relative to its mean;
+        "balanced" that after a diffuse bounce only
     tiling : "repeat", or "extend" the border beyond the swatch
     a_max : r at the brightest photograph, in 1/sr; by default as calibrated, or else where the peak of r is
     """

@@ -16,6 +16,8 @@ BENCHES = {
     "figures": "picture sheets after figures 4 and 7 of Mallett & Yuksel 2016",
     "gallery": "pictures of the twelve RGL and three Cornell materials",
     "cornell": "error of the Cornell paints on held-out samples",
+    "denoise": "the denoiser's picture by colour, by Cycles' passes and by the material's own, beside Principled",
+    "effects": "the graph fitted to six scenes beside the full one: nodes, time, noise, equality",
     "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",

@@ -54,7 +54,7 @@ def _bake(folder: Path) -> None:
 
 def _lookups() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        result = bake_source(MetallicPaint(), Path(folder) / "paint", BakeSettings(alpha=(0.5, 0.1)))
+        result = bake_source(MetallicPaint(), Path(folder) / "paint", BakeSettings(alpha=(0.5, 0.1), envelope=False))
         table = table_of(read_bundle(result.path))
     pairs = direction_pairs(250_000)
     print("numpy lookups per second, float64 coordinates, one thread of this machine")
@@ -80,7 +80,9 @@ def principled() -> bpy.types.Material:
 def _samples_per_second(quick: bool) -> None:
     size, samples = (160, 16) if quick else (320, 32)
     with tempfile.TemporaryDirectory() as folder:
-        bundle = read_bundle(bake_source(MetallicPaint(), Path(folder) / "paint").path)
+        # The modes with native closures are compared by `bench engine`.
+        settings = BakeSettings(envelope=False)
+        bundle = read_bundle(bake_source(MetallicPaint(), Path(folder) / "paint", settings).path)
         materials = {"Principled": principled()}
         for filter in FILTERS:
             materials[f"{filter}"] = build_material(bundle, filter=filter)

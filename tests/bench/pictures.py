@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -27,7 +28,8 @@ def picture(
     """Linear pixels (size, size, 3) of a source baked with these settings, and the bake; files are temporary."""
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        result = bake_source(source, Path(folder) / "material", settings)
+        # What is shown is the table itself, by mirror alone.
+        result = bake_source(source, Path(folder) / "material", replace(settings, envelope=False))
         material = build_material(read_bundle(result.path), filter=filter)
         scene = build_studio(
             material, resolution=(size, size), samples=samples, seed=1, environment=environment, shape=shape

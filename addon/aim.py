@@ -1,0 +1,18 @@
+"""Whether a scene has something that a mirror can be aimed at, in words."""
+
+from __future__ import annotations
+
+import bpy
+
+from .lamps import survey
+
+
+def what_to_aim_at(scene: bpy.types.Scene) -> str:
+    """What is aimed at and why it pays; empty if there is nothing."""
+    layer = scene.view_layers[0]
+    layer.update()
+    report = survey(layer.depsgraph)
+    if not report.lamps and not report.world.aimed:
+        return ""
+    words = report.words()[0]
+    return words[:1].lower() + words[1:]

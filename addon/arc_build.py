@@ -1,0 +1,62 @@
+"""A shading map's bundle as a material fitted to a scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..bake.bundle import Bundle
+from ..bake.shading.map_facts import map_facts_of
+from ..bake.shading.render_settings import RenderSettings
+from ..nodes.shading_map_material import build_shading_map
+from .aim import what_to_aim_at
+from .effects import plan_aim, plan_bounces, plan_detail
+from .footprint import texel_footprint
+from .lamps import lamp_image
+from .quality_properties import choices_of
+
+_MAPPING = "Swatch size and rotation"
+
+
+def build_map(
+    bundle: Bundle,
+    material: bpy.types.Material,
+    settings: RenderSettings,
+    *,
+    pack: bool,
+    scene: bpy.types.Scene | None = None,
+) -> dict[str, Any]:
+    """Rebuild a shading map's material with what its quality properties and the scene, by default the current one, call
+    for, and return the account of it. Raises BakeError.
+    """
+    scene = scene or bpy.context.scene
+    choices = choices_of(material.measured_quality)
+    facts = map_facts_of(bundle)
+    footprint = texel_footprint(material, scene, texels_per_uv(material, facts.layout.width, facts.layout.height))
+    reduce, detail = plan_detail(choices, facts.model, footprint.pixels, footprint.why_unknown, material.name)
+    effects = [detail]
+    aim = plan_aim(choices, what_to_aim_at(scene))
+    if settings.mode != "preview":
+        effects += [aim, plan_bounces(settings.mode)]
+    lamps = lamp_image() if aim.kept else None
+    build_shading_map(bundle, material, settings=settings, pack=pack, lamps=lamps, reduce=reduce)
+    kept = {key: getattr(choices, key) for key in ("aim", "detail")}
+    return {"choices": kept, "effects": [effect.facts() for effect in effects]}
+
+
+def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:
+    """Texels along u and v in a unit of the UV map; None where an artist has linked something else to the swatch."""
+    mapping = next(
+        (n for n in material.node_tree.nodes if n.label == _MAPPING and n.bl_idname == "ShaderNodeMapping"), None
+    )
+    if mapping is None or any(socket.is_linked for socket in mapping.inputs[1:]):
+        return None
+    source = mapping.inputs["Vector"].links[0].from_node if mapping.inputs["Vector"].is_linked else None
+    # A UV map of another name than the active one may be laid out in any way.
+    if source is None or source.bl_idname != "ShaderNodeUVMap" or source.uv_map:
+        return None
+    scale = mapping.inputs["Scale"].default_value
+    # Turned by any angle, a texel is at most as large as by the smaller of the two.
+    least = min(abs(scale[0]) * width, abs(scale[1]) * height)
+    return least, least

@@ -1,0 +1,75 @@
+"""A measured BRDF's bundle as a material fitted to a scene: the one way that panel, import and command line take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from ..bake.bundle import Bundle
+from ..nodes.feature_passes import ALBEDO
+from ..nodes.material import build_material, usual_mode
+from .aim import what_to_aim_at
+from .effects import BrdfPlan, Choices, plan_brdf
+from .lamps import lamp_image
+
+
+def build_brdf(
+    bundle: Bundle,
+    material: bpy.types.Material | None = None,
+    *,
+    choices: Choices | None = None,
+    pack: bool = False,
+    scene: bpy.types.Scene | None = None,
+) -> tuple[bpy.types.Material, BrdfPlan]:
+    """Build or rebuild a material with what the choices and the scene call for.
+
+    Parameters
+    ----------
+    choices : by default the bundle's usual mode, all else automatic
+    scene : that it is fitted to, by default the current one
+
+    Raises
+    ------
+    BakeError : the bundle holds not what is asked for
+    """
+    choices = choices or usual_choices(bundle)
+    scene = scene or bpy.context.scene
+    plan = plan_brdf(bundle.material, choices, str(bundle.path), what_to_aim_at(scene), asks_for_passes(scene))
+    material = build_material(
+        bundle,
+        material,
+        filter=plan.filter,
+        pack=pack,
+        lamps=lamp_image() if plan.aim else None,
+        mode=plan.mode,
+        residual=plan.residual,
+        features=plan.features,
+    )
+    return material, plan
+
+
+def asks_for_passes(scene: bpy.types.Scene) -> bool:
+    """Whether a view layer holds what `nodes.feature_passes` writes."""
+    return any(ALBEDO in layer.aovs for layer in scene.view_layers)
+
+
+def usual_choices(bundle: Bundle, mode: str | None = None) -> Choices:
+    """Everything automatic, in a given mode or the one that the bundle is good for."""
+    return Choices(mode=mode or usual_mode(bundle))
+
+
+def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
+    """What was chosen and what came of it, to keep with the material; JSON-ready."""
+    return {
+        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "residual", "filter")},
+        "effects": [effect.facts() for effect in plan.effects],
+    }
+
+
+def choices_from(facts: Mapping[str, Any]) -> Choices:
+    """The choices that `account_of` kept, as far as they can be read."""
+    kept = facts.get("choices")
+    known = {k: v for k, v in kept.items() if isinstance(v, str)} if isinstance(kept, dict) else {}
+    return Choices(**{key: known[key] for key in ("mode", "aim", "residual", "filter", "detail") if key in known})

@@ -1,0 +1,281 @@
+"""Rules of the scene check: materials, their textures, the objects that wear them, and the table of lamps."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..bake.light_sampling import lamp_table
+from ..nodes import compat
+from ..nodes.aimed_light_group import SLOTS_KEY
+from ..nodes.group import HASH_KEY, content_hash
+from ..nodes.material import BUNDLE_KEY
+from ..nodes.stochastic_mirror_group import LEAST_WEIGHT
+from . import lamps
+from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
+
+# Coordinates of float32 are then a thousandth apart.
+_FAR = 10_000.0
+# Cycles leaves closures of a smaller weight out.
+_CUT_OFF = 1e-5
+# f cos(theta_i) of a dark material, of which the mirror's weight is a multiple.
+_DARK = 0.03
+_UNKNOWN_SHARE = 0.1  # of a mix by a texture
+
+
+# --- materials ------------------------------------------------------------------------------------------
+
+
+def bump_correction(subject: Subject) -> Iterator[Finding]:
+    """Set by the builder; a copied or merged material may have lost it."""
+    for material in subject.mirrors:
+        if material.cycles.use_bump_map_correction:
+            why = "it bends the mirror where its reflection dips under the facet: +0.8 % on a coarse sphere"
+            mend = setting(material.cycles, "use_bump_map_correction", False)
+            yield Finding("bump_correction", WRONG, _name(material), "Bump Map Correction is on", "off", why, mend)
+
+
+def changed_groups(subject: Subject) -> Iterator[Finding]:
+    """An artist's work, not to be undone."""
+    for material in subject.wearers:
+        changed = [t.name for t in measured_trees(material) if t.is_editable and t[HASH_KEY] != content_hash(t)]
+        if changed:
+            found = f"group {', '.join(changed)} is not as it was built"
+            why = "changed by hand, its textures renamed, or made by another version of Blender"
+            yield Finding("changed_group", NOTE, _name(material), found, "", why)
+
+
+def weak_mix(subject: Subject) -> Iterator[Finding]:
+    """A Mix Shader's factor takes weights that stand for a tiny lamp under Cycles' cut-off."""
+    if not subject.lamps:
+        return
+    name, solid_angle = min(((lamp.name, _solid_angle(lamp, subject)) for lamp in subject.lamps), key=lambda x: x[1])
+    for material in filter(_aims, subject.mirrors):
+        share = _least_share(material)
+        if share * LEAST_WEIGHT < _CUT_OFF and share * _DARK * solid_angle < _CUT_OFF:
+            amount = "a texture's part" if share == _UNKNOWN_SHARE else f"{share:.2g}"
+            found = f"a Mix Shader takes {amount} of it under lamp {name}"
+            why = (
+                "Cycles drops closures that weigh so little; with 0.3 of it the usual sun lost 36 %, all of it in mode "
+                "Reference. Take at least 0.5, use the input Tint instead, or enlarge the lamp"
+            )
+            yield Finding("weak_mix", WRONG, _name(material), found, "", why)
+
+
+def _aims(material: bpy.types.Material) -> bool:
+    """Whether it aims at lamps: other mirrors have no such small weights."""
+    return any(tree.get(SLOTS_KEY) for tree in measured_trees(material))
+
+
+def _least_share(material: bpy.types.Material) -> float:
+    """Smallest part that Mix Shaders leave of a measured group, 1 without."""
+    least = 1.0
+    pending = [
+        (socket, 1.0)
+        for node in material.node_tree.nodes
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree and HASH_KEY in node.node_tree
+        for socket in node.outputs
+        if socket.type == "SHADER"
+    ]
+    while pending:
+        socket, share = pending.pop()
+        for link in socket.links:
+            node = link.to_node
+            if node.bl_idname == "ShaderNodeMixShader" and not node.mute:
+                factor = node.inputs[0]
+                first = link.to_socket == node.inputs[1]
+                part = _UNKNOWN_SHARE if factor.is_linked else abs(factor.default_value - first)
+                if part > 0:
+                    least = min(least, share * part)
+                    pending.append((node.outputs[0], share * part))
+    return least
+
+
+def _solid_angle(lamp: bpy.types.Object, subject: Subject) -> float:
+    """Steradians of the lamp, about, seen from what it lights; a lamp without extent has another finding."""
+    data = lamp.data
+    if data.type == "SUN":
+        return 2 * math.pi * (1 - math.cos(data.angle / 2)) or math.inf
+    if data.type == "AREA":
+        scale = lamp.matrix_world.to_scale()
+        size_y = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
+        area = data.size * size_y * abs(scale.x * scale.y)
+    else:
+        area = math.pi * data.shadow_soft_size**2
+    return area / subject.distance(lamp) ** 2 or math.inf
+
+
+# --- textures -------------------------------------------------------------------------------------------
+
+
+def textures(subject: Subject) -> Iterator[Finding]:
+    """Numbers that are to reach the shader as they are."""
+    for image, material in _data_images(subject):
+        if image is None:
+            yield Finding("no_texture", WRONG, _name(material), "a texture is gone", "", "bake it again")
+            continue
+        where = f"texture {image.name}"
+        space = image.colorspace_settings
+        if not space.is_data:
+            why = "the table's numbers are taken for colours and changed"
+            found, mend = f"Color Space is {space.name}", setting(space, "is_data", True)
+            yield Finding("colour_space", WRONG, where, found, "Non-Color", why, mend)
+        if image.alpha_mode != "CHANNEL_PACKED":
+            why = "numbers would be divided by what the alpha channel holds"
+            mend = setting(image, "alpha_mode", "CHANNEL_PACKED")
+            found = f"Alpha is {image.alpha_mode.replace('_', ' ').title()}"
+            yield Finding("alpha_mode", WRONG, where, found, "Channel Packed", why, mend)
+        if _is_missing(image):
+            place = _in_bundle(image, material)
+            mend = editable(image, partial(_load, image, place)) if place else None
+            found, why = f"file {image.filepath} is not there", "the material renders without it"
+            wanted = str(place) if place else "found, or baked again"
+            yield Finding("missing_texture", WRONG, where, found, wanted, why, mend)
+
+
+def texture_limit(subject: Subject) -> Iterator[Finding]:
+    """Simplify shrinks tables, which destroys them.
+
+    The texture cache of Blender 5.2 needs no rule: it takes smaller textures by derivatives, and directions drawn at
+    random have none (pictures with and without it were equal to 1e-6).
+    """
+    scene = subject.scene
+    cycles, where = scene.cycles, f"scene {scene.name}"
+    if not scene.render.use_simplify:
+        return
+    why = "it shrinks tables as if they were pictures; 128 lost 3 to 5 %, half of the size 10 to 16 %"
+    limit = getattr(cycles, "texture_limit_render", "OFF")
+    largest = max((max(image.size) for image, _ in _data_images(subject) if image is not None), default=0)
+    if limit != "OFF" and largest > int(limit):
+        found, mend = f"Simplify, Texture Limit is {limit}", setting(cycles, "texture_limit_render", "OFF")
+        yield Finding("texture_limit", WRONG, where, found, "No Limit", why, mend)
+    share = getattr(cycles, "texture_resolution_render", 1.0)  # since 5.2
+    if share < 1:
+        found, mend = f"Simplify, Texture Resolution is {share:.0%}", setting(cycles, "texture_resolution_render", 1.0)
+        yield Finding("texture_resolution", WRONG, where, found, "100%", why, mend)
+
+
+def _data_images(subject: Subject) -> list[tuple[bpy.types.Image | None, bpy.types.Material]]:
+    """Textures of measured groups, each once, with a material that uses it."""
+    found: dict[tuple[Any, Any], bpy.types.Material] = {}
+    for material in subject.wearers:
+        for tree in measured_trees(material):
+            for node in tree.nodes:
+                if node.bl_idname == "ShaderNodeTexImage":
+                    found.setdefault((node.image, None if node.image else material), material)
+    return [(image, material) for (image, _), material in found.items()]
+
+
+def _file(image: bpy.types.Image) -> Path:
+    return Path(bpy.path.abspath(image.filepath, library=image.library))
+
+
+def _is_missing(image: bpy.types.Image) -> bool:
+    return image.source == "FILE" and image.packed_file is None and not os.path.isfile(_file(image))
+
+
+def _in_bundle(image: bpy.types.Image, material: bpy.types.Material) -> Path | None:
+    """The texture in the bundle that the material was built of, or in one of that name beside the .blend."""
+    bundle = Path(str(material.get(BUNDLE_KEY) or ""))
+    name = Path(image.filepath.replace("\\", "/")).name
+    beside = Path(bpy.path.abspath("//")) if bpy.data.filepath else None
+    places = [bundle, *([beside / bundle.name] if beside else [])] if bundle.name else []
+    return next((place / name for place in places if name and os.path.isfile(place / name)), None)
+
+
+def _load(image: bpy.types.Image, place: Path) -> None:
+    image.filepath = str(place)
+    image.reload()
+
+
+# --- objects --------------------------------------------------------------------------------------------
+
+
+def shadow_terminator(subject: Subject) -> Iterator[Finding]:
+    """Cycles' remedies for coarse meshes change what closures reflect."""
+    moved = []
+    for obj in subject.shown:
+        owner, shading, geometry = compat.shadow_terminator(obj)
+        if getattr(owner, shading) > 0:
+            found = f"Shadow Terminator, Shading Offset is {getattr(owner, shading):.2g}"
+            why = "it darkens each closure by its own normal; 0.3 lost 10 to 16 % on a sphere of 32 segments"
+            mend = setting(owner, shading, 0.0)
+            yield Finding("shading_offset", WRONG, f"object {obj.name}", found, "0", why, mend)
+        if getattr(owner, geometry) > 0:
+            moved.append(obj)
+    if moved:
+        names = ", ".join(obj.name for obj in moved[:3]) + (" and others" if len(moved) > 3 else "")
+        found = f"Shadow Terminator, Geometry Offset is above 0 for {names}"
+        why = "native closures get up to 0.5 % more light on a coarse sphere, the mirror does not"
+        mend = partial(_lay_flat, moved) if any(obj.is_editable for obj in moved) else None
+        yield Finding("geometry_offset", NOTE, f"scene {subject.scene.name}", found, "", why, mend)
+
+
+def _lay_flat(objects: list[bpy.types.Object]) -> None:
+    for obj in objects:
+        if obj.is_editable:
+            owner, _, geometry = compat.shadow_terminator(obj)
+            setattr(owner, geometry, 0.0)
+
+
+def far_away(subject: Subject) -> Iterator[Finding]:
+    """Positions are float32."""
+    for obj in subject.shown:
+        distance = middle(obj).length
+        if distance > _FAR:
+            found = f"{distance:.0f} units from the origin"
+            why = "positions are whole steps of float32 there, and an orthographic close-up may repeat its noise"
+            yield Finding("far_away", NOTE, f"object {obj.name}", found, "", why)
+
+
+# --- what is aimed at -----------------------------------------------------------------------------------
+
+
+def lamp_tables(subject: Subject) -> Iterator[Finding]:
+    """An old table costs noise, never bias."""
+    tables = [image for image, _ in _data_images(subject) if image is not None and image.name.startswith(lamps.TABLE)]
+    if not tables:
+        return
+    scene = subject.scene
+    depsgraph = scene.view_layers[0].depsgraph
+    report = lamps.survey(depsgraph, for_render=True)
+    structure = report.world.structure if report.world.aimed else None
+    world = (structure.toward, structure.flux) if structure is not None else None
+    table = lamp_table(report.lamps, lamps.CAPACITY, report.sky, lamps.LARGEST_SHARE, world)
+    slots = {t.get(SLOTS_KEY) for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
+    if slots != {len(report.lamps)} or not all(_holds(image, table) for image in tables):
+        why = "mirrors aim at lamps that are no longer so; without aiming, a small lamp is found by chance only"
+        found = f"table {lamps.TABLE} is out of date"
+        where = f"scene {scene.name}"
+        yield Finding("lamp_table", SLOW, where, found, "brought up to date", why, lambda: lamps.keep_current(scene))
+
+
+def _holds(image: bpy.types.Image, table: Any) -> bool:
+    pixels = np.empty(table.size, np.float32)
+    if image.size[0] * image.size[1] * image.channels != table.size:
+        return False
+    image.pixels.foreach_get(pixels)
+    return bool(np.allclose(pixels, np.asarray(table[::-1], np.float32).ravel(), rtol=1e-5))
+
+
+def _name(material: bpy.types.Material) -> str:
+    return f"material {material.name}"
+
+
+RULES = (
+    bump_correction,
+    textures,
+    texture_limit,
+    shadow_terminator,
+    weak_mix,
+    lamp_tables,
+    changed_groups,
+    far_away,
+)

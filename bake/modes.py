@@ -1,0 +1,14 @@
+"""What a material spends on each sample: the artist's one knob (DESIGN.md section 5)."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+Mode = Literal["preview", "balanced", "exact", "reference"]
+MODES: tuple[str, ...] = get_args(Mode)
+"""
+preview     native closures alone, close to the measurement and of its albedo; what EEVEE shows too
+balanced    exact for what is seen directly or in a mirror, preview after a diffuse bounce
+exact       native closures under the measurement and a stochastic mirror for the rest, everywhere
+reference   a stochastic mirror from the table alone
+"""

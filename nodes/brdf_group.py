@@ -1,0 +1,63 @@
+"""Node group: a tabulated BRDF in the mode chosen (DESIGN.md section 5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from . import expr
+from .exact_closure import exact_closure, reference_closure
+from .group import node_group
+from .native_closure import choose_closure
+from .table_groups import TableGroups
+from .weighted_closures import WeightedClosures, preview_closure
+
+
+@dataclass(frozen=True)
+class BrdfParts:
+    """What a material is built of; None for what its mode does not use or its bundle does not hold.
+
+    Parameters
+    ----------
+    table : groups of the whole BRDF, or of the residual where there is an envelope
+    envelope : native closures under the BRDF; without a table they are all there is
+    preview : native closures close to it
+    lamps : table of lamps to aim at
+    """
+
+    table: TableGroups | None = None
+    envelope: WeightedClosures | None = None
+    preview: WeightedClosures | None = None
+    lamps: bpy.types.Image | None = None
+
+    def traced(self, normal: Any, tint: Any) -> Any:
+        """Closure that is as good as the table."""
+        if self.envelope is None:
+            assert self.table is not None
+            return reference_closure(self.table, normal, tint, self.lamps)
+        if self.table is None:
+            return preview_closure(self.envelope, normal, tint)
+        return exact_closure(self.envelope, self.table, normal, tint, self.lamps)
+
+
+def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTree:
+    """(Normal, Tint) to a shader, and to one for EEVEE where there is a preview."""
+
+    def build(normal: Any, tint: Any) -> Any:
+        preview = None if parts.preview is None else preview_closure(parts.preview, normal, tint)
+        if mode == "preview":
+            return preview, preview
+        traced = parts.traced(normal, tint)
+        if mode == "balanced":
+            traced = choose_closure(after_diffuse(), traced, preview)
+        return traced if preview is None else (traced, preview)
+
+    outputs = {"BSDF": "shader"} | ({} if parts.preview is None else {"EEVEE": "shader"})
+    return node_group(name, {"Normal": "vector", "Tint": "vector"}, outputs, build)
+
+
+def after_diffuse() -> Any:
+    """1 where the path has met a diffuse surface, else 0: Cycles then skips the nodes of the closure not chosen."""
+    return expr.Scalar(expr.node("ShaderNodeLightPath", {}, {}).outputs["Diffuse Depth"]) > 0.5

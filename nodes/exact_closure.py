@@ -1,0 +1,41 @@
+"""A tabulated BRDF as native closures under it and a mirror for the rest (DESIGN.md section 5)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..bake.envelope import mirror_probability
+from . import expr
+from .group import call
+from .native_closure import choose_closure
+from .table_groups import TableGroups
+from .weighted_closures import WeightedClosures
+
+
+def exact_closure(
+    envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, lamps: bpy.types.Image | None
+) -> Any:
+    """The envelope's closures or, as often as its share of light, the residual's mirror.
+
+    Parameters
+    ----------
+    table : of the residual; its density is needed with `lamps`
+    lamps : table of lamps to aim at
+    """
+    drawn = table.draw(normal, lamps)
+    weights = envelope.weights(drawn.wo)
+    chance = mirror_probability(expr, weights[0][1])
+    gain = expr.divide(drawn.cosine, drawn.pdf * chance)
+    residual = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
+    native = envelope.closure(weights, normal, expr.scale(tint, expr.divide(1.0, 1 - chance)))
+    return choose_closure(drawn.random[1] < chance, native, drawn.mirror(residual))
+
+
+def reference_closure(table: TableGroups, normal: Any, tint: Any, lamps: bpy.types.Image | None) -> Any:
+    """The mirror alone, every sample exact; `table` is of the whole BRDF."""
+    drawn = table.draw(normal, lamps)
+    gain = expr.divide(drawn.cosine, drawn.pdf)
+    weight = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
+    return drawn.mirror(weight)

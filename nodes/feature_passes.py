@@ -1,0 +1,209 @@
+"""What a denoiser wants to know of a measured material: its albedo and its normal, as passes free of noise.
+
+Cycles writes its own denoising passes at the first surface that is not a mirror. Where a sample of a measured material
+is a stochastic mirror, they hence show what that mirror happened to meet: another surface's normal, or none, and the
+very light of lamp and sky for an albedo. Here the material writes both as shader AOVs, for the surface that the camera
+sees, and the compositor lays them over Cycles' passes, which stay right for everything else. A colour AOV's alpha is
+the share of the pixel that wrote it. Closures and random numbers are as before, so the picture is the same bit by bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bake.bundle import Bundle, require
+from ..bake.errors import BakeError
+from . import expr
+from .group import call, node_group
+
+ALBEDO, NORMAL = "MM Albedo", "MM Normal"
+# Of the polynomial in the chord: within 0.03 of the albedo of every analytic model up to 87 degrees, 0.09 if quadratic.
+DEGREE = 4
+_KEY = "measured_materials_denoise"  # custom property of the compositor's nodes
+_SHADER_KINDS = {"NodeSocketShader": "shader", "NodeSocketFloat": "float"}
+
+
+def albedo_polynomial(bundle: Bundle) -> NDArray[np.float64]:
+    """Directional albedo of a bundle as a polynomial in the chord sqrt(1 - cos theta_o).
+
+    Returns
+    -------
+    (DEGREE + 1, 3), the highest power first; its values are to be clamped to [0, 1]
+
+    Raises
+    ------
+    BakeError : the bundle does not say what its albedo is
+    """
+    where = bundle.path / "material.json"
+    facts = require(bundle.material, "albedo", dict, where)
+    try:
+        degrees = np.array(require(facts, "theta_o_deg", list, where), np.float64)
+        rows = np.clip(np.array(require(facts, "directional", list, where), np.float64), 0, 1)
+    except (TypeError, ValueError) as error:
+        raise BakeError(where, "'albedo' does not hold numbers", "bake it again") from error
+    if rows.shape != (len(degrees), 3) or len(degrees) <= DEGREE or not np.isfinite([*degrees, *rows.flat]).all():
+        raise BakeError(where, "'albedo' does not give three numbers for each of its angles", "bake it again")
+    chord = np.sqrt(1 - np.cos(np.radians(degrees)))
+    found: NDArray[np.float64] = np.linalg.lstsq(np.vander(chord, DEGREE + 1), rows, rcond=None)[0]
+    return found
+
+
+def with_feature_outputs(group: bpy.types.ShaderNodeTree, albedo: NDArray[np.float64]) -> bpy.types.ShaderNodeTree:
+    """A measured material's group that also writes the passes, of the same inputs and outputs.
+
+    Where a view layer has no such passes Cycles leaves the nodes out, and else runs them where the camera sees the
+    surface only. A group that writes them already is returned as it is.
+
+    Parameters
+    ----------
+    group : with the inputs "Normal", world, and "Tint"
+    albedo : `albedo_polynomial`
+    """
+    if any(node.bl_idname == "ShaderNodeOutputAOV" for node in group.nodes):
+        return group
+    sockets: dict[str, dict[str, str]] = {"INPUT": {}, "OUTPUT": {}}
+    for item in group.interface.items_tree:
+        if item.item_type == "SOCKET":
+            sockets[item.in_out][item.name] = _SHADER_KINDS.get(item.socket_type, "vector")
+
+    def build(*arguments: Any) -> Any:
+        named = dict(zip(sockets["INPUT"], arguments, strict=True))
+        _write_features(named["Normal"], named["Tint"], albedo)
+        return call(group, *arguments)
+
+    return node_group(f"{group.name} + passes", sockets["INPUT"], sockets["OUTPUT"], build)
+
+
+def _write_features(normal: Any, tint: Any, albedo: NDArray[np.float64]) -> None:
+    incoming = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Incoming"])
+    chord = expr.minimum(expr.length(normal - incoming) * (1 / math.sqrt(2)), 1.0)
+    value = expr.vec(*map(float, albedo[0]))
+    for coefficient in albedo[1:]:
+        value = expr.scale(value, chord) + expr.vec(*map(float, coefficient))
+    value = expr.vector_node("MAXIMUM", value, expr.vec(0.0, 0.0, 0.0))
+    value = expr.vector_node("MINIMUM", value, expr.vec(1.0, 1.0, 1.0)) * tint
+    # As Cycles' own pass: relative to the camera.
+    settings = {"vector_type": "NORMAL", "convert_from": "WORLD", "convert_to": "CAMERA"}
+    seen = expr.Vector(expr.node("ShaderNodeVectorTransform", settings, {0: normal}).outputs[0])
+    expr.node("ShaderNodeOutputAOV", {"aov_name": ALBEDO}, {"Color": value})
+    expr.node("ShaderNodeOutputAOV", {"aov_name": NORMAL}, {"Color": seen})
+
+
+# --- scene ----------------------------------------------------------------------------------------------
+
+
+def store_feature_passes(layer: bpy.types.ViewLayer) -> None:
+    """Let a view layer hold the passes of measured materials, and Cycles' own for everything else."""
+    layer.cycles.denoising_store_passes = True
+    for name in (ALBEDO, NORMAL):
+        if name not in layer.aovs:
+            made = layer.aovs.add()
+            made.name, made.type = name, "COLOR"
+
+
+def drop_feature_passes(layer: bpy.types.ViewLayer) -> None:
+    """Take the passes of measured materials from a view layer; Cycles' own may serve others."""
+    for aov in [aov for aov in layer.aovs if aov.name in (ALBEDO, NORMAL)]:
+        layer.aovs.remove(aov)
+
+
+def denoise_by_features(
+    scene: bpy.types.Scene, layer: bpy.types.ViewLayer | None = None, *, prefilter: str = "ACCURATE"
+) -> bpy.types.NodeTree:
+    """Denoise the scene's renders in its compositor, by the passes of the measured materials where they are seen.
+
+    Cycles' own denoising is switched off: it knows its own passes only. What the compositor did with the layer's
+    picture it does with the denoised one; an empty compositor gets it as its output. Called again, it replaces itself.
+
+    Parameters
+    ----------
+    layer : by default the scene's first
+    prefilter : of albedo and normal, "NONE", "FAST" or "ACCURATE"; these passes need none, those of other materials may
+
+    Returns
+    -------
+    The compositor's tree.
+    """
+    layer = layer or scene.view_layers[0]
+    stop_denoising(scene)
+    store_feature_passes(layer)
+    scene.cycles.use_denoising = False
+    scene.render.use_compositing = True
+    tree = _compositor(scene)
+    source = next((n for n in tree.nodes if _is_source(n, scene, layer)), None)
+    if source is None:
+        source = tree.nodes.new("CompositorNodeRLayers")
+        source.scene, source.layer, source.location = scene, layer.name, (-600, 300)
+    readers = [link.to_socket for link in source.outputs["Image"].links]
+    denoise = _own(tree, "CompositorNodeDenoise", (0, 300))
+    if "Prefilter" in denoise.inputs:
+        denoise.inputs["Prefilter"].default_value = prefilter.capitalize()
+    else:
+        denoise.prefilter = prefilter
+    tree.links.new(source.outputs["Image"], denoise.inputs["Image"])
+    for k, (ours, kind) in enumerate(((ALBEDO, "Albedo"), (NORMAL, "Normal"))):
+        over = _own(tree, "CompositorNodeAlphaOver", (-250, 60 - 240 * k))
+        under_at, over_at = (0, 1) if over.inputs[0].name == "Background" else (1, 2)
+        tree.links.new(source.outputs[f"Denoising {kind}"], over.inputs[under_at])
+        tree.links.new(source.outputs[ours], over.inputs[over_at])
+        tree.links.new(over.outputs[0], denoise.inputs[kind])
+    for socket in readers or [_output(tree)]:
+        tree.links.new(denoise.outputs[0], socket)
+    return tree
+
+
+def stop_denoising(scene: bpy.types.Scene) -> None:
+    """Take away what `denoise_by_features` put into the compositor; the passes stay."""
+    tree = getattr(scene, "compositing_node_group", None) or getattr(scene, "node_tree", None)
+    if tree is None:
+        return
+    own = [node for node in tree.nodes if node.get(_KEY)]
+    for node in own:
+        if node.bl_idname == "CompositorNodeDenoise" and node.inputs["Image"].is_linked:
+            noisy = node.inputs["Image"].links[0].from_socket
+            for socket in [link.to_socket for link in node.outputs[0].links]:
+                tree.links.new(noisy, socket)
+    for node in own:
+        tree.nodes.remove(node)
+
+
+def _compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The scene's tree, made where there is none; from 5.0 it is a node group."""
+    if hasattr(scene, "compositing_node_group"):
+        if scene.compositing_node_group is None:
+            scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        return scene.compositing_node_group
+    fresh = scene.node_tree is None
+    if not scene.use_nodes:
+        scene.use_nodes = True
+    if fresh:
+        scene.node_tree.nodes.clear()  # the usual ones, which may be of the scene in the window
+    return scene.node_tree
+
+
+def _output(tree: bpy.types.NodeTree) -> Any:
+    """Input of the tree's output node, made where there is none."""
+    if not hasattr(bpy.types, "CompositorNodeComposite"):
+        if not any(item.in_out == "OUTPUT" for item in tree.interface.items_tree if item.item_type == "SOCKET"):
+            tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        kind = "NodeGroupOutput"
+    else:
+        kind = "CompositorNodeComposite"
+    found = next((node for node in tree.nodes if node.bl_idname == kind), None) or tree.nodes.new(kind)
+    found.location = (300, 300)
+    return found.inputs[0]
+
+
+def _is_source(node: Any, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
+    return node.bl_idname == "CompositorNodeRLayers" and node.scene == scene and node.layer == layer.name
+
+
+def _own(tree: bpy.types.NodeTree, kind: str, location: tuple[int, int]) -> Any:
+    made = tree.nodes.new(kind)
+    made[_KEY], made.location = True, location
+    return made

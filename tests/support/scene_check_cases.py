@@ -1,0 +1,186 @@
+"""Ways to spoil a scene that shows a measured paint, each with the rule that tells it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+from measured_materials.addon.lamps import update_scene
+from measured_materials.addon.scene_check import check_scene
+from measured_materials.addon.scene_check_subject import NOTE, SLOW, WRONG, Finding, measured_trees
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sources import analytic
+
+from support.scenes import TestScene
+
+PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.2)
+
+
+def paint_bundle(folder: Path) -> Bundle:
+    """Small, with an envelope."""
+    sampler = SamplerLayout(n_o=16, n_h=16, n_phi=8)
+    settings = BakeSettings(resolution=24, alpha=(0.5, 0.4), sampler=sampler, envelope=True)
+    return read_bundle(bake_source(PAINT, folder / "paint.mmat", settings).path)
+
+
+def clear_blend() -> None:
+    """Remove everything of the kinds that these scenes are made of."""
+    for kind in ("materials", "node_groups", "images", "lights", "libraries", "collections", "texts"):
+        for block in list(getattr(bpy.data, kind)):
+            getattr(bpy.data, kind).remove(block)
+
+
+def rules(scene: TestScene) -> dict[str, Finding]:
+    return {finding.rule: finding for finding in check_scene(scene.scene) or ()}
+
+
+def lamp_of(scene: TestScene) -> Any:
+    return next(obj for obj in scene.scene.objects if obj.type == "LIGHT")
+
+
+def material_of(scene: TestScene) -> Any:
+    return scene.sphere.data.materials[0]
+
+
+def table_image(scene: TestScene) -> Any:
+    return next(image for image in bpy.data.images if image.name.startswith("metallic-paint residual"))
+
+
+def cycles(name: str, value: Any) -> Callable[[TestScene], None]:
+    return lambda scene: setattr(scene.scene.cycles, name, value)
+
+
+def lamp(name: str, value: Any) -> Callable[[TestScene], None]:
+    return lambda scene: setattr(lamp_of(scene).data, name, value)
+
+
+def another_lamp(kind: str, **settings: Any) -> Callable[[TestScene], None]:
+    def add(scene: TestScene) -> None:
+        data = bpy.data.lights.new(kind, kind)
+        for name, value in settings.items():
+            setattr(data, name, value)
+        obj = bpy.data.objects.new(kind, data)
+        obj.location = (0, 0, 4)
+        scene.scene.collection.objects.link(obj)
+        update_scene(scene.scene)
+
+    return add
+
+
+def image_world(scene: TestScene) -> None:
+    node = scene.scene.world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = bpy.data.images.new("sky", 4, 2)
+    scene.scene.world.cycles.sampling_method = "NONE"
+
+
+def shrunk(scene: TestScene) -> None:
+    scene.scene.render.use_simplify = True
+    scene.scene.cycles.texture_limit_render = "128"
+
+
+def changed(scene: TestScene) -> None:
+    measured_trees(material_of(scene))[0].nodes.new("ShaderNodeMath")
+
+
+def scripted(scene: TestScene) -> None:
+    measured_trees(material_of(scene))[0].nodes.new("ShaderNodeScript")
+
+
+def scripted_on_gpu(scene: TestScene) -> None:
+    scripted(scene)
+    scene.scene.cycles.shading_system, scene.scene.cycles.device = True, "GPU"
+
+
+def mixed(scene: TestScene, share: float = 0.3) -> None:
+    tree = material_of(scene).node_tree
+    group = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    mix, black = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+    black.inputs["Color"].default_value = (0, 0, 0, 1)
+    mix.inputs[0].default_value = 1 - share
+    target = group.outputs["BSDF"].links[0].to_socket
+    tree.links.new(group.outputs["BSDF"], mix.inputs[1])
+    tree.links.new(black.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], target)
+
+
+def mixed_under_a_sun(scene: TestScene) -> None:
+    another_lamp("SUN", energy=2, angle=math.radians(0.526))(scene)
+    mixed(scene)
+
+
+def moved(scene: TestScene) -> None:
+    lamp_of(scene).location = (1, 1, 4)
+    lamp_of(scene).matrix_world.translation = (1, 1, 4)
+
+
+def far(scene: TestScene) -> None:
+    scene.sphere.matrix_world.translation = (2e4, 0, 0)
+    update_scene(scene.scene)
+
+
+def without_texture(scene: TestScene) -> None:
+    bpy.data.images.remove(table_image(scene))
+
+
+def lost_texture(scene: TestScene) -> None:
+    table_image(scene).filepath = "//gone/" + Path(table_image(scene).filepath).name
+
+
+@dataclass(frozen=True)
+class Case:
+    rule: str
+    severity: str
+    spoil: Callable[[TestScene], None]
+    mendable: bool = True
+
+
+CASES = [
+    Case("filter_glossy", WRONG, cycles("blur_glossy", 1.0)),
+    Case("clamp_direct", WRONG, cycles("sample_clamp_direct", 10.0)),
+    Case("clamp_indirect", WRONG, cycles("sample_clamp_indirect", 10.0)),
+    Case("reflective_caustics", WRONG, cycles("caustics_reflective", False)),
+    Case("fast_gi", WRONG, cycles("use_fast_gi", True)),
+    Case("glossy_bounces", WRONG, cycles("glossy_bounces", 3)),
+    Case("max_bounces", WRONG, cycles("max_bounces", 4)),
+    Case("path_guiding", SLOW, cycles("use_guiding", True)),
+    Case("light_tree", SLOW, cycles("use_light_tree", False)),
+    Case("denoising", NOTE, cycles("use_denoising", True)),
+    Case("engine", WRONG, lambda s: setattr(s.scene.render, "engine", "BLENDER_WORKBENCH"), False),
+    Case("world_glossy", WRONG, lambda s: setattr(s.scene.world.cycles_visibility, "glossy", False)),
+    Case("world_diffuse", WRONG, lambda s: setattr(s.scene.world.cycles_visibility, "diffuse", False), False),
+    Case("world_sampling", SLOW, image_world),
+    Case("lamp_glossy", WRONG, lambda s: setattr(lamp_of(s), "visible_glossy", False)),
+    Case("lamp_diffuse", WRONG, lambda s: setattr(lamp_of(s), "visible_diffuse", False), False),
+    Case("lamp_shadow", NOTE, lamp("use_shadow", False), False),
+    Case("lamp_mis", WRONG, lambda s: setattr(lamp_of(s).data.cycles, "use_multiple_importance_sampling", False)),
+    Case("lamp_size", WRONG, lamp("size", 0.0)),
+    Case("lamp_size", WRONG, another_lamp("SUN", energy=2, angle=0.0)),
+    Case("lamp_size", WRONG, another_lamp("POINT", energy=2, shadow_soft_size=0.0)),
+    Case("lamp_size", WRONG, another_lamp("AREA", energy=2, shape="RECTANGLE", size=1.0, size_y=0.0)),
+    Case("lamp_table", SLOW, moved),
+    Case("hidden_objects", NOTE, lambda s: setattr(s.sphere, "visible_glossy", False), False),
+    Case("bump_correction", WRONG, lambda s: setattr(material_of(s).cycles, "use_bump_map_correction", True)),
+    Case("shading_offset", WRONG, lambda s: setattr(s.sphere, "shadow_terminator_shading_offset", 0.3)),
+    Case("geometry_offset", NOTE, lambda s: setattr(s.sphere, "shadow_terminator_geometry_offset", 0.1)),
+    Case("colour_space", WRONG, lambda s: setattr(table_image(s).colorspace_settings, "name", "sRGB")),
+    Case("alpha_mode", WRONG, lambda s: setattr(table_image(s), "alpha_mode", "STRAIGHT")),
+    Case("missing_texture", WRONG, lost_texture),
+    Case("no_texture", WRONG, without_texture, False),
+    Case("texture_limit", WRONG, shrunk),
+    Case("weak_mix", WRONG, mixed_under_a_sun, False),
+    Case("changed_group", NOTE, changed, False),
+    Case("osl_off", WRONG, scripted),
+    Case("osl_gpu", WRONG, scripted_on_gpu),
+    Case("far_away", NOTE, far, False),
+]
+
+
+def spoiler(rule: str) -> Callable[[TestScene], None]:
+    """The first that the rule tells."""
+    return next(case.spoil for case in CASES if case.rule == rule)

@@ -1,0 +1,230 @@
+"""Preview, Balanced, Exact and Reference in Cycles, switched on a material without a bake."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.addon import brdf_build, measured_material, rebuild
+from measured_materials.addon.effects import Choices
+from measured_materials.addon.kept_textures import textures_of
+from measured_materials.addon.lamps import lamp_image
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sources import analytic
+from measured_materials.nodes import brdf_group, expr
+from measured_materials.nodes.material import build_material
+from support.monte_carlo import assert_agree, compare
+from support.scenes import furnace, lit_sphere
+from test_addon import registered  # noqa: F401
+
+PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.2)
+SETTINGS = BakeSettings(resolution=24, alpha=(0.5, 0.4), sampler=SamplerLayout(n_o=24, n_h=24, n_phi=12))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("modes")
+    bake_source(PAINT, folder / "paint", SETTINGS)
+    return folder
+
+
+@pytest.fixture
+def bundle(folder: Path) -> Bundle:
+    return read_bundle(folder / "paint.mmat")
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Materials, groups and images of one test do not reach the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
+        for block in list(collection):
+            collection.remove(block)
+
+
+def test_preview_has_the_measured_albedo(bundle: Bundle) -> None:
+    """Under an even sky, from every elevation the sphere shows; a planted 3 % fails."""
+    preview = build_material(bundle, mode="preview")
+    with furnace(build_material(bundle, mode="reference"), resolution=48) as scene:
+        pictures = scene.render(64, 6)
+        scene.show(preview)
+        # Preview has the measurement's own albedo, Reference that of its coarse table: 0.8 % apart at the rim.
+        found = compare(pictures, scene.render(64, range(100, 106)), scene.mask(), tolerance=0.012)
+        assert_agree(found, 0.02)
+        node = next(n for n in preview.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+        node.inputs["Tint"].default_value = (1.03,) * 3
+        assert not compare(pictures, scene.render(64, range(200, 206)), scene.mask(), tolerance=0.012).passed
+
+
+def test_balanced_is_exact_where_it_is_seen(bundle: Bundle) -> None:
+    """Without other surfaces; with a planted 2 % that fails."""
+    with lit_sphere(build_material(bundle, mode="exact", lamps=lamp_image()), lamp_size=0.6, ground=False) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        pictures = scene.render(64, 6)
+        balanced = build_material(bundle, mode="balanced", lamps=lamp_image())
+        scene.show(balanced)
+        assert_agree(compare(pictures, scene.render(64, range(100, 106)), scene.mask()), 0.01)
+        node = next(n for n in balanced.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+        node.inputs["Tint"].default_value = (1.02,) * 3
+        assert not compare(pictures, scene.render(64, range(200, 206)), scene.mask()).passed
+
+
+def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a black exact part, matte ground beside the sphere still gets Preview's light, and the sphere is black."""
+
+    def black(self: Any, normal: Any, tint: Any) -> Any:
+        made = expr.node("ShaderNodeBsdfDiffuse", {}, {"Color": expr.vec(0.0, 0.0, 0.0), "Normal": normal})
+        return expr.Scalar(made.outputs[0])
+
+    with lit_sphere(build_material(bundle, mode="preview"), lamp=False) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        sphere = scene.mask()
+        ground = np.zeros_like(sphere)
+        # The mask leaves the sphere's edge out, which is no ground either.
+        around = np.any([np.roll(sphere, shift, axis) for shift in range(-4, 5) for axis in (0, 1)], axis=0)
+        ground[-12:] = ~around[-12:]
+        preview = scene.render(64, 6)
+        monkeypatch.setattr(brdf_group.BrdfParts, "traced", black)
+        scene.show(build_material(bundle, mode="balanced"))
+        balanced = scene.render(64, range(100, 106))
+        assert_agree(compare(preview, balanced, ground), 0.01)
+        assert balanced[:, sphere].max() < 1e-6 < preview[:, sphere].min()
+        # Did the ground not see the sphere, the comparison above would prove nothing.
+        scene.sphere.hide_render = True
+        assert not compare(preview, scene.render(64, range(200, 206)), ground).passed
+
+
+@pytest.fixture
+def no_lamps() -> Iterator[None]:
+    """The factory scene's lamp cannot be met by a mirror."""
+    lamps = [obj for obj in bpy.context.scene.objects if obj.type == "LIGHT"]
+    for lamp in lamps:
+        lamp.visible_glossy = False
+    yield
+    for lamp in lamps:
+        lamp.visible_glossy = True
+
+
+@pytest.fixture
+def material(registered: None, no_lamps: None, folder: Path, tmp_path: Path) -> bpy.types.Material:  # noqa: F811
+    """As imported, its textures packed, and its bundle gone."""
+    shutil.copytree(folder / "paint.mmat", tmp_path / "paint.mmat")
+    facts = read_bundle(tmp_path / "paint.mmat").material
+    result = measured_material.BakeResult(tmp_path / "paint.mmat", facts, 0.0)
+    made = measured_material.material_from(result, pack=True)
+    shutil.rmtree(tmp_path / "paint.mmat")
+    return made
+
+
+def images_in(tree: bpy.types.NodeTree) -> set[str]:
+    found = set()
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
+            found |= images_in(node.node_tree)
+        elif node.bl_idname == "ShaderNodeTexImage" and node.image:
+            found.add(node.image.name)
+    return found
+
+
+def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Material) -> None:
+    """Each mode has the textures it needs and no others, and the first comes back as it was."""
+    quality = material.measured_quality
+    assert quality.mode == "exact" and rebuild.why_not_rebuildable(material) == ""
+    exact = images_in(material.node_tree)
+    assert {"residual", "envelope"} <= {name.split()[-1] for name in exact}
+    quality.mode = "reference"
+    assert not quality.problem
+    reference = images_in(material.node_tree)
+    assert {name.split()[-1] for name in reference} == {"table", "sampler", "weights"}
+    quality.mode = "preview"
+    assert images_in(material.node_tree) == images_of_preview(exact)
+    quality.mode = "balanced"
+    assert images_in(material.node_tree) == exact
+    quality.mode = "exact"
+    assert images_in(material.node_tree) == exact
+    assert set(textures_of(material)) == set(measured_material.facts_of(material)["images"])
+    assert not [image for image in bpy.data.images if not image.users and image.name.startswith("metallic-paint")]
+
+
+def images_of_preview(names: set[str]) -> set[str]:
+    return {name for name in names if name.endswith("preview weights")}
+
+
+def test_the_account_says_what_was_left_out(material: bpy.types.Material) -> None:
+    effects = {effect.name: effect for effect in rebuild.effects_of(material)}
+    assert effects["Residual by mirror"].kept and not effects["Aimed light"].kept
+    material.measured_quality.aim = "always"
+    effects = {effect.name: effect for effect in rebuild.effects_of(material)}
+    assert effects["Aimed light"].kept and any(name.startswith("MM Lamps") for name in images_in(material.node_tree))
+
+
+def test_a_refused_choice_is_told_and_taken_back(material: bpy.types.Material) -> None:
+    quality, before = material.measured_quality, images_in(material.node_tree)
+    quality.residual = "never"
+    assert "needs its residual" in quality.problem and quality.residual == "auto"
+    assert images_in(material.node_tree) == before
+
+
+def test_fit_to_scene_aims_once_there_is_a_lamp(material: bpy.types.Material) -> None:
+    scene = bpy.context.scene
+    mesh = bpy.data.meshes.new("card")
+    mesh.materials.append(material)
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
+    objects = [bpy.data.objects.new("card", mesh), lamp]
+    try:
+        for obj in objects:
+            scene.collection.objects.link(obj)
+        assert bpy.ops.measured_materials.fit_to_scene() == {"FINISHED"}
+        assert {e.name: e.kept for e in rebuild.effects_of(material)}["Aimed light"]
+        lamp.visible_glossy = False
+        assert bpy.ops.measured_materials.fit_to_scene() == {"FINISHED"}
+        assert not {e.name: e.kept for e in rebuild.effects_of(material)}["Aimed light"]
+    finally:
+        for obj in objects:
+            bpy.data.objects.remove(obj)
+
+
+def test_denoising_by_materials_comes_and_goes(material: bpy.types.Material) -> None:
+    """Passes, compositor and the nodes that write them; without them the material is as it was."""
+    scene = bpy.context.scene
+    mesh = bpy.data.meshes.new("card")
+    mesh.materials.append(material)
+    card = bpy.data.objects.new("card", mesh)
+    scene.collection.objects.link(card)
+
+    def writes() -> bool:
+        return any(n.bl_idname == "ShaderNodeOutputAOV" for group in bpy.data.node_groups for n in group.nodes)
+
+    engine = scene.render.engine
+    assert not bpy.ops.measured_materials.denoise.poll()
+    scene.render.engine = "CYCLES"
+    try:
+        assert not writes() and not brdf_build.asks_for_passes(scene)
+        assert bpy.ops.measured_materials.denoise() == {"FINISHED"}
+        assert writes() and brdf_build.asks_for_passes(scene)
+        assert {e.name: e.kept for e in rebuild.effects_of(material)}["Denoiser's passes"]
+        assert bpy.ops.measured_materials.denoise(stop=True) == {"FINISHED"}
+        assert not writes() and not brdf_build.asks_for_passes(scene)
+    finally:
+        scene.render.engine = engine
+        bpy.data.objects.remove(card)
+
+
+def test_a_bundle_without_native_closures_says_what_to_do(tmp_path: Path, registered: None) -> None:  # noqa: F811
+    settings = BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
+    made = measured_material.material_from(bake_source(analytic.Ggx(), tmp_path / "plain", settings), pack=True)
+    assert made.measured_quality.mode == "reference"
+    with pytest.raises(BakeError, match="bake it again with Native Closures"):
+        rebuild.rebuild_brdf(made, Choices(mode="balanced"))
+    made.measured_quality.mode = "exact"
+    assert "Native Closures" in made.measured_quality.problem and made.measured_quality.mode == "reference"
+    made.measured_quality.mode = "preview"
+    assert not made.measured_quality.problem
