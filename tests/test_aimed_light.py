@@ -43,10 +43,11 @@ GREY = (1.0, 1.0, 1.0)
 
 @pytest.fixture(autouse=True)
 def clean_blend() -> Iterator[None]:
-    """Materials, groups, images and lamps of one test do not reach the next."""
+    """Materials, groups, images and lamps of one test do not reach the next; the first scene keeps its lamp."""
+    kept = set(bpy.data.lights)
     yield
     for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights):
-        for block in list(collection):
+        for block in set(collection) - kept:
             collection.remove(block)
 
 

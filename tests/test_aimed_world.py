@@ -41,10 +41,11 @@ ABOVE = (0.5, -0.6, 0.6)
 
 @pytest.fixture(autouse=True)
 def clean_blend() -> Iterator[None]:
-    """Materials, groups, images, lamps and worlds of one test do not reach the next."""
+    """Materials, groups, images, lamps and worlds of one test do not reach the next; the first scene keeps its own."""
+    kept = {*bpy.data.lights, *bpy.data.worlds}
     yield
     for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights, bpy.data.worlds):
-        for block in list(collection):
+        for block in set(collection) - kept:
             collection.remove(block)
 
 
