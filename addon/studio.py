@@ -91,7 +91,8 @@ def remove_studio(scene: bpy.types.Scene) -> None:
     owned = [obj.data for obj in scene.collection.all_objects if obj.data is not None]
     slots = [slot for data in owned for slot in getattr(data, "materials", ()) if slot is not None and OWNED in slot]
     world = scene.world
-    images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT" and node.image] if world else []
+    around = [node for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"] if world else []
+    images = [node.image for node in around if node.image]
     objects = list(scene.collection.all_objects)
     bpy.data.scenes.remove(scene)
     bpy.data.batch_remove({*objects, *owned, *slots, *images, *([world] if world else [])})
