@@ -44,6 +44,7 @@ def add_to(commands: Any) -> None:
         default="auto",
         help="send the mirror towards lamps and bright surroundings, where there are any (%(default)s)",
     )
+    parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run, command="render")
@@ -125,8 +126,9 @@ def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | N
         if given:
             raise argparse.ArgumentTypeError(f"--{given[0].replace('_', '-')} is for shading maps, not BRDFs")
         return None
-    if options.filter is not None:
-        raise argparse.ArgumentTypeError("--filter is for BRDFs, not shading maps")
+    if options.filter is not None or options.osl:
+        option = "filter" if options.filter is not None else "osl"
+        raise argparse.ArgumentTypeError(f"--{option} is for BRDFs, not shading maps")
     usual = render_of(bundle)
     lobe = usual.lobe
     if options.lobe == ["measured"]:
@@ -143,6 +145,8 @@ def _render(
     import bpy
 
     from ..bake.image_io import write_png
+    from ..nodes.osl_material import build_osl_material
+    from ..nodes.osl_script import use_osl
     from ..nodes.shading_map_material import build_shading_map
     from .arc_material import set_repeat
     from .brdf_build import build_brdf, usual_choices
@@ -160,7 +164,11 @@ def _render(
             environment=options.environment,
         )
         try:
-            if settings is None:
+            if settings is None and options.osl:
+                lamps = None if options.aim == "never" else lamp_image()
+                use_osl(scene)
+                build_osl_material(bundle, material, mode=options.mode, filter=options.filter, lamps=lamps)
+            elif settings is None:
                 filter = {} if options.filter is None else {"filter": options.filter}
                 choices = replace(usual_choices(bundle, options.mode), aim=options.aim, **filter)
                 build_brdf(bundle, material, choices=choices, scene=scene)

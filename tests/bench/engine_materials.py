@@ -1,4 +1,4 @@
-"""The twelve materials of `bench engine`: measured where the measurements lie beside the repository, else by formula."""
+"""The twelve materials of `bench engine`: measured where measurements lie beside the repository, else by formula."""
 
 from __future__ import annotations
 

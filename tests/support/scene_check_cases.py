@@ -148,6 +148,7 @@ CASES = [
     Case("fast_gi", WRONG, cycles("use_fast_gi", True)),
     Case("glossy_bounces", WRONG, cycles("glossy_bounces", 3)),
     Case("max_bounces", WRONG, cycles("max_bounces", 4)),
+    Case("osl_files", WRONG, cycles("shading_system", True)),
     Case("path_guiding", SLOW, cycles("use_guiding", True)),
     Case("light_tree", SLOW, cycles("use_light_tree", False)),
     Case("denoising", NOTE, cycles("use_denoising", True)),

@@ -1,0 +1,166 @@
+// Aiming at the scene's lamps: twin of bake/light_sampling.py and nodes/aimed_light_group.py, which say why.
+
+#ifndef MEASURED_LAMPS_H
+#define MEASURED_LAMPS_H
+
+#include "measured_materials.h"
+
+#define MM_MOST_LAMPS 4 // nodes/aimed_light_group.py: MAX_SLOTS
+#define MM_ELLIPSE 1
+#define MM_SPHERE 2
+#define MM_SUN 3
+
+// One row of the table of lamps; facts are kind, power, and area^-1, radius or 1 - cos of the half angle.
+struct MMLamp {
+  vector centre;
+  vector u;
+  vector v;
+  vector axis;
+  vector facts;
+};
+
+// A lamp as seen from a point.
+struct MMAim {
+  float kind;
+  vector u;
+  vector v;
+  vector emission;
+  float fourth;
+  vector to_centre;
+  vector axis;
+  float m;
+};
+
+MMAim mm_aim_at(MMLamp lamp, point position)
+{
+  MMAim aim;
+  aim.kind = lamp.facts[0];
+  aim.fourth = lamp.facts[2];
+  aim.u = lamp.u;
+  aim.v = lamp.v;
+  aim.emission = lamp.axis;
+  aim.to_centre = lamp.centre - vector(position);
+  if (aim.kind > MM_SUN - 0.5) {
+    aim.m = aim.fourth;
+    aim.axis = lamp.axis;
+  }
+  else {
+    // From inside a sphere every direction meets it: m = 2.
+    float ratio = aim.fourth * aim.fourth / dot(aim.to_centre, aim.to_centre);
+    aim.m = ratio < 1 ? ratio / (1 + sqrt(1 - ratio)) : 2.0;
+    aim.axis = normalize(aim.to_centre);
+  }
+  return aim;
+}
+
+vector mm_draw_towards(MMAim aim, float u1, float u2)
+{
+  float angle = u2 * M_2PI;
+  if (aim.kind > MM_SPHERE - 0.5) {
+    // A little inside the edge, where rounding decides whether the ray meets the lamp.
+    float lean = aim.m * u1 * 0.99999;
+    float across = sqrt(lean * (2 - lean));
+    vector helper = aim.axis[0] * aim.axis[0] > 0.5 ? vector(0, 1, 0) : vector(1, 0, 0);
+    vector first = normalize(cross(aim.axis, helper));
+    vector second = cross(aim.axis, first);
+    return (1 - lean) * aim.axis + across * cos(angle) * first + across * sin(angle) * second;
+  }
+  float s = u1 - 0.5;
+  float t = u2 - 0.5;
+  if (aim.kind > MM_ELLIPSE - 0.5) {
+    s = 0.5 * sqrt(u1) * cos(angle);
+    t = 0.5 * sqrt(u1) * sin(angle);
+  }
+  return normalize(aim.to_centre + s * aim.u + t * aim.v);
+}
+
+// `drawn` is 1 where wi was drawn towards this lamp: then it meets it, whatever rounding says.
+float mm_density_towards(MMAim aim, vector wi, int drawn)
+{
+  if (aim.kind > MM_SPHERE - 0.5) {
+    vector apart = wi - aim.axis;
+    return (drawn || dot(apart, apart) < 2 * aim.m) ? 1 / (M_2PI * aim.m) : 0.0;
+  }
+  float facing = dot(aim.emission, wi);
+  float distance = dot(aim.emission, aim.to_centre) / facing;
+  if (facing >= 0 || distance <= 0)
+    return 0.0;
+  vector hit = wi * distance - aim.to_centre;
+  float s = dot(hit, aim.u) / dot(aim.u, aim.u);
+  float t = dot(hit, aim.v) / dot(aim.v, aim.v);
+  float reach = aim.kind > MM_ELLIPSE - 0.5 ? sqrt(s * s + t * t) : max(abs(s), abs(t));
+  return (drawn || reach < 0.5) ? distance * distance * aim.fourth / max(-facing, 1e-12) : 0.0;
+}
+
+float mm_expected_light(MMAim aim, vector n, float power)
+{
+  float distance2 = dot(aim.to_centre, aim.to_centre);
+  float inverse = 1 / sqrt(distance2);
+  float reaches, height;
+  float facing = 1;
+  float near2 = aim.fourth * aim.fourth;
+  if (aim.kind > MM_SPHERE - 0.5) {
+    float leaning = dot(aim.axis, n);
+    float sine = sqrt(max(aim.m * (2 - aim.m), 0.0));
+    reaches = leaning + sine > 0 || aim.m > 1;
+    height = max(leaning, 0.05);
+  }
+  else {
+    float along = dot(aim.to_centre, n);
+    float shone = -dot(aim.emission, aim.to_centre);
+    float half_extent = 0.5 * (abs(dot(aim.u, n)) + abs(dot(aim.v, n)));
+    reaches = along + half_extent > 0 && shone > 0;
+    height = max(along * inverse, 0.05);
+    facing = max(shone * inverse, 0.05);
+    near2 = 0.25 / aim.fourth;
+  }
+  float falloff = aim.kind > MM_SUN - 0.5 ? 1.0 : 1 / max(max(distance2, near2), 1e-12);
+  return reaches * height * facing * falloff * power;
+}
+
+// bake/world_sampling.py: expected_world_light
+float mm_expected_world_light(vector toward, float flux, vector n)
+{
+  return max(dot(toward, n) + flux, 0.1 * flux);
+}
+
+// Exchange wi for a direction towards a lamp, now and then. Of a sampler of density p, the whole density of the
+// direction returned is aimed + rest p. Sky is the irradiance of what is neither lamp nor structure of the world, the
+// largest share of aimed draws, and the structure's flux; toward is where that comes from. It is left to chance.
+vector mm_aim(
+    MMLamp lamps[MM_MOST_LAMPS], int count, vector sky, vector toward, point position, vector n, vector wi,
+    float u_lamp, float u_aim, float u1, float u2, output float aimed, output float rest)
+{
+  MMAim aims[MM_MOST_LAMPS];
+  float light[MM_MOST_LAMPS];
+  float total = 0;
+  for (int k = 0; k < count; ++k) {
+    MMAim aim = mm_aim_at(lamps[k], position);
+    aims[k] = aim;
+    light[k] = mm_expected_light(aim, n, lamps[k].facts[1]);
+    total += light[k];
+  }
+  float elsewhere = sky[0] + mm_expected_world_light(toward, sky[2], n);
+  float share = min(total / (total + elsewhere), sky[1]);
+  vector chosen = wi;
+  int target = -1;
+  if (u_aim < share) {
+    // Which lamp: how many of the running sums the number has passed.
+    float passed = light[0];
+    target = 0;
+    for (int k = 1; k < count; ++k) {
+      target += u_lamp * total > passed;
+      passed += light[k];
+    }
+    chosen = mm_draw_towards(aims[target], u1, u2);
+  }
+  float density = 0;
+  for (int k = 0; k < count; ++k)
+    if (light[k] > 0)
+      density += light[k] * mm_density_towards(aims[k], chosen, k == target);
+  aimed = density * share / total;
+  rest = 1 - share;
+  return chosen;
+}
+
+#endif

@@ -1,0 +1,182 @@
+"""A bundle as a Cycles material of one OSL shader: the twin of `nodes.material`, on the CPU.
+
+Its textures are files of the bundle, named by their whole path, for OSL cannot read what is packed into a .blend: a
+bundle that is moved must be built again. The table of lamps alone comes through image nodes. It lives in the .blend and
+changes with every edit and frame; OSL's texture system would show a file as it was when first read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import bpy
+
+from ..bake.atlas import AtlasLayout
+from ..bake.bundle import Bundle, require
+from ..bake.errors import BakeError
+from ..bake.light_sampling import TEXELS
+from ..bake.modes import MODES
+from ..bake.shading.lobes import Lobe
+from ..bake.table import FILTERS
+from ..bake.table_facts import (
+    envelope_of,
+    grid_of,
+    preview_of,
+    residual_scale_of,
+    sampler_of,
+    scale_of,
+)
+from . import expr
+from .aimed_light_group import MAX_SLOTS
+from .group import call, node_group
+from .material import build_from, usual_mode
+from .osl_script import output, script_node, shader_source
+
+SHADER = "measured_material.osl"
+_TEXELS = ("Centre", "U", "V", "Axis")
+
+
+def build_osl_material(
+    bundle: Bundle,
+    material: bpy.types.Material | None = None,
+    *,
+    mode: str | None = None,
+    lamps: bpy.types.Image | None = None,
+    filter: str | None = None,
+    stochastic: bool = True,
+) -> bpy.types.Material:
+    """Build or rebuild a material from a bundle, as `nodes.material.build_material` does, of OSL.
+
+    It shows in scenes that `osl_script.use_osl` has prepared, and is black in others.
+
+    Parameters
+    ----------
+    material : to rebuild in place, so that objects keep it; a new one by default
+    mode : of `bake.modes.MODES`; by default `nodes.material.usual_mode`
+    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    filter : "nearest", "trilinear" or "bspline"; by default the bundle's
+    stochastic : choose among theta_o slices at random instead of blending them
+
+    Raises
+    ------
+    BakeError : this Blender has no OSL, the bundle does not describe a table this version knows, or holds not what the
+        mode needs
+    """
+    where = bundle.path / "material.json"
+    if bundle.material.get("kind") != "brdf":
+        raise BakeError(where, "only BRDFs have an OSL material", "build it of nodes")
+    mode = mode or usual_mode(bundle)
+    if mode not in MODES:
+        raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
+    constants = shader_constants(bundle, mode, filter, stochastic)
+
+    def build(normal: Any, tint: Any) -> Any:
+        inputs = {"Normal": normal, "Tint": tint, **constants}
+        if lamps is not None and mode != "preview":
+            inputs |= _lamp_inputs(lamps)
+        return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
+
+    interface = {"Normal": "vector", "Tint": "vector"}
+    return build_from(
+        bundle, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
+    )
+
+
+def shader_constants(bundle: Bundle, mode: str, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
+    """Parameters of the shader that describe the bundle, its pixels read and checked. Raises BakeError."""
+    constants: dict[str, Any] = {"Mode": mode}
+    if mode != "preview":
+        part = "table" if mode == "reference" else "residual"
+        constants |= table_constants(bundle, part, filter, stochastic) | sampler_constants(bundle, part)
+    if mode in ("exact", "balanced"):
+        fit = envelope_of(bundle)
+        constants |= _closure_constants("Envelope", _file(bundle, "envelope"), fit.closures, len(fit.weights))
+    if mode in ("preview", "balanced"):
+        preview = preview_of(bundle)
+        file = _file(bundle, "preview_weights")
+        constants |= _closure_constants("Preview", file, preview.closures, len(preview.weights))
+    return constants
+
+
+def table_constants(bundle: Bundle, part: str, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
+    """Those of `measured_lookup.osl`, for the "table" or the "residual". Raises BakeError."""
+    where = bundle.path / "material.json"
+    bundle.load(part)
+    grid = grid_of(bundle)
+    layout = AtlasLayout(grid.n)
+    if filter is None:
+        filter = cast(str, require(require(bundle.material, "table", dict, where), "filter", str, where))
+    if filter not in FILTERS:
+        raise BakeError(where, f"filter cannot be {filter[:40]!r}", f"choose from {', '.join(FILTERS)}")
+    return {
+        "Table": _file(bundle, part),
+        "Scale": 1 / (scale_of(bundle) if part == "table" else residual_scale_of(bundle)),
+        "Samples": grid.n,
+        "Columns": layout.columns,
+        "Rows": layout.rows,
+        "Parameterization": grid.parameterization,
+        "AlphaTheta": grid.alpha_theta,
+        "AlphaPhi": grid.alpha_phi,
+        "Filter": filter,
+        "Stochastic": int(stochastic),
+    }
+
+
+def sampler_constants(bundle: Bundle, part: str) -> dict[str, Any]:
+    """Those of `measured_sampler.osl`, for the "table" or the "residual". Raises BakeError."""
+    name = "sampler" if part == "table" else "residual_sampler"
+    layout = sampler_of(bundle, name).layout
+    return {
+        "Sampler": _file(bundle, name),
+        "Bins": layout.n_o,
+        "CellsTheta": layout.n_h,
+        "CellsPhi": layout.n_phi,
+        "Warp": layout.warp_power,
+    }
+
+
+def _closure_constants(name: str, file: str, closures: Sequence[Lobe], nodes: int) -> dict[str, Any]:
+    words = " ".join(f"{lobe.name} {lobe.p1:.9g}" for lobe in closures)
+    return {name: file, f"{name}Nodes": nodes, f"{name}Closures": words}
+
+
+def _file(bundle: Bundle, name: str) -> str:
+    path = Path(bundle.image_path(name)).resolve()
+    # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
+    if odd := sorted(set("?%<#") & set(str(path))):
+        raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")
+    return str(path)
+
+
+def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:
+    """The lamps of the table, as far as the shader aims at them, and the sky."""
+    count = min(lamps.size[1], MAX_SLOTS)
+    return {"Lamps": count} | dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
+
+
+def _lamp_parameters(count: int) -> list[str]:
+    return ["Sky", "World", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
+
+
+def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
+    """No input to the parameters of the shader that describe lamps."""
+    rows = lamps.size[1]
+    if lamps.size[0] != TEXELS:
+        raise ValueError(f"{lamps.size[0]} texels a row; a lamp has {TEXELS}")
+
+    def texel(row: int, column: int) -> tuple[Any, Any]:
+        return expr.image_tap(lamps, (column + 0.5) / TEXELS, 1 - (row + 0.5) / rows, "Closest")
+
+    def build() -> tuple[Any, ...]:
+        sky, largest, _ = expr.components(texel(0, 4)[0])
+        world, flux = texel(1, 4) if rows > 1 else (expr.vec(0.0, 0.0, 0.0), 0.0)
+        values = [expr.vec(sky, largest, flux), world]
+        for row in range(count):
+            vectors, numbers = zip(*(texel(row, column) for column in range(len(_TEXELS))))
+            kind, power, _, fourth = numbers
+            values += [*vectors, expr.vec(kind, power, fourth)]
+        return tuple(values)
+
+    return node_group("MM OSL Lamps", {}, dict.fromkeys(_lamp_parameters(count), "vector"), build)

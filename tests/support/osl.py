@@ -1,0 +1,52 @@
+"""Render cards of OSL: shaders of `nodes/osl`, or a few lines that call what their headers hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from measured_materials.bake.errors import BakeError
+from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
+
+from .cards import card
+
+
+def skip_without_osl() -> None:
+    """Skip the test, visibly, in a Blender that cannot compile OSL."""
+    try:
+        require_osl()
+    except BakeError as error:
+        pytest.skip(str(error))
+
+
+def shader_card(
+    name: str, outputs: Sequence[str], constants: Mapping[str, Any], **inputs: np.ndarray
+) -> list[np.ndarray]:
+    """Outputs of a shader of `nodes/osl` for inputs (P,) or (P, 3) by the names of its parameters."""
+    return _card(name, shader_source(name), outputs, constants, inputs)
+
+
+def header_card(
+    body: str, outputs: Mapping[str, str], header: str = "measured_materials.h", **inputs: np.ndarray
+) -> list[np.ndarray]:
+    """Outputs, name to OSL type, of statements that may use a header and the inputs, (P,) or (P, 3), by name."""
+    parameters = [f"{_kind(values)} {name} = 0" for name, values in inputs.items()]
+    parameters += [f"output {kind} {name} = 0" for name, kind in outputs.items()]
+    source = f'#include "{header}"\nshader card({", ".join(parameters)})\n{{\n{body}\n}}\n'
+    return _card("card.osl", with_headers("card.osl", source), list(outputs), {}, inputs)
+
+
+def _kind(values: np.ndarray) -> str:
+    return "vector" if values.ndim == 2 else "float"
+
+
+def _card(
+    name: str, source: str, outputs: Sequence[str], constants: Mapping[str, Any], inputs: Mapping[str, np.ndarray]
+) -> list[np.ndarray]:
+    def function(*values: Any) -> tuple[Any, ...]:
+        node = script_node(name, source, {**constants, **dict(zip(inputs, values, strict=True))})
+        return tuple(output(node, o) for o in outputs)
+
+    return card(function, *inputs.values(), osl=True)

@@ -1,0 +1,280 @@
+"""OSL materials in Cycles: against Diffuse BSDF, against the same material of nodes, and what building one refuses."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.addon.lamps import lamp_image
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.sources import analytic
+from measured_materials.nodes import compat, expr
+from measured_materials.nodes.group import call, node_group
+from measured_materials.nodes.local_frame_group import to_world, viewer_frame_group
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.native_closure import native_closure
+from measured_materials.nodes.osl_material import build_osl_material, sampler_constants, table_constants
+from measured_materials.nodes.osl_script import output, script_node, shader_source, use_osl, with_headers
+from measured_materials.nodes.stochastic_mirror_group import random_numbers_group
+from support.monte_carlo import assert_agree, compare
+from support.osl import skip_without_osl
+from support.scenes import TestScene, diffuse_material, furnace, lit_sphere
+from support.swatches import identity_map, map_bundle
+
+EFFECT = 0.01
+
+
+@pytest.fixture(autouse=True, scope="module")
+def osl() -> None:
+    skip_without_osl()
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Materials, groups, images and texts of one test do not reach the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.texts):
+        for block in list(collection):
+            collection.remove(block)
+
+
+@pytest.fixture(scope="module")
+def grey(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """Lambert of albedo 0.5: its envelope is Diffuse BSDF itself."""
+    sampler = SamplerLayout(n_o=16, n_h=16, n_phi=16, warp_power=1)
+    settings = BakeSettings(resolution=8, storage="float32", alpha=(0.5, 0.5), sampler=sampler)
+    return read_bundle(bake_source(analytic.Lambert(), tmp_path_factory.mktemp("größer, grau") / "grey", settings).path)
+
+
+@pytest.fixture(scope="module")
+def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """Colour, gloss of two widths, and a residual that is a third of the light."""
+    source = analytic.MetallicPaint((0.05, 0.1, 0.3), (0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.2)
+    sampler = SamplerLayout(n_o=32, n_h=32, n_phi=16)
+    settings = BakeSettings(resolution=24, alpha=(0.5, 0.4), sampler=sampler)
+    return read_bundle(bake_source(source, tmp_path_factory.mktemp("paint") / "paint", settings).path)
+
+
+def show_osl(scene: TestScene, material: bpy.types.Material) -> None:
+    use_osl(scene.scene)
+    scene.show(material)
+
+
+def tinted(material: bpy.types.Material) -> bpy.types.Material:
+    """The same material, planted with an error of 2 %."""
+    node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+    node.inputs["Tint"].default_value = (1.02,) * 3
+    return material
+
+
+SLOW_EXACT = [pytest.param("exact", 16, aimed, marks=pytest.mark.slow) for aimed in (True, False)]
+
+
+@pytest.mark.parametrize("mode, samples, aimed", [("reference", 48, True), ("reference", 48, False), *SLOW_EXACT])
+def test_grey_lambert_equals_diffuse(grey: Bundle, mode: str, samples: int, aimed: bool) -> None:
+    """Sky, bounce light and, where it is aimed at, a lamp; a planted error of 2 % fails the same test."""
+    # The envelope may exceed the measurement by 0.1 %, its budget.
+    tolerance = 0.001 if mode == "exact" else 0.0
+    with lit_sphere(diffuse_material(0.5), lamp=aimed, lamp_size=0.8, resolution=32) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        reference = scene.render(32, 6)
+        # Built where the table of lamps is still empty: OSL reads it as it is when rendering.
+        material = build_osl_material(grey, mode=mode, lamps=lamp_image() if aimed else None)
+        show_osl(scene, material)
+        found = compare(reference, scene.render(samples, range(30, 38)), scene.mask(), tolerance=tolerance)
+        assert_agree(found, EFFECT)
+        tinted(material)
+        planted = compare(reference, scene.render(samples, range(200, 208)), scene.mask(), tolerance=tolerance)
+        assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
+
+
+SLOW_MODES = [pytest.param(mode, marks=pytest.mark.slow) for mode in ("reference", "balanced")]
+
+
+@pytest.mark.parametrize("mode", ["exact", *SLOW_MODES])
+def test_osl_is_the_material_of_nodes(paint: Bundle, mode: str) -> None:
+    """Gloss under sky and a small lamp that both aim at, with bounce light; a planted error of 2 % is found."""
+    with lit_sphere(build_material(paint, mode=mode, lamps=lamp_image()), lamp_size=0.8, resolution=40) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        pictures = scene.render(64, 8)
+        material = build_osl_material(paint, mode=mode, lamps=lamp_image())
+        show_osl(scene, material)
+        assert_agree(compare(pictures, scene.render(64, range(30, 38)), scene.mask()), EFFECT)
+        tinted(material)
+        planted = compare(pictures, scene.render(64, range(200, 206)), scene.mask())
+        assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
+
+
+def test_balanced_is_exact_until_a_diffuse_bounce(paint: Bundle) -> None:
+    """The same picture without other surfaces; on matte ground it is Preview's, its light having bounced there."""
+    exact, balanced, preview = (build_osl_material(paint, mode=mode) for mode in ("exact", "balanced", "preview"))
+    with lit_sphere(exact, ground=False, resolution=32) as scene:
+        use_osl(scene.scene)
+        seen = scene.render(4, 1)
+        scene.show(balanced)
+        assert (scene.render(4, 1) == seen).all()
+    with lit_sphere(preview, lamp=False, resolution=32) as scene:
+        use_osl(scene.scene)
+        outside = ~np.pad(scene.mask()[1:-1, 1:-1], 1) & (np.arange(32) > 20)[:, None]
+        scene.sphere.visible_camera = False
+        ground = scene.render(4, 1)[:, outside]
+        scene.show(balanced)
+        assert (scene.render(4, 1)[:, outside] == ground).all()
+        scene.show(exact)
+        assert (scene.render(4, 1)[:, outside] != ground).any()
+
+
+def test_preview_is_the_same_picture(paint: Bundle) -> None:
+    """Closures alone draw no random number of ours: under equal seeds OSL and nodes differ by rounding."""
+    with lit_sphere(tinted(build_material(paint, mode="preview")), resolution=40) as scene:
+        picture = scene.render(4, 1)
+        show_osl(scene, tinted(build_osl_material(paint, mode="preview")))
+        found = scene.render(4, 1)
+    # A path may take another turn where rounding decides.
+    assert (np.abs(found - picture) > 1e-4 * np.maximum(picture, 1e-3)).mean() < 1e-3
+
+
+CLOSURES = [Lobe("lambert"), Lobe("ggx", 0.04), Lobe("ggx", 0.5), Lobe("sheen", 0.4), Lobe("oren_nayar", 0.6)]
+
+
+@pytest.mark.parametrize("lobe", CLOSURES, ids=lambda lobe: f"{lobe.name} {lobe.p1}")
+def test_native_closures_are_those_of_nodes(lobe: Lobe) -> None:
+    """One sample under equal seeds: no noise between the two."""
+    nodes, script = compat.new_material("nodes"), compat.new_material("osl")
+    text = f'shader one(output closure color BSDF = 0) {{ BSDF = color(0.2, 0.5, 0.8) * mm_native("{lobe.name}", '
+    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, N); }}'
+    with expr.building(nodes.node_tree) as tree:
+        colour = expr.Vector(expr.node("ShaderNodeCombineXYZ", {}, {0: 0.2, 1: 0.5, 2: 0.8}).outputs[0])
+        normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])
+        feed_surface(tree, native_closure(lobe, colour, normal))
+    with expr.building(script.node_tree) as tree:
+        feed_surface(tree, output(script_node("one.osl", with_headers("one.osl", text), {}), "BSDF"))
+    with lit_sphere(nodes, 24, lamp_size=0.1, ground=False, resolution=32) as scene:
+        picture = scene.render(2, 1)
+        show_osl(scene, script)
+        found = scene.render(2, 1)
+        # At the silhouette Cycles' own Sheen BSDF, too, differs between SVM and OSL.
+        inside = scene.mask()
+    # Oren-Nayar of nodes is a colour of 10 000 times 1 / 10 000.
+    assert (np.abs(found - picture) <= 1e-4 * np.maximum(picture, 1e-3))[:, inside].all()
+    assert picture[:, inside].mean() > 0.01
+
+
+def feed_surface(tree: bpy.types.NodeTree, closure: Any) -> None:
+    expr.feed(tree, tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"], closure)
+
+
+def test_parts_make_a_material(grey: Bundle) -> None:
+    """Sampler, lookup and mirror as three Script nodes between ordinary ones: in a furnace the albedo is seen."""
+
+    def build() -> Any:
+        geometry = expr.node("ShaderNodeNewGeometry", {}, {}).outputs
+        normal, incoming = expr.Vector(geometry["Normal"]), expr.Vector(geometry["Incoming"])
+        wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
+        u = call(random_numbers_group())
+        names = ("RandomCell", "RandomAlias", "RandomTheta", "RandomPhi")
+        drawn = part("measured_sampler.osl", {"wo": wo, **dict(zip(names, u)), **sampler_constants(grey, "table")})
+        wi, pdf = output(drawn, "wi"), output(drawn, "pdf")
+        lookup = part("measured_lookup.osl", {"wi": wi, "wo": wo, "Random": u[4], **table_constants(grey, "table")})
+        gain = expr.divide(expr.maximum(expr.components(wi)[2], 0.0), pdf)
+        weight = expr.scale(output(lookup, "BRDF"), gain)
+        world = to_world(wi, tangent, bitangent, normal)
+        return output(part("measured_mirror.osl", {"Direction": world, "Weight": weight, "Random": u[5]}), "BSDF")
+
+    material = compat.new_material("parts")
+    with expr.building(material.node_tree) as tree:
+        feed_surface(tree, call(node_group("parts", {}, {"BSDF": "shader"}, build)))
+    material.cycles.use_bump_map_correction = False
+    with furnace(material, resolution=40) as scene:
+        use_osl(scene.scene)
+        middle = scene.render(64, 2)[:, 12:28, 12:28].mean()
+    # 256 pixels of 128 samples, whose weights vary by half: 0.3 % is one deviation of the mean.
+    assert middle == pytest.approx(0.5, rel=0.012)
+
+
+def part(name: str, inputs: dict[str, Any]) -> Any:
+    return script_node(name, shader_source(name), inputs)
+
+
+@pytest.mark.parametrize("engine", ["CYCLES", "BLENDER_WORKBENCH"])
+def test_the_blend_holds_the_compiled_shader_and_no_folder(
+    grey: Bundle, engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The shader itself is in the node, the compiler's temporary files and search paths are not."""
+    monkeypatch.setattr(bpy.context.scene.render, "engine", engine)
+    material = build_osl_material(grey, lamps=lamp_image())
+    group = next(n.node_tree for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+    script = next(n for n in group.nodes if n.bl_idname == "ShaderNodeScript")
+    assert script.mode == "INTERNAL" and script.bytecode.startswith("OpenShadingLanguage")
+    for text in (script.bytecode, script.script.as_string()):
+        assert tempfile.gettempdir() + "/" not in text and str(Path(bpy.__file__).parent) not in text
+    shown = {socket.identifier for socket in script.inputs if not socket.hide and socket.is_linked}
+    assert {"Normal", "Tint", "Sky", "Centre1", "Facts4"} <= shown and "Table" not in shown
+
+
+def test_building_again_keeps_links_and_leaves_nothing(grey: Bundle) -> None:
+    """In place, from nodes to OSL and from mode to mode, for users and links of Normal; old groups and texts go."""
+    material = build_material(grey)
+    node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+    bump = material.node_tree.nodes.new("ShaderNodeBump")
+    material.node_tree.links.new(bump.outputs[0], node.inputs["Normal"])
+    for mode in ("exact", "reference", "exact"):
+        assert build_osl_material(grey, material, mode=mode) == material
+        assert node.inputs["Normal"].links[0].from_node == bump
+        assert [t.name for t in bpy.data.texts] == ["measured_material.osl"]
+    scripted = [t for t in bpy.data.node_groups if any(n.bl_idname == "ShaderNodeScript" for n in t.nodes)]
+    assert scripted == [node.node_tree]
+
+
+def test_two_nodes_of_one_shader_stay_two() -> None:
+    """Each with inputs of its own, of one text."""
+    text = "shader twice(float x = 0, output float y = 0) { y = 2 * x; }"
+    with expr.building(compat.new_material("two").node_tree):
+        first, second = (script_node("twice.osl", text, {"x": x}) for x in (1.0, 2.0))
+    assert first != second and first.script == second.script
+    assert [node.inputs[0].default_value for node in (first, second)] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("engine", ["CYCLES", "BLENDER_WORKBENCH"])
+def test_compile_errors_name_the_line(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bpy.context.scene.render, "engine", engine)
+    tree = compat.new_material("broken").node_tree
+    text = '#include "measured_materials.h"\nshader broken(output color C = 0) {\n  C = missing(1); }'
+    with expr.building(tree), pytest.raises(BakeError, match=r"broken\.osl:3: .*missing"):
+        script_node("broken.osl", with_headers("broken.osl", text), {})
+    assert not tree.nodes and not bpy.data.texts
+
+
+def test_a_blender_without_osl_says_so(grey: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.import_module("_cycles"), "with_osl", False)
+    with pytest.raises(BakeError, match="Open Shading Language: is not part of this Blender"):
+        build_osl_material(grey)
+    assert not bpy.data.node_groups and not bpy.data.materials
+
+
+@pytest.mark.parametrize("choice", [{"mode": "fast"}, {"filter": "smooth"}])
+def test_unknown_choices_are_refused(grey: Bundle, choice: dict[str, str]) -> None:
+    with pytest.raises(BakeError, match="cannot be"):
+        build_osl_material(grey, **choice)
+
+
+def test_bundles_that_osl_cannot_show_are_refused(tmp_path: Path, grey: Bundle) -> None:
+    """Shading maps, and folders whose name OpenImageIO would read as a pattern."""
+    with pytest.raises(BakeError, match="only BRDFs"):
+        build_osl_material(map_bundle(tmp_path / "map", identity_map(), RenderSettings(sigma=0.5)))
+    odd = tmp_path / "odd%04d.mmat"
+    shutil.copytree(grey.path, odd)
+    with pytest.raises(BakeError, match="holds '%'"):
+        build_osl_material(read_bundle(odd))
