@@ -11,7 +11,7 @@ def what_to_aim_at(scene: bpy.types.Scene) -> str:
     """What is aimed at and why it pays; empty if there is nothing."""
     layer = scene.view_layers[0]
     layer.update()
-    report = survey(layer.depsgraph)
+    report = survey(layer.depsgraph, for_render=True)
     if not report.lamps and not report.world.aimed:
         return ""
     words = report.words()[0]

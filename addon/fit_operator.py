@@ -6,6 +6,7 @@ import bpy
 
 from ..bake.errors import BakeError
 from ..nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
+from . import lamps, world_light
 from .cli_result import one_line
 from .measured_material import is_measured
 from .rebuild import refit
@@ -28,6 +29,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Rebuild; a material that cannot be rebuilt is told of and does not keep the others from it."""
+        learn_the_world(context.scene)
         fitted = 0
         for material in materials_in(context.scene):
             try:
@@ -65,6 +67,13 @@ class MEASURED_MATERIALS_OT_denoise(bpy.types.Operator):
         else:
             denoise_by_features(context.scene)
         return bpy.ops.measured_materials.fit_to_scene()
+
+
+def learn_the_world(scene: bpy.types.Scene) -> None:
+    """Look at a world whose nodes do not tell what it shows, such as a sky texture: it is rendered, small."""
+    if "measure the world" in world_light.world_light(scene.world).why_not:
+        world_light.measure_world(scene)
+    lamps.update_scene(scene)
 
 
 def materials_in(scene: bpy.types.Scene) -> list[bpy.types.Material]:

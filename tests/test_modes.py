@@ -19,7 +19,7 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources import analytic
-from measured_materials.nodes import brdf_group, expr
+from measured_materials.nodes import brdf_group, compat, expr
 from measured_materials.nodes.material import build_material
 from support.monte_carlo import assert_agree, compare
 from support.scenes import furnace, lit_sphere
@@ -228,3 +228,25 @@ def test_a_bundle_without_native_closures_says_what_to_do(tmp_path: Path, regist
     assert "Native Closures" in made.measured_quality.problem and made.measured_quality.mode == "reference"
     made.measured_quality.mode = "preview"
     assert not made.measured_quality.problem
+
+
+def test_fit_to_scene_looks_at_a_sky(material: bpy.types.Material) -> None:
+    """A sky with a sun disc is aimed at once its nodes have been rendered; an even world is not."""
+    scene, before = bpy.context.scene, bpy.context.scene.world
+    mesh = bpy.data.meshes.new("card")
+    mesh.materials.append(material)
+    card = bpy.data.objects.new("card", mesh)
+    scene.collection.objects.link(card)
+    scene.world, background = compat.new_world("sky")
+    try:
+        assert bpy.ops.measured_materials.fit_to_scene() == {"FINISHED"}
+        assert not {e.name: e.kept for e in rebuild.effects_of(material)}["Aimed light"]
+        sky = scene.world.node_tree.nodes.new("ShaderNodeTexSky")
+        scene.world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
+        assert bpy.ops.measured_materials.fit_to_scene() == {"FINISHED"}
+        aimed = {e.name: e for e in rebuild.effects_of(material)}["Aimed light"]
+        assert aimed.kept and "the world" in aimed.why
+    finally:
+        bpy.data.objects.remove(card)
+        bpy.data.worlds.remove(scene.world)
+        scene.world = before
