@@ -20,7 +20,7 @@ from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
 
-QUICK: dict[str, Any] = {"resolution": 8, "alpha": "given"}
+QUICK: dict[str, Any] = {"resolution": 8, "alpha": "given", "envelope": False}
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ BENCHES = {
     "denoise": "the denoiser's picture by colour, by Cycles' passes and by the material's own, beside Principled",
     "effects": "the graph fitted to six scenes beside the full one: nodes, time, noise, equality",
     "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
+    "engine": "noise and time of all modes beside Principled BSDF, 12 materials in 4 lightings; a plot",
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",

@@ -21,6 +21,8 @@ from measured_materials.nodes import compat
 FOLD = 16
 # Pixels darker than this part of the picture's mean are left out of the search: hardly anything lights them.
 _DARKEST = 0.02
+# Brightness that is added before a pixel's noise is divided by its own.
+_FLOOR = 0.1
 _TARGET = Vector((0, 0, 0))
 
 
@@ -31,7 +33,7 @@ class Sizes:
     edge: int = 56
     samples: int = 64
     few: int = 4
-    seeds: int = 3
+    seeds: int = 2
     firefly_edge: int = 20
 
 
@@ -41,13 +43,15 @@ class Noise:
 
     Attributes
     ----------
-    rms : of a pixel at `Sizes.samples`, over the mean of those pixels
-    mean : luminance of the material's pixels
+    rms : of a pixel at `Sizes.samples`, over the mean of all pixels of the material
+    local : of a pixel over its own brightness and a tenth of the mean; RMS over the pixels
+    mean : of the material's pixels and channels
     seconds : processor time of a million camera samples, set-up taken off
     firefly : largest of 256 samples over the mean of its pixel, in any pixel
     """
 
     rms: float
+    local: float
     mean: float
     seconds: float
     firefly: float
@@ -199,11 +203,13 @@ def compare(scene: bpy.types.Scene, materials: dict[str, bpy.types.Material], si
     for name, material in materials.items():
         show(scene, material)
         values = np.stack(pictures[name])[:, mask].astype(np.float64)
-        mean = float(values.mean())
+        mean, variance = float(values.mean()), values.var(0, ddof=1)
+        rms = math.sqrt(float(variance.mean())) / mean
+        brightness = values.mean((0, 2)) + _FLOOR * mean
+        local = math.sqrt(float((variance.mean(-1) / brightness**2).mean()))
         rendered = (sizes.samples - sizes.few) * sizes.edge**2 / 1e6
         seconds = (min(long[name]) - min(short[name])) / rendered
-        rms = math.sqrt(float(values.var(0, ddof=1).mean())) / mean
-        found[name] = Noise(rms, mean, seconds, _firefly(scene, sizes.firefly_edge))
+        found[name] = Noise(rms, local, mean, seconds, _firefly(scene, sizes.firefly_edge))
     return found
 
 
@@ -216,8 +222,13 @@ def _timed(scene: bpy.types.Scene, edge: int, samples: int, seed: int) -> tuple[
 
 
 def _firefly(scene: bpy.types.Scene, edge: int) -> float:
-    """Largest sample over the mean of its pixel's 256."""
+    """Largest sample over the mean of its pixel's 256.
+
+    Of direct light and one bounce: beyond, any glossy material throws caustics that other surfaces find by chance.
+    """
+    bounces, scene.cycles.max_bounces = scene.cycles.max_bounces, 1
     single, _ = _timed(scene, edge * FOLD, 1, 7)
+    scene.cycles.max_bounces = bounces
     samples = single.mean(-1).reshape(edge, FOLD, edge, FOLD).swapaxes(1, 2).reshape(edge, edge, -1)[on_sphere(edge)]
     mean = samples.mean(-1)
     seen = mean > _DARKEST * mean.mean()
