@@ -82,7 +82,9 @@ def build_material(
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = "table" if mode == "reference" else "residual"
-            table = table_groups(bundle, name, filter, stochastic, pack, aimed=lamps is not None, part=part)
+            # A residual's ridges lie elsewhere in the next slice, and few samples pay for blending.
+            chosen = stochastic and part == "table"
+            table = table_groups(bundle, name, filter, chosen, pack, aimed=lamps is not None, part=part)
         envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
         preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
         group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps))

@@ -8,6 +8,7 @@ import bpy
 
 from . import expr
 from .group import node_group
+from .native_closure import choose_closure
 
 
 def _place() -> tuple[Any, tuple[Any, Any, Any]]:
@@ -49,24 +50,69 @@ def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
     return node_group("MM More Random Numbers", {}, {f"Random {k}": "float" for k in range(7, 10)}, numbers)
 
 
-# Cycles drops closures of a weight below 1e-5. One that aims at the sun has a weight of that order: it stands for a
-# small solid angle, but for all of the sun's light.
-LEAST_WEIGHT = 2e-5
+# Cycles drops closures whose mean weight is below 1e-5. One that aims at the sun has a weight of that order: it stands
+# for a small solid angle, but for all of the sun's light. Hardly more, since each raise costs variance.
+LEAST_WEIGHT = 1.05e-5
+# Of the F82 reflectance: (1 - c)^5 at the cosine c = 1/7, and what the tint there takes away at most.
+_F5 = (6 / 7) ** 5
+_MOST_TAKEN = 7 * _F5 / (6 / 7) ** 6
+# Below this cosine, of directions 163 degrees apart, a metal is too bright for what is asked of it.
+_LEAST_COSINE = 0.15
 
 
 def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
     """Glossy closure of roughness 0 that sends the path along wi with this weight (f cos / pdf).
 
-    With a random number, weights that Cycles would drop live on by Russian roulette: raised to `LEAST_WEIGHT`, as often
-    as keeps their mean.
+    With a random number, weights that Cycles would drop are carried by `_faint_mirror` or, where it cannot, live on by
+    Russian roulette: raised to `LEAST_WEIGHT`, as often as keeps their mean.
     """
-    if random is not None:
-        keep = expr.minimum(expr.dot(weight, expr.vec(*[1 / (3 * LEAST_WEIGHT)] * 3)), 1.0)
-        weight = expr.scale(weight, expr.divide(random < keep, keep))
     half = expr.normalize(wi_world + incoming)
+    if random is None:
+        return _mirror(half, weight)
+    mean = expr.dot(weight, expr.vec(*[1 / 3] * 3))
+    keep = expr.minimum(mean * (1 / LEAST_WEIGHT), 1.0)
+    glossy = _mirror(half, expr.scale(weight, expr.divide(random < keep, keep)))
+    faint, carries = _faint_mirror(half, incoming, weight)
+    return choose_closure(carries * (mean < LEAST_WEIGHT), glossy, faint)
+
+
+def _mirror(half: Any, weight: Any) -> Any:
     made = expr.node(
-        "ShaderNodeBsdfAnisotropic",
-        {"distribution": "GGX"},
-        {"Color": weight, "Roughness": 0.0, "Normal": half},
+        "ShaderNodeBsdfAnisotropic", {"distribution": "GGX"}, {"Color": weight, "Roughness": 0.0, "Normal": half}
     )
     return expr.Scalar(made.outputs[0])
+
+
+def _faint_mirror(half: Any, incoming: Any, weight: Any) -> tuple[Any, Any]:
+    """Perfect mirror of a weight however small, and whether it can have this one.
+
+    A metal of Principled BSDF has the weight 1; its reflectance is applied when it is sampled, and nothing is dropped.
+    That is, at cosine c to the facet (Kutz, Hasan & Edmondson 2021, "Novel aspects of the Adobe standard material"),
+
+        F = f0 + (1 - f0) x - (f0 + (1 - f0) f5) 7 / (6/7)^6 (1 - tint) c (1 - c)^6,   x = (1 - c)^5, f5 = (6/7)^5,
+
+    solved here for f0 and tint at the one c that the path takes.
+    """
+    cosine = expr.dot(half, incoming)
+    rest = 1 - cosine
+    square = rest * rest
+    edge = square * square * rest
+    taken = edge * rest * cosine * _MOST_TAKEN
+    white, black = expr.vec(1.0, 1.0, 1.0), expr.vec(0.0, 0.0, 0.0)
+    above = weight - expr.scale(white, edge)
+    tint = expr.vector_node("MINIMUM", white + expr.scale(above, expr.divide(1.0, taken)), white)
+    f0 = expr.scale(expr.vector_node("MAXIMUM", above, black), expr.divide(1.0, 1 - edge))
+    made = expr.node(
+        "ShaderNodeBsdfPrincipled",
+        {"distribution": "GGX"},
+        {
+            "Base Color": f0,
+            "Metallic": 1.0,
+            "Roughness": 0.0,
+            "Specular Tint": expr.vector_node("MAXIMUM", tint, black),
+            "Normal": half,
+        },
+    )
+    red, green, blue = expr.components(weight)
+    darkest = expr.minimum(expr.minimum(red, green), blue)
+    return expr.Scalar(made.outputs[0]), (darkest > edge - taken) * (cosine > _LEAST_COSINE)

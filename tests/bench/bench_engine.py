@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import csv
 import math
-import tempfile
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import bpy
 from engine_materials import KINDS, QUICK, Kind, bake_all, bundle_path
@@ -77,22 +78,24 @@ def run(out: Path, quick: bool) -> None:
     sizes = Sizes(samples=32, seeds=2) if quick else Sizes()
     if not (SHARED / "data").is_dir():
         print(f"SKIPPED measurements: there is no {SHARED}/data; materials of formulas stand in for them")
-    with tempfile.TemporaryDirectory() as name:
-        rows = measure(kinds, lights, sizes, Path(name))
-    report(rows, sizes)
-    with (out / "engine.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, asdict(rows[0]))
+    rows = []
+    # Written as it goes: the whole takes a quarter of an hour, and what was measured before a stop is worth reading.
+    with (out / "engine.csv").open("w", newline="", encoding="utf-8") as stream, TemporaryDirectory() as folder:
+        writer = csv.DictWriter(stream, [field.name for field in fields(Row)])
         writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+        for row in measure(kinds, lights, sizes, Path(folder)):
+            rows.append(row)
+            writer.writerow(asdict(row))
+            stream.flush()
+    report(rows, sizes)
     goals = [(limit, goal(limit)) for limit in (0.1, 0.4, 1.0)]
     plot(out / "engine.png", rows, goals, MOST_TIME, (EXACT, UNAIMED_MIRROR))
 
 
-def measure(kinds: list[Kind], lights: list[str], sizes: Sizes, folder: Path) -> list[Row]:
-    """Rows of all combinations; bundles that lie in `folder` already are taken from there."""
+def measure(kinds: list[Kind], lights: list[str], sizes: Sizes, folder: Path) -> Iterator[Row]:
+    """Rows of all combinations, as they are measured; bundles that lie in `folder` already are taken from there."""
     print(f"baking {len(kinds)} materials")
     bake_all(kinds, folder, BakeSettings())
-    rows = []
     for kind in kinds:
         started = time.perf_counter()
         bundle, stand_in = read_bundle(bundle_path(kind, folder)), fit_principled(kind.source(folder))
@@ -100,9 +103,8 @@ def measure(kinds: list[Kind], lights: list[str], sizes: Sizes, folder: Path) ->
         for light in lights:
             found = _in_light(bundle, stand_in, light, sizes)
             base = found[PRINCIPLED]
-            rows += [_row(kind, residual, light, variant, noise, base) for variant, noise in found.items()]
+            yield from (_row(kind, residual, light, variant, noise, base) for variant, noise in found.items())
         print(f"  {kind.name}, residual {residual:.1%}, beside {stand_in}: {time.perf_counter() - started:.0f} s")
-    return rows
 
 
 def _in_light(bundle: Bundle, stand_in: Principled, light: str, sizes: Sizes) -> dict[str, Noise]:
