@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from functools import partial
@@ -17,17 +16,11 @@ from ..nodes import compat
 from ..nodes.aimed_light_group import SLOTS_KEY
 from ..nodes.group import HASH_KEY, content_hash
 from ..nodes.material import BUNDLE_KEY
-from ..nodes.stochastic_mirror_group import LEAST_WEIGHT
 from . import lamps
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
 # Coordinates of float32 are then a thousandth apart.
 _FAR = 10_000.0
-# Cycles leaves closures of a smaller weight out.
-_CUT_OFF = 1e-5
-# f cos(theta_i) of a dark material, of which the mirror's weight is a multiple.
-_DARK = 0.03
-_UNKNOWN_SHARE = 0.1  # of a mix by a texture
 
 
 # --- materials ------------------------------------------------------------------------------------------
@@ -50,66 +43,6 @@ def changed_groups(subject: Subject) -> Iterator[Finding]:
             found = f"group {', '.join(changed)} is not as it was built"
             why = "changed by hand, its textures renamed, or made by another version of Blender"
             yield Finding("changed_group", NOTE, _name(material), found, "", why)
-
-
-def weak_mix(subject: Subject) -> Iterator[Finding]:
-    """A Mix Shader's factor takes weights that stand for a tiny lamp under Cycles' cut-off."""
-    if not subject.lamps:
-        return
-    name, solid_angle = min(((lamp.name, _solid_angle(lamp, subject)) for lamp in subject.lamps), key=lambda x: x[1])
-    for material in filter(_aims, subject.mirrors):
-        share = _least_share(material)
-        if share * LEAST_WEIGHT < _CUT_OFF and share * _DARK * solid_angle < _CUT_OFF:
-            amount = "a texture's part" if share == _UNKNOWN_SHARE else f"{share:.2g}"
-            found = f"a Mix Shader takes {amount} of it under lamp {name}"
-            why = (
-                "Cycles drops closures that weigh so little; with 0.3 of it the usual sun lost 36 %, all of it in mode "
-                "Reference. Take at least 0.5, use the input Tint instead, or enlarge the lamp"
-            )
-            yield Finding("weak_mix", WRONG, _name(material), found, "", why)
-
-
-def _aims(material: bpy.types.Material) -> bool:
-    """Whether it aims at lamps: other mirrors have no such small weights."""
-    return any(tree.get(SLOTS_KEY) for tree in measured_trees(material))
-
-
-def _least_share(material: bpy.types.Material) -> float:
-    """Smallest part that Mix Shaders leave of a measured group, 1 without."""
-    least = 1.0
-    pending = [
-        (socket, 1.0)
-        for node in material.node_tree.nodes
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree and HASH_KEY in node.node_tree
-        for socket in node.outputs
-        if socket.type == "SHADER"
-    ]
-    while pending:
-        socket, share = pending.pop()
-        for link in socket.links:
-            node = link.to_node
-            if node.bl_idname == "ShaderNodeMixShader" and not node.mute:
-                factor = node.inputs[0]
-                first = link.to_socket == node.inputs[1]
-                part = _UNKNOWN_SHARE if factor.is_linked else abs(factor.default_value - first)
-                if part > 0:
-                    least = min(least, share * part)
-                    pending.append((node.outputs[0], share * part))
-    return least
-
-
-def _solid_angle(lamp: bpy.types.Object, subject: Subject) -> float:
-    """Steradians of the lamp, about, seen from what it lights; a lamp without extent has another finding."""
-    data = lamp.data
-    if data.type == "SUN":
-        return 2 * math.pi * (1 - math.cos(data.angle / 2)) or math.inf
-    if data.type == "AREA":
-        scale = lamp.matrix_world.to_scale()
-        size_y = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
-        area = data.size * size_y * abs(scale.x * scale.y)
-    else:
-        area = math.pi * data.shadow_soft_size**2
-    return area / subject.distance(lamp) ** 2 or math.inf
 
 
 # --- textures -------------------------------------------------------------------------------------------
@@ -293,7 +226,6 @@ RULES = (
     textures,
     texture_limit,
     shadow_terminator,
-    weak_mix,
     lamp_tables,
     changed_groups,
     osl_files,

@@ -51,8 +51,11 @@ def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
 
 
 # Cycles drops closures whose mean weight is below 1e-5. One that aims at the sun has a weight of that order: it stands
-# for a small solid angle, but for all of the sun's light. Hardly more, since each raise costs variance.
-LEAST_WEIGHT = 1.05e-5
+# for a small solid angle, but for all of the sun's light. Below FAINT_WEIGHT a metal carries it, whose own weight is 1;
+# a Mix Shader behind may then leave as little as a hundredth of the material and loses nothing.
+FAINT_WEIGHT = 1e-3
+# What no metal carries is raised to this by Russian roulette: hardly more, since each raise costs variance.
+LEAST_WEIGHT = 2e-5
 # Of the F82 reflectance: (1 - c)^5 at the cosine c = 1/7, and what the tint there takes away at most.
 _F5 = (6 / 7) ** 5
 _MOST_TAKEN = 7 * _F5 / (6 / 7) ** 6
@@ -63,7 +66,7 @@ _LEAST_COSINE = 0.15
 def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
     """Glossy closure of roughness 0 that sends the path along wi with this weight (f cos / pdf).
 
-    With a random number, weights that Cycles would drop are carried by `_faint_mirror` or, where it cannot, live on by
+    With a random number, weights that Cycles might drop are carried by `_faint_mirror` or, where it cannot, live on by
     Russian roulette: raised to `LEAST_WEIGHT`, as often as keeps their mean.
     """
     half = expr.normalize(wi_world + incoming)
@@ -73,7 +76,7 @@ def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None
     keep = expr.minimum(mean * (1 / LEAST_WEIGHT), 1.0)
     glossy = _mirror(half, expr.scale(weight, expr.divide(random < keep, keep)))
     faint, carries = _faint_mirror(half, incoming, weight)
-    return choose_closure(carries * (mean < LEAST_WEIGHT), glossy, faint)
+    return choose_closure(carries * (mean < FAINT_WEIGHT), glossy, faint)
 
 
 def _mirror(half: Any, weight: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +26,6 @@ from support.scene_check_cases import (
     lamp,
     lamp_of,
     material_of,
-    mixed,
     paint_bundle,
     rules,
 )
@@ -128,16 +126,6 @@ def test_adaptive_sampling(painted: TestScene, threshold: float, least: int, tol
     assert ("adaptive_sampling" in rules(painted)) is told
     mend_scene(painted.scene)
     assert "adaptive_sampling" not in rules(painted)
-
-
-def test_a_large_share_or_a_large_lamp_is_no_weak_mix(painted: TestScene) -> None:
-    mixed(painted)
-    assert "weak_mix" not in rules(painted)  # the lamp is half a metre wide
-    another_lamp("SUN", energy=2, angle=math.radians(0.526))(painted)
-    assert "weak_mix" in rules(painted)
-    mix = next(n for n in material_of(painted).node_tree.nodes if n.bl_idname == "ShaderNodeMixShader")
-    mix.inputs[0].default_value = 0.45
-    assert "weak_mix" not in rules(painted)
 
 
 def test_what_is_hidden_from_all_rays_is_meant_to_be(painted: TestScene) -> None:

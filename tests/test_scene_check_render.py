@@ -10,7 +10,7 @@ import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake.bundle import Bundle
 from measured_materials.nodes.material import build_material
-from support.scene_check_cases import clear_blend, material_of, mixed_under_a_sun, paint_bundle, rules, spoiler
+from support.scene_check_cases import clear_blend, material_of, mixed_under_a_sun, paint_bundle, spoiler
 from support.scenes import TestScene, lit_sphere
 
 
@@ -74,9 +74,9 @@ def test_it_does_change_the_picture(bundle: Bundle, rule: str) -> None:
     assert np.all(changes * np.sign(low) >= 0) and low < changes.mean() < high, changes
 
 
-@pytest.mark.parametrize("mode, lost", [("exact", -0.2), ("reference", -0.99)])
-def test_a_weak_mix_loses_the_sun(bundle: Bundle, mode: str, lost: float) -> None:
-    """Half of the material under a small sun is half as bright, but 0.3 of it is darker than that."""
+@pytest.mark.parametrize("mode", ["exact", "reference"])
+def test_a_weak_mix_keeps_the_sun(bundle: Bundle, mode: str) -> None:
+    """Aimed weights are of the sun's solid angle; a Mix Shader must not take them under Cycles' cut-off."""
     with lit_sphere(
         build_material(bundle, mode=mode, lamps=lamp_image()), 32, lamp=False, ground=False, resolution=32
     ) as scene:
@@ -85,10 +85,10 @@ def test_a_weak_mix_loses_the_sun(bundle: Bundle, mode: str, lost: float) -> Non
         scene.sphere.shadow_terminator_geometry_offset = 0
         mix = next(n for n in material_of(scene).node_tree.nodes if n.bl_idname == "ShaderNodeMixShader")
         mask, means = scene.mask(), {}
-        for share in (1.0, 0.5, 0.3):
+        for share in (1.0, 0.3, 0.03):
             mix.inputs[0].default_value = 1 - share
-            assert ("weak_mix" in rules(scene)) is (share < 0.5)
             means[share] = scene.render(32, 2)[:, mask].mean() / share
-        # The same seeds, hence the same paths.
-        assert means[0.5] == pytest.approx(means[1.0], rel=0.01)
-        assert means[0.3] / means[1.0] - 1 < lost
+        # The same seeds, hence the same paths; what is seen within 17 degrees of against the sun still plays roulette.
+        assert means[0.3] == pytest.approx(means[1.0], rel=0.002)
+        assert means[0.03] == pytest.approx(means[1.0], rel=0.005)
+        assert means[1.0] > 0.01

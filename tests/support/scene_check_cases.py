@@ -174,7 +174,6 @@ CASES = [
     Case("missing_texture", WRONG, lost_texture),
     Case("no_texture", WRONG, without_texture, False),
     Case("texture_limit", WRONG, shrunk),
-    Case("weak_mix", WRONG, mixed_under_a_sun, False),
     Case("changed_group", NOTE, changed, False),
     Case("osl_off", WRONG, scripted),
     Case("osl_gpu", WRONG, scripted_on_gpu),
