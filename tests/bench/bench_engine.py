@@ -21,6 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import bpy
+from engine_limits import LIMITS, noise_limits
 from engine_materials import KINDS, QUICK, Kind, bake_all, bundle_path
 from engine_plot import plot
 from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit
@@ -87,7 +88,11 @@ def run(out: Path, quick: bool) -> None:
             rows.append(row)
             writer.writerow(asdict(row))
             stream.flush()
+        limits = {
+            kind.name: noise_limits(read_bundle(bundle_path(kind, Path(folder))), sizes.samples) for kind in kinds
+        }
     report(rows, sizes)
+    _print_limits(limits, sizes)
     goals = [(limit, goal(limit)) for limit in (0.1, 0.4, 1.0)]
     plot(out / "engine.png", rows, goals, MOST_TIME, (EXACT, UNAIMED_MIRROR))
 
@@ -175,6 +180,8 @@ def _print_goals(rows: list[Row], by_key: dict[tuple[str, str, str], Row]) -> No
     tell(f"at most {MOST_TIME} times the time of a sample", [row for row in rows if row.time > MOST_TIME], len(rows))
     flashes = [row for row in rows if row.firefly > MOST_FIREFLY]
     tell(f"no sample above {MOST_FIREFLY:g} times its pixel's mean", flashes, len(rows))
+    own = [row for row in flashes if by_key[row.material, row.light, PRINCIPLED].firefly > MOST_FIREFLY]
+    print(f"  in {len(own)} of these {len(flashes)} Principled has such samples too")
     lamp = [row for row in rows if row.light == "small lamp"]
     gains = {row.material: by_key[row.material, row.light, UNAIMED_MIRROR].rms / row.rms for row in lamp}
     short = [row for row in lamp if gains[row.material] < LEAST_GAIN]
@@ -182,6 +189,17 @@ def _print_goals(rows: list[Row], by_key: dict[tuple[str, str, str], Row]) -> No
     ratios = sorted(row.noise / goal(row.residual) for row in rows)
     print(f"noise over its goal: median {ratios[len(ratios) // 2]:.2f}, worst {ratios[-1]:.2f}")
     print(f"time of a sample over Principled's: geometric mean {_geometric([row.time for row in rows]):.2f}")
+
+
+def _print_limits(limits: dict[str, dict[str, float]], sizes: Sizes) -> None:
+    title = f"What limits it: noise of direct light under the small lamp at {sizes.samples} samples, worked out"
+    table = Table("material", *LIMITS, title=title)
+    for name, noise in limits.items():
+        table.add_row(name, *(f"{noise[key]:.2%}" for key in LIMITS))
+    Console(width=150).print(table)
+    for key in LIMITS[1:]:
+        gains = [noise[LIMITS[0]] / noise[key] for noise in limits.values()]
+        print(f"{key}: {_geometric(gains):.2f} times less noise in the geometric mean, at best {max(gains):.2f}")
 
 
 def _geometric(values: list[float]) -> float:
