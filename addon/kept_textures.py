@@ -152,7 +152,9 @@ def _put_textures_back(material: bpy.types.Material, bundle: LoadedBundle) -> No
     names = {entry["file"]: name for name, entry in bundle.material["images"].items()}
     textures = set(bundle.textures.values())
     nodes = [node for node in image_nodes(material.node_tree) if node.image not in textures]
-    loaded = [node.image for node in nodes if Path(bpy.path.abspath(node.image.filepath)).parent == bundle.folder]
+    # Beside a saved .blend the path is relative, and Blender makes it absolute with every ".." left in it.
+    folder = bundle.folder.resolve()
+    loaded = [n.image for n in nodes if Path(bpy.path.abspath(n.image.filepath)).resolve().parent == folder]
     for node in nodes:
         if node.image in loaded:
             node.image = bundle.textures[names[file_name(node.image)]]

@@ -11,7 +11,7 @@ import bpy
 from mathutils import Vector
 
 from ..nodes import compat
-from ..nodes.group import HASH_KEY
+from ..nodes.group import HASH_KEY, trees_below
 
 WRONG, SLOW, NOTE = "wrong", "slow", "note"
 SEVERITIES = (WRONG, SLOW, NOTE)
@@ -136,18 +136,6 @@ def measured_trees(material: bpy.types.Material) -> list[bpy.types.NodeTree]:
     if not compat.uses_nodes(material):
         return []
     return [tree for tree in trees_below(material.node_tree) if HASH_KEY in tree]
-
-
-def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
-    """The tree and every group in it, each once."""
-    found: dict[bpy.types.NodeTree, None] = {}
-    pending = [tree]
-    while pending:
-        here = pending.pop()
-        if here not in found:
-            found[here] = None
-            pending += [inner for node in here.nodes if (inner := getattr(node, "node_tree", None))]
-    return list(found)
 
 
 def middle(obj: bpy.types.Object) -> Vector:

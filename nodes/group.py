@@ -61,7 +61,8 @@ def node_group(
         bpy.data.node_groups.remove(tree)
         raise
     digest = content_hash(tree)
-    for other in bpy.data.node_groups:
+    # One of a linked library would be lost with the library.
+    for other in (group for group in bpy.data.node_groups if group.library is None):
         if other != tree and other.get(HASH_KEY) == digest and content_hash(other) == digest:
             bpy.data.node_groups.remove(tree)
             return other
@@ -90,6 +91,18 @@ def _value(socket: Any, kind: str) -> Any:
 def is_measured_tree(tree: Any) -> bool:
     """Whether a material's tree holds a group made here."""
     return any(n.bl_idname == "ShaderNodeGroup" and n.node_tree and HASH_KEY in n.node_tree for n in tree.nodes)
+
+
+def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    """The tree and every group in it, each once."""
+    found: dict[bpy.types.NodeTree, None] = {}
+    pending = [tree]
+    while pending:
+        here = pending.pop()
+        if here not in found:
+            found[here] = None
+            pending += [inner for node in here.nodes if (inner := getattr(node, "node_tree", None))]
+    return list(found)
 
 
 def content_hash(tree: bpy.types.ShaderNodeTree) -> str:

@@ -28,7 +28,7 @@ from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .brdf_group import BrdfParts, brdf_group
 from .feature_passes import albedo_polynomial, with_feature_outputs
-from .group import HASH_KEY, content_hash
+from .group import HASH_KEY, content_hash, trees_below
 from .table_groups import TableGroups
 from .table_lookup_group import table_lookup_group
 from .weighted_closures import WeightedClosures
@@ -122,6 +122,9 @@ def build_from(
     name = safe_name(require(require(bundle.material, "source", dict, where), "name", str, where))
     albedo = normal_albedo(bundle)
     before = {*bpy.data.images, *bpy.data.node_groups}
+    if material is not None and material.get(BUNDLE_KEY) and not measured_nodes(compat.node_tree(material)):
+        cause = "its measured group is no longer among its nodes, and these are not to be lost"
+        raise BakeError(material.name, cause, "undo its removal, or import the measurement as a new material")
     try:
         group = make_group(name)
         material = bpy.data.materials.new(name) if material is None else material
@@ -215,16 +218,13 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     """
     tree = compat.node_tree(material)
     lookup = any(item.name == "EEVEE" for item in group.interface.items_tree)
-    nodes = [n for n in tree.nodes if n.get(_NODE_KEY)] or [_fresh_tree(tree, None if lookup else albedo)]
-    previous = {n.node_tree for n in nodes if n.node_tree and n.node_tree != group}
-    for node in nodes:
-        _exchange(tree, node, group)
-    output = next((n for n in tree.nodes if n.get(_OUTPUT_KEY)), None)
-    if output is not None and not output.inputs["Surface"].is_linked:
-        tree.links.new(nodes[0].outputs["BSDF"], output.inputs["Surface"])
-    viewport = next((n for n in tree.nodes if n.get(_VIEWPORT_KEY)), None)
-    if viewport is not None and "EEVEE" in nodes[0].outputs:
-        _show_in_eevee(tree, nodes[0].outputs["EEVEE"], viewport.inputs["Surface"])
+    places = measured_nodes(tree) or [(tree, _fresh_tree(tree, None if lookup else albedo))]
+    previous = {n.node_tree for _, n in places if n.node_tree and n.node_tree != group}
+    for inner, node in places:
+        _exchange(inner, node, group)
+    top = next((node for inner, node in places if inner == tree), None)
+    if top is not None:
+        _connect_outputs(tree, top)
     for old in previous:
         # A group that an artist has worked in is left in the file, for its work to be taken over.
         if old.get(HASH_KEY) == content_hash(old):
@@ -234,6 +234,21 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     material.diffuse_color = (*albedo, 1)
     # Cycles would bend the mirror's facet where its reflection dips under the surface: +0.8 % light on a coarse sphere.
     material.cycles.use_bump_map_correction = False
+
+
+def measured_nodes(tree: bpy.types.ShaderNodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:
+    """Nodes that hold a material's group, each after its tree; an artist may have put them into a group of his own."""
+    return [(inner, node) for inner in trees_below(tree) for node in inner.nodes if node.get(_NODE_KEY)]
+
+
+def _connect_outputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
+    """Link the group to the outputs made with it, where nothing else is linked to them."""
+    output = next((n for n in tree.nodes if n.get(_OUTPUT_KEY)), None)
+    if output is not None and not output.inputs["Surface"].is_linked:
+        tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
+    viewport = next((n for n in tree.nodes if n.get(_VIEWPORT_KEY)), None)
+    if viewport is not None and "EEVEE" in node.outputs:
+        _show_in_eevee(tree, node.outputs["EEVEE"], viewport.inputs["Surface"])
 
 
 def _show_in_eevee(tree: bpy.types.ShaderNodeTree, shown: Any, surface: Any) -> None:

@@ -11,8 +11,8 @@ from .group import node_group
 from .native_closure import choose_closure
 
 
-def _place() -> tuple[Any, tuple[Any, Any, Any]]:
-    """Position, and three hashes of all else that tells one ray from another at a position.
+def ray_hash(salt: Any = None) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Position, and three hashes of all else that tells one ray from another at a position; others for another salt.
 
     Of a camera far from the origin many rays meet the surface at one float32 position and differ in direction alone;
     those of an orthographic one all have one direction, and differ within the triangle more finely than in position.
@@ -22,7 +22,7 @@ def _place() -> tuple[Any, tuple[Any, Any, Any]]:
     position, incoming, parametric = (expr.Vector(geometry.outputs[k]) for k in ("Position", "Incoming", "Parametric"))
     # One number of two coordinates: the golden ratio keeps it from being constant along any edge or regular grid.
     within = expr.dot(parametric, expr.vec(1.0, 1.618034, 0.0))
-    return position, expr.white_noise(incoming, within)
+    return position, expr.white_noise(incoming, within if salt is None else within + salt)
 
 
 def random_numbers() -> tuple[Any, ...]:
@@ -30,7 +30,7 @@ def random_numbers() -> tuple[Any, ...]:
 
     The first sample of a pixel always passes its middle: with one sample a pixel, another seed draws the same numbers.
     """
-    position, (first, second, _) = _place()
+    position, (first, second, _) = ray_hash()
     return expr.white_noise(position, first) + expr.white_noise(position, second)
 
 
@@ -44,23 +44,25 @@ def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
     """Three more, for materials that aim at lamps; Cycles merges what both groups compute alike."""
 
     def numbers() -> tuple[Any, ...]:
-        position, (_, _, third) = _place()
+        position, (_, _, third) = ray_hash()
         return expr.white_noise(position, third)
 
     return node_group("MM More Random Numbers", {}, {f"Random {k}": "float" for k in range(7, 10)}, numbers)
 
 
 # Cycles drops closures whose mean weight is below 1e-5. One that aims at the sun has a weight of that order: it stands
-# for a small solid angle, but for all of the sun's light. Below FAINT_WEIGHT a metal carries it, whose own weight is 1;
-# a Mix Shader behind may then leave as little as a hundredth of the material and loses nothing.
+# for a small solid angle, but for all of the sun's light. Below FAINT_WEIGHT a metal carries it where it can, whose own
+# weight is 1: of most such mirrors a Mix Shader behind may then leave little, and nothing is lost.
 FAINT_WEIGHT = 1e-3
 # What no metal carries is raised to this by Russian roulette: hardly more, since each raise costs variance.
 LEAST_WEIGHT = 2e-5
 # Of the F82 reflectance: (1 - c)^5 at the cosine c = 1/7, and what the tint there takes away at most.
 _F5 = (6 / 7) ** 5
 _MOST_TAKEN = 7 * _F5 / (6 / 7) ** 6
-# Below this cosine, of directions 163 degrees apart, a metal is too bright for what is asked of it.
+# Below this cosine, of directions 163 degrees apart, a metal is too bright for what is asked of it; and where less than
+# this part of its edge reflectance is asked for, float32 rounds the difference: +4 % of a weight of 1e-6 at 0.26.
 _LEAST_COSINE = 0.15
+_LEAST_OF_EDGE = 1e-4
 
 
 def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
@@ -118,4 +120,5 @@ def _faint_mirror(half: Any, incoming: Any, weight: Any) -> tuple[Any, Any]:
     )
     red, green, blue = expr.components(weight)
     darkest = expr.minimum(expr.minimum(red, green), blue)
-    return expr.Scalar(made.outputs[0]), (darkest > edge - taken) * (cosine > _LEAST_COSINE)
+    reached = expr.maximum(edge - taken, edge * _LEAST_OF_EDGE)
+    return expr.Scalar(made.outputs[0]), (darkest > reached) * (cosine > _LEAST_COSINE)

@@ -175,6 +175,7 @@ CASES = [
     Case("no_texture", WRONG, without_texture, False),
     Case("texture_limit", WRONG, shrunk),
     Case("changed_group", NOTE, changed, False),
+    Case("mixed_mirror", WRONG, mixed_under_a_sun),
     Case("osl_off", WRONG, scripted),
     Case("osl_gpu", WRONG, scripted_on_gpu),
     Case("far_away", NOTE, far, False),
