@@ -16,12 +16,13 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from measured_materials.bake.envelope.views import Views, gauss_chords, sample_views
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.source import Array, BrdfSource
-from measured_materials.bake.sources.analytic import dielectric, schlick
-from measured_materials.bake.table import TreatedSource
-from measured_materials.nodes import compat
+
+from ..bake.envelope.views import Views, gauss_chords, sample_views
+from ..bake.shading.lobes import Lobe
+from ..bake.source import Array, BrdfSource
+from ..bake.sources.analytic import dielectric, schlick
+from ..bake.table import TreatedSource
+from ..nodes import compat
 
 _VIEWS, _N_H, _N_PHI = 10, 24, 12
 _ALPHAS = (0.005, 0.01, 0.02, 0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)

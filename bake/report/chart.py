@@ -1,0 +1,183 @@
+"""Scatter charts on logarithmic axes as SVG, with their Pareto front and the setting one would pick.
+
+Blender ships no plotting library, and a report is to be made wherever the extension runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import escape
+
+# Okabe & Ito's palette, told apart by colour-blind readers too; black is the front's.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
+_WIDTH, _HEIGHT = 760, 420
+_LEFT, _RIGHT, _TOP, _BOTTOM = 76, 200, 34, 50
+_SMALLEST = 1e-12
+
+
+@dataclass(frozen=True)
+class Point:
+    """One measured setting: what it costs, its error, and its name."""
+
+    cost: float
+    error: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Points of several series, less being better on both axes.
+
+    Parameters
+    ----------
+    title, cost, error : words above and beside the axes, units included
+    series : name to points
+    joined : whether a line joins the points of a series, in order
+    """
+
+    title: str
+    cost: str
+    error: str
+    series: dict[str, list[Point]] = field(default_factory=dict)
+    joined: bool = True
+
+    @property
+    def points(self) -> list[Point]:
+        """Of all series."""
+        return [point for points in self.series.values() for point in points]
+
+    def front(self) -> list[Point]:
+        """The Pareto front: points that none is both cheaper and more accurate than, by rising cost."""
+        found: list[Point] = []
+        for point in sorted(self.points, key=lambda p: (p.cost, p.error)):
+            if not found or point.error < found[-1].error:
+                found.append(point)
+        return found
+
+    def pick(self) -> Point | None:
+        """The front's knee: where the share of the front's accuracy gained most exceeds the share of its cost paid.
+
+        Both shares are of decades. Left of the knee a little cost buys much accuracy, right of it the reverse.
+        """
+        front = self.front()
+        if len(front) < 3:
+            return front[-1] if front else None
+        x, y = [_log(p.cost) for p in front], [_log(p.error) for p in front]
+        run, fall = x[-1] - x[0], y[0] - y[-1]
+        if run <= 0 or fall <= 0:
+            return front[-1]
+        return max(front, key=lambda p: (y[0] - _log(p.error)) / fall - (_log(p.cost) - x[0]) / run)
+
+    def svg(self) -> str:
+        """The picture, self-contained."""
+        if not self.points:
+            return f"<p>{escape(self.title)}: nothing was measured.</p>"
+        across = _Axis.of([p.cost for p in self.points], _LEFT, _WIDTH - _RIGHT)
+        up = _Axis.of([p.error for p in self.points], _HEIGHT - _BOTTOM, _TOP)
+        parts = [_grid(across, up), self._front(across, up)]
+        parts += [self._series(k, name, across, up) for k, name in enumerate(self.series)]
+        parts += [self._words(), self._picked(across, up)]
+        head = f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{escape(self.title, True)}">'
+        return head + "".join(parts) + "</svg>"
+
+    def _front(self, across: _Axis, up: _Axis) -> str:
+        return _polyline([(across.at(p.cost), up.at(p.error)) for p in self.front()], "#000", 'stroke-dasharray="5 4"')
+
+    def _series(self, k: int, name: str, across: _Axis, up: _Axis) -> str:
+        colour, points = COLOURS[k % len(COLOURS)], self.series[name]
+        places = [(across.at(p.cost), up.at(p.error)) for p in points]
+        parts = [_polyline(places, colour, 'opacity="0.6"')] if self.joined else []
+        for point, (x, y) in zip(points, places, strict=True):
+            tip = f"{name}, {point.label}: {_number(point.cost)}, error {_number(point.error)}"
+            parts.append(
+                f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"><title>{escape(tip)}</title></circle>'
+            )
+        y = _TOP + 12 + 18 * k
+        parts.append(f'<circle cx="{_WIDTH - _RIGHT + 16}" cy="{y - 4}" r="4" fill="{colour}"/>')
+        parts.append(f'<text x="{_WIDTH - _RIGHT + 26}" y="{y}">{escape(name)}</text>')
+        return "".join(parts)
+
+    def _words(self) -> str:
+        middle_x, middle_y = (_LEFT + _WIDTH - _RIGHT) / 2, (_TOP + _HEIGHT - _BOTTOM) / 2
+        y = _TOP + 12 + 18 * len(self.series)
+        return (
+            f'<text x="{_LEFT}" y="20" class="title">{escape(self.title)}</text>'
+            f'<text x="{middle_x}" y="{_HEIGHT - 10}" text-anchor="middle">{escape(self.cost)}</text>'
+            f'<text transform="translate(16 {middle_y}) rotate(-90)" text-anchor="middle">{escape(self.error)}</text>'
+            f'<line x1="{_WIDTH - _RIGHT + 8}" x2="{_WIDTH - _RIGHT + 22}" y1="{y - 4}" y2="{y - 4}" stroke="#000" '
+            f'stroke-dasharray="5 4"/><text x="{_WIDTH - _RIGHT + 26}" y="{y}">Pareto front</text>'
+        )
+
+    def _picked(self, across: _Axis, up: _Axis) -> str:
+        point = self.pick()
+        if point is None:
+            return ""
+        x, y = across.at(point.cost), up.at(point.error)
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="9" fill="none" stroke="#000" stroke-width="2"/>'
+
+    def verdict(self) -> str:
+        """The setting one would pick, in words."""
+        point = self.pick()
+        if point is None:
+            return "Nothing was measured."
+        name = next(name for name, points in self.series.items() if point in points)
+        return f"Our pick: {name}, {point.label} (error {_number(point.error)} at {_number(point.cost)})."
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Logarithmic, from `low` to `high` in value and from `start` to `end` in the picture."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    @classmethod
+    def of(cls, values: Sequence[float], start: float, end: float) -> _Axis:
+        low, high = min(map(_log, values)), max(map(_log, values))
+        margin = max(0.06 * (high - low), 0.08)
+        return cls(low - margin, high + margin, start, end)
+
+    def at(self, value: float) -> float:
+        return self.start + (_log(value) - self.low) / (self.high - self.low) * (self.end - self.start)
+
+    def ticks(self) -> list[float]:
+        steps = (1.0,) if self.high - self.low > 2.5 else (1.0, 2.0, 5.0)
+        decades = range(math.floor(self.low), math.ceil(self.high) + 1)
+        every = max(1, math.ceil((self.high - self.low) / 8))
+        values = [step * 10.0**d for d in decades if d % every == 0 for step in steps]
+        return [v for v in values if self.low <= math.log10(v) <= self.high]
+
+
+def _grid(across: _Axis, up: _Axis) -> str:
+    parts = [
+        f'<rect x="{_LEFT}" y="{_TOP}" width="{_WIDTH - _LEFT - _RIGHT}" height="{_HEIGHT - _TOP - _BOTTOM}" '
+        'fill="none" stroke="#999"/>'
+    ]
+    for value in across.ticks():
+        x = across.at(value)
+        parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_TOP}" y2="{_HEIGHT - _BOTTOM}" stroke="#e4e4e4"/>')
+        parts.append(f'<text x="{x:.1f}" y="{_HEIGHT - _BOTTOM + 16}" text-anchor="middle">{_number(value)}</text>')
+    for value in up.ticks():
+        y = up.at(value)
+        parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#e4e4e4"/>')
+        parts.append(f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{_number(value)}</text>')
+    return "".join(parts)
+
+
+def _polyline(places: Sequence[tuple[float, float]], colour: str, more: str) -> str:
+    if len(places) < 2:
+        return ""
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    return f'<polyline points="{points}" fill="none" stroke="{colour}" {more}/>'
+
+
+def _log(value: float) -> float:
+    return math.log10(max(value, _SMALLEST))
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"
