@@ -28,7 +28,7 @@ from .envelope import (
     residual_table,
 )
 from .errors import BakeError
-from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid
+from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid, refit_grid
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
@@ -57,8 +57,8 @@ class BakeSettings:
         basis has as many bytes
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     parameterization : of the table's axes, or "auto": of least error
-    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two are
-        of the normal-vector basis: with them "auto" means a Bezier table in that basis
+    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
+        are of the normal-vector basis: with them "auto" means a Bezier table in that basis
     storage : of the table's texels
     filter : that the material reconstructs with
     spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
@@ -262,9 +262,7 @@ def _residual_grid(treated: TreatedSource, fit: EnvelopeFit, grid: Grid, setting
     """Of the residual's table: what the envelope leaves of a highlight has another width, and no reciprocity."""
     if settings.bases == ("normal",) and settings.spacing != "auto":
         return grid
-    kind = grid.parameterization if settings.spacing == "auto" else settings.spacing
-    basis = str(grid.facts()["basis"])
-    return choose_grid(residual_source(treated, fit), settings.resolution, (basis,), kind).grid
+    return refit_grid(residual_source(treated, fit), grid, settings.resolution)
 
 
 def _sampled(table: BrdfTable, filter: Filter) -> BrdfSource:

@@ -102,6 +102,20 @@ def choose_grid(
     return GridChoice(tuple(chooser.found), chooser.search, asymmetry / max(pairs.rms(truth), 1e-30))
 
 
+def refit_grid(source: BrdfSource | TreatedSource, grid: Grid, n: int) -> Grid:
+    """The grid fitted anew to a source without reciprocity that is left of the grid's own."""
+    pairs = direction_pairs(_PAIRS // 3, offset=0.25)
+    truth = source.evaluate(pairs.wi, pairs.wo)
+
+    def measure(grid: Grid) -> float:
+        return pairs.rms(trilinear_estimate(source, grid, pairs) - truth)
+
+    if isinstance(grid, HalfGrid):
+        splits = [replace(grid, sizes=sizes, reciprocal=False) for sizes in half_sizes(n, False)]
+        grid = min(splits, key=measure)
+    return fit_warps(grid, measure) if grid.parameterization == "fitted" else grid
+
+
 class _Chooser:
     """The candidates measured so far."""
 
@@ -212,4 +226,3 @@ def best_horizon(source: BrdfSource | TreatedSource, grid: Grid, pairs: Directio
     """The grid whose sample at the horizon is taken where it serves this material better."""
     grids = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
     return min(grids, key=lambda g: pairs.rms(trilinear_estimate(source, g, pairs) - truth))
-

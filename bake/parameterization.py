@@ -41,7 +41,9 @@ class LogWarp:
     A logarithm gives every octave of distance to a peak as many samples, down to the distance where the peak is flat:
     where f falls as a power of v, piecewise linear interpolation then errs by the same share in every cell. One end
     may be a highlight and the other the horizon. The derivative is bounded both ways, as no Bezier of alpha 0 is.
-    (Tried: shapes of many knots that equalise the measured error in place of these two numbers gain nothing.)
+    (Tried for theta_h: 400 free knots that equalise the second differences of the source leave 0.6 to 0.7 of this error
+    on a chrome and an acrylic, 0.95 to 1 on a bronze, a plastic and a genuine paint. They would cost a texture tap on
+    every axis, whose fractions GPUs round to 1/256; a logarithm costs seven nodes.)
 
     Parameters
     ----------

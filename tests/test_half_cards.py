@@ -76,7 +76,9 @@ def test_coordinates(name: str, language: str) -> None:
         found = card(lambda a, b: call(coordinates_group(grid), a, b), wi, wo)
     else:
         skip_without_osl()
-        (at,) = header_card(f"MMGrid g = {osl_grid(grid)}; at = mm_coordinates(g, wi, wo);", {"at": "vector"}, wi=wi, wo=wo)
+        (at,) = header_card(
+            f"MMGrid g = {osl_grid(grid)}; at = mm_coordinates(g, wi, wo);", {"at": "vector"}, wi=wi, wo=wo
+        )
         found = list(at.T)
     wide = wi.astype(float), wo.astype(float)
     truth = grid.unit_coordinates(xp_numpy, *wide)
@@ -138,7 +140,12 @@ def test_lookup(name: str, filter: str, language: str, tmp_path: Path) -> None:
     else:
         skip_without_osl()
         write_image(tmp_path / "atlas.exr", pack(table.values), Storage.FLOAT32)
-        constants = {"Table": str(tmp_path / "atlas.exr"), "Filter": filter, "Stochastic": 0, **grid_constants(table.grid)}
+        constants = {
+            "Table": str(tmp_path / "atlas.exr"),
+            "Filter": filter,
+            "Stochastic": 0,
+            **grid_constants(table.grid),
+        }
         (found,) = shader_card("measured_lookup.osl", ["BRDF"], constants, wi=wi, wo=wo)
     wide = wi.astype(float), wo.astype(float)
     keep = np.minimum(wi[:, 2], wo[:, 2]) > 2e-4

@@ -58,7 +58,8 @@ def pairs(count: int = 1500) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", ["identity", "uniform", "bezier"])
 def test_coordinates(kind: str) -> None:
     wi, wo = pairs()
-    body = f'MMGrid g = {{"normal", "{kind}", vector(0.3), vector(0.3), vector(0.15), 0}}; at = mm_coordinates(g, wi, wo);'
+    grid = f'MMGrid g = {{"normal", "{kind}", vector(0.3), vector(0.3), vector(0.15), 0}};'
+    body = grid + " at = mm_coordinates(g, wi, wo);"
     (found,) = header_card(body, {"at": "vector"}, wi=wi, wo=wo)
     truth = par.normal_basis_coordinates(xp_numpy, wi.astype(float), wo.astype(float), kind, 0.3, 0.15)
     # As for the nodes; the Newton step leaves of the arcsine's 4.5e-5 its square, and the sine's own error.

@@ -42,9 +42,9 @@ def test_fitted_density_is_what_it_says(near: float, far: float) -> None:
     warp = par.LogWarp(near, far)
     v = np.linspace(0.05, 0.95, 40)
     step = 1e-5
-    slope = (
-        par.forward(xp_numpy, "fitted", v - step, warp) - par.forward(xp_numpy, "fitted", v + step, warp)
-    ) / (2 * step)
+    slope = (par.forward(xp_numpy, "fitted", v - step, warp) - par.forward(xp_numpy, "fitted", v + step, warp)) / (
+        2 * step
+    )
     density = 1 / (v + near) + 1 / (1 + far - v)
     # Central differences of step 1e-5 at least 0.05 from a pole: (step / 0.05)^2 / 3, and rounding of 1e-16 / step.
     assert np.allclose(slope / density, slope[0] / density[0], rtol=1e-6)
@@ -150,5 +150,6 @@ def test_half_vector_coordinates_are_isotropic_symmetric_and_reciprocal(
         if np.linalg.norm(wi - wo) > 1e-4 and np.linalg.norm((wi + wo)[:2]) > 1e-4:
             assert first[2] == pytest.approx(turned[2], abs=1e-6)
             assert first[2] == pytest.approx(swapped[2], abs=1e-6)
-            one, other = (par.half_basis_coordinates(xp_numpy, *w, kinds, shapes, False)[2] for w in ((wi, wo), (wo, wi)))
+            one = par.half_basis_coordinates(xp_numpy, wi, wo, kinds, shapes, False)[2]
+            other = par.half_basis_coordinates(xp_numpy, wo, wi, kinds, shapes, False)[2]
             assert one + other == pytest.approx(1, abs=1e-6)

@@ -102,9 +102,7 @@ def size_curve(source: BrdfSource, pairs: DirectionPairs, resolutions: tuple[int
     for n in resolutions:
         table = tabulate(treated, choose_grid(treated, n).grid)
         for storage, size in STORAGES.items():
-            yield row_of(
-                source.name, storage, BrdfTable(table.grid, stored(table.values, storage)), size, pairs, truth
-            )
+            yield row_of(source.name, storage, BrdfTable(table.grid, stored(table.values, storage)), size, pairs, truth)
 
 
 def row_of(name: str, storage: str, table: BrdfTable, size: int, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
@@ -135,7 +133,10 @@ def show_sizes(rows: list[dict[str, Any]], out: Path) -> None:
 
         small = min((r for r in mine if r["bytes"] <= RGL_BYTES), key=lambda r: r["relative"])
         words = "".join(f"{least(x):>14s}" for x in (1.1 * full["rms"], 2 * full["rms"], before["rms"]))
-        print(f"{name:26s}{full['bytes'] / 1024:9.0f}{words}{100 * small['relative']:15.2f} %{100 * full['relative']:7.2f} %")
+        print(
+            f"{name:26s}{full['bytes'] / 1024:9.0f}{words}"
+            f"{100 * small['relative']:15.2f} %{100 * full['relative']:7.2f} %"
+        )
     with (out / "bases-bytes.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, rows[0])
         writer.writeheader()
@@ -150,7 +151,9 @@ def plot(rows: list[dict[str, Any]], file: Path) -> None:
     figure, axes = plt.subplots(-(-len(names) // columns), columns, figsize=(4 * columns, 7), squeeze=False)
     for axis, name in zip(axes.flat, names):
         for storage in dict.fromkeys(row["storage"] for row in rows):
-            points = [(r["bytes"] / 1024, r["relative"]) for r in rows if (r["material"], r["storage"]) == (name, storage)]
+            points = [
+                (r["bytes"] / 1024, r["relative"]) for r in rows if (r["material"], r["storage"]) == (name, storage)
+            ]
             axis.loglog(*zip(*points, strict=True), "x" if "bezier" in storage else ".-", label=storage)
         axis.axvline(RGL_BYTES / 1024, color="grey", linewidth=0.5)
         axis.set(title=name, xlabel="KiB of texels", ylabel="relative error")
