@@ -55,7 +55,6 @@ class BakeSettings:
     ----------
     resolution : samples per elevation, N of the N x N x 2N table in the normal-vector basis; one in the half-vector
         basis has as many bytes
-    basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     parameterization : of the table's axes, or "auto": of least error
     alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
         are of the normal-vector basis: with them "auto" means a Bezier table in that basis
@@ -65,10 +64,10 @@ class BakeSettings:
         two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : sizes of the alias tables
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
+    basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     """
 
     resolution: int = 64
-    basis: Basis | Literal["auto"] = "auto"
     parameterization: Parameterization | Literal["auto"] = "auto"
     alpha: AlphaChoice | tuple[float, float] = "error"
     storage: Storage = Storage.HALF
@@ -76,6 +75,7 @@ class BakeSettings:
     spline: SplineFit = "auto"
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
+    basis: Basis | Literal["auto"] = "auto"
 
     def __post_init__(self) -> None:
         _check(
