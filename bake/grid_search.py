@@ -139,7 +139,7 @@ class _Chooser:
         self.found.append(Candidate(grid, rms))
 
     def add_normal(self, kind: Any, alpha: Any) -> None:
-        grid = TableGrid(self.n, kind)
+        grid: Any = TableGrid(self.n, kind)
         if kind == "bezier" and isinstance(alpha, str):
             self.search = search_alpha(self.source, self.n, self.pairs, self.truth)
             grid = with_alpha(grid, self.search.by_error if alpha == "error" else self.search.by_intensity)
@@ -197,7 +197,9 @@ def fit_warps(grid: Grid, measure: Measure, rounds: int = 1) -> Grid:
 
 
 def _fit_alphas(grid: Grid, measure: Measure) -> Grid:
-    def with_alphas(alphas: tuple[float, ...]) -> Grid:
+    assert isinstance(grid, HalfGrid)
+
+    def with_alphas(alphas: Any) -> Grid:
         return replace(grid, alphas=alphas)
 
     return with_alphas(_descend(lambda a: measure(with_alphas(a)), (0.5, 0.0, 0.5), _ALPHAS, 2))
