@@ -6,6 +6,7 @@ from typing import Any, get_args
 import bpy
 
 from ..bake.bake_brdf import TABLE_STORAGES, AlphaChoice, BakeSettings, SplineFit
+from ..bake.grid_search import BASES
 from ..bake.parameterization import Parameterization
 from ..bake.storage import Storage
 from ..bake.table import Filter
@@ -15,9 +16,11 @@ _USUAL = BakeSettings()
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
 _WORDS = {
-    "bezier": ("Bezier", "Samples gathered where the material needs them, the most accurate"),
+    "bezier": ("Bezier", "Gathered at one end of each angle (Mallett & Yuksel 2016)"),
     "uniform": ("Uniform", "Evenly in angle"),
     "identity": ("Cosine", "Evenly in the cosine of the angle"),
+    "squared": ("Squared", "Gathered at the normal or the half vector, as MERL's measurements are"),
+    "normal": ("Normal", "Elevations of light and viewer and the angle between their azimuths"),
     "error": ("Least Error", "By the error measured at directions that are not in the table"),
     "intensity": ("Intensity", "By the largest total intensity of the table (Mallett & Yuksel 2016)"),
     "given": ("Given", "By hand"),
@@ -28,19 +31,31 @@ _WORDS = {
     "trilinear": ("Linear", "Between the nearest samples"),
     "bspline": ("B-Spline", "Smooth cubic spline"),
     "auto": ("Automatic", "Whichever has the smaller measured error"),
-    "fitted": ("Fitted", "Passing as near to the samples as it can without turning negative"),
+    "fitted": ("Fitted", "Where this material needs it, by measured error"),
     "plain": ("Plain", "The samples themselves, which blurs them (Mallett & Yuksel 2016)"),
 }
 
 
-def _enum(name: str, description: str, choices: tuple[str, ...], usual: object) -> Any:
-    items = [(choice, *_WORDS.get(choice, (choice.capitalize(), ""))) for choice in choices]
+# Names that mean another thing in another list.
+_SPLINE_WORDS = {"fitted": ("Fitted", "Passing as near to the samples as it can without turning negative")}
+_BASIS_WORDS = {"half": ("Half Vector", "Angles to the half vector, along which a highlight runs: best for gloss")}
+
+
+def _enum(
+    name: str,
+    description: str,
+    choices: tuple[str, ...],
+    usual: object,
+    words: dict[str, tuple[str, str]] | None = None,
+) -> Any:
+    known = _WORDS | (words or {})
+    items = [(choice, *known.get(choice, (choice.capitalize(), ""))) for choice in choices]
     return bpy.props.EnumProperty(name=name, description=description, items=items, default=str(usual))
 
 
 _RESOLUTION = bpy.props.IntProperty(
     name="Resolution",
-    description="Samples per elevation, N of the N x N x 2N table. Time and memory grow with its cube",
+    description="N of an N x N x 2N table, or of one of as many bytes. Time and memory grow with its cube",
     default=_USUAL.resolution,
     min=4,
     soft_min=16,
@@ -50,9 +65,10 @@ _RESOLUTION = bpy.props.IntProperty(
 _PARAMETERIZATION = _enum(
     "Spacing",
     "How the table's samples are spread over the angles",
-    get_args(Parameterization),
+    ("auto", *get_args(Parameterization)),
     _USUAL.parameterization,
 )
+_BASIS = _enum("Basis", "The angles that the table is stored over", ("auto", *BASES), _USUAL.basis, _BASIS_WORDS)
 _ALPHA = _enum(
     "Alpha", "How the shape of the Bezier spacing is chosen", (*get_args(AlphaChoice), "given"), _USUAL.alpha
 )
@@ -68,7 +84,7 @@ _ALPHA_PHI = bpy.props.FloatProperty(
 )
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
-_SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline)
+_SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _ENVELOPE = bpy.props.BoolProperty(
     name="Native Closures",
     description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
@@ -86,6 +102,7 @@ class BakeProperties:
     """Mixed into a PropertyGroup or an Operator."""
 
     resolution: _RESOLUTION
+    basis: _BASIS
     parameterization: _PARAMETERIZATION
     alpha: _ALPHA
     alpha_theta: _ALPHA_THETA
@@ -102,12 +119,16 @@ class MEASURED_MATERIALS_PG_bake(BakeProperties, bpy.types.PropertyGroup):
 
 
 def settings_of(properties: Any) -> BakeSettings:
-    """The properties as bake settings. Raises BakeError."""
-    given = properties.alpha == "given"
+    """The properties as bake settings; of what is not shown, nothing counts. Raises BakeError."""
+    alpha: Any = "error"
+    if _has_alpha(properties):
+        given = properties.alpha == "given"
+        alpha = (properties.alpha_theta, properties.alpha_phi) if given else properties.alpha
     return BakeSettings(
         resolution=properties.resolution,
+        basis=properties.basis,
         parameterization=properties.parameterization,
-        alpha=(properties.alpha_theta, properties.alpha_phi) if given else properties.alpha,
+        alpha=alpha,
         storage=Storage(properties.storage),
         filter=properties.filter,
         spline=properties.spline,
@@ -115,10 +136,18 @@ def settings_of(properties: Any) -> BakeSettings:
     )
 
 
+def _has_alpha(properties: Any) -> bool:
+    """The shape of a Bezier table in the normal-vector basis can be had in other ways than by error."""
+    return properties.parameterization == "bezier" and properties.basis == "normal"
+
+
 def show_settings(properties: Any, settings: BakeSettings) -> None:
     """Set the properties to what a bake was made with."""
-    for name in ("resolution", "parameterization", "filter", "spline", "envelope"):
+    for name in ("resolution", "filter", "spline", "envelope"):
         setattr(properties, name, getattr(settings, name))
+    # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
+    properties.parameterization = settings.spacing
+    properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
     properties.storage = str(settings.storage)
     if isinstance(settings.alpha, str):
         properties.alpha = settings.alpha
@@ -132,8 +161,9 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     column.prop(properties, "resolution")
+    column.prop(properties, "basis")
     column.prop(properties, "parameterization")
-    if properties.parameterization == "bezier":
+    if _has_alpha(properties):
         column.prop(properties, "alpha")
         if properties.alpha == "given":
             shape = column.column(align=True)

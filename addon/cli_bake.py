@@ -9,6 +9,7 @@ from typing import Any, get_args
 from ..bake.bake_brdf import TABLE_STORAGES, BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
+from ..bake.grid_search import BASES
 from ..bake.parameterization import PARAMETERIZATIONS
 from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
@@ -51,17 +52,31 @@ def add_to(commands: Any) -> None:
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     usual = BakeSettings()
     parser.add_argument(
-        "--resolution", type=int, default=usual.resolution, metavar="N", help="of the N x N x 2N table (%(default)s)"
+        "--resolution",
+        type=int,
+        default=usual.resolution,
+        metavar="N",
+        help="of an N x N x 2N table, or as many bytes (%(default)s)",
     )
     parser.add_argument(
-        "--parameterization", choices=PARAMETERIZATIONS, default=usual.parameterization, help="(%(default)s)"
+        "--basis",
+        choices=("auto", *BASES),
+        default=usual.basis,
+        help="angles of the table: to the normal, to the half vector, or those of less measured error (%(default)s)",
+    )
+    parser.add_argument(
+        "--parameterization",
+        choices=("auto", *PARAMETERIZATIONS),
+        default=usual.parameterization,
+        help="spacing of its samples; auto is that of least measured error (%(default)s)",
     )
     parser.add_argument(
         "--alpha",
         type=_alpha,
         default=usual.alpha,
         metavar="error|intensity|A,B",
-        help="Bezier shape: of least measured error, of largest table intensity, or given for theta, phi (%(default)s)",
+        help="Bezier shape: of least measured error, of largest table intensity, or given for theta, phi; the "
+        "latter two make it a Bezier table in the normal basis (%(default)s)",
     )
     parser.add_argument(
         "--storage",
@@ -115,6 +130,7 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
     try:
         return BakeSettings(
             resolution=options.resolution,
+            basis=options.basis,
             parameterization=options.parameterization,
             alpha=options.alpha,
             storage=Storage(options.storage),

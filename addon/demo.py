@@ -62,7 +62,7 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
     for k, kind in enumerate(TABLES):
         say("baking", k / len(TABLES))
         # Tables are compared here, each shown whole by mirror alone.
-        settings = BakeSettings(parameterization=kind, envelope=False)
+        settings = BakeSettings(parameterization=kind, basis="normal", envelope=False)
         bakes[kind] = bake_file(measurement, out / f"metallic_paint_{kind}.mmat", settings)
     shown = []
     for k, kind in enumerate((*TABLES, "truth")):

@@ -23,17 +23,45 @@ def source_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
 
 
 def table_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
-    """Size, parameterisation and filter of the table."""
+    """Size, basis, parameterisation and filter of the table, and what else could have been chosen."""
     table = require(facts, "table", dict, where)
-    n = require(table, "n", int, where, minimum=1, maximum=1 << 16)
-    kind = require(table, "parameterization", str, where)
+    kind, basis = (require(table, key, str, where) for key in ("parameterization", "basis"))
     words = (require(table, key, str, where) for key in ("filter", "storage"))
-    rows = [("Table", f"{n} x {n} x {2 * n}, {kind}"), ("Texels", ", ".join(words))]
-    if kind == "bezier":
+    rows = [("Table", f"{_table_size(table, where)}, {basis} basis, {kind}"), ("Texels", ", ".join(words))]
+    if kind == "bezier" and basis == "normal":
         theta, phi = (require(table, f"alpha_{g}", float, where) for g in ("theta", "phi"))
         rows.append(("Alpha", f"theta {theta:.4g}, phi {phi:.4g}"))
         rows += _search_rows(facts, where)
-    return rows
+    elif kind == "bezier":
+        alphas = require(table, "alphas", list, where, minimum=3, maximum=3)
+        rows.append(("Alpha", f"theta_d, theta_h, phi_d {_plain(alphas)}"))
+    return rows + _choice_rows(facts, where)
+
+
+def _table_size(table: Mapping[str, Any], where: str | Path) -> str:
+    if require(table, "basis", str, where) == "normal":
+        n = require(table, "n", int, where, minimum=1, maximum=1 << 16)
+        return f"{n} x {n} x {2 * n}"
+    return " x ".join(_plain(n) for n in require(table, "sizes", list, where, minimum=3, maximum=3))
+
+
+def _choice_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
+    """The best of the candidates that were not taken, of each basis and parameterisation."""
+    if not isinstance(facts.get("choice"), dict):
+        return []
+    candidates = require(require(facts, "choice", dict, where), "candidates", list, where, minimum=1, maximum=100)
+    found = [
+        (*(require(candidate, key, str, where) for key in ("basis", "parameterization")), candidate)
+        for candidate in candidates
+    ]
+    least = max(require(found[0][2], "rms", float, where), 1e-30)
+    rivals = dict.fromkeys((basis, kind) for basis, kind, _ in found)
+    rivals.pop(found[0][:2])
+    words = []
+    for name in rivals:
+        rms = min(require(c, "rms", float, where) for *other, c in found if tuple(other) == name)
+        words.append(f"{' '.join(name)} {rms / least:.3g}")
+    return [("Error x", ", ".join(words))] if words else []
 
 
 def _search_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:

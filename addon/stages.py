@@ -19,16 +19,18 @@ def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
 
 def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
     size = (settings.resolution / 64) ** 3
-    searches = settings.parameterization == "bezier" and isinstance(settings.alpha, str)
+    # One descent in the normal-vector basis, two in the half-vector basis.
+    descents = ("normal" in settings.bases) + 2 * ("half" in settings.bases)
+    given = settings.spacing in ("identity", "uniform", "squared") or not isinstance(settings.alpha, str)
     fits = settings.filter == "bspline" and settings.spline != "plain"
     return {
         "reading": 0.5,
-        "choosing alpha": 1 + 2 * size if searches else 0.0,
+        "choosing grid": 0.3 if given else 1.0 * descents,
         "tabulating": 0.5 * size,
         "fitting spline": 2.6 * size if fits else 0.0,
         "sampler": 0.9 + 0.3 * size,
         "measuring": 0.4,
-        "envelope": 4.0 + 1.2 * size if settings.envelope else 0.0,
+        "envelope": 5.0 + 1.2 * size if settings.envelope else 0.0,
         "writing": 0.4 + 0.2 * size,
     }
 

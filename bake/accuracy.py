@@ -10,7 +10,7 @@ import numpy as np
 from . import xp_numpy
 from .directions import normalize, spherical
 from .source import Array, BrdfSource
-from .table import TableGrid, TreatedSource
+from .table import Grid, TreatedSource
 
 # Exponent of the half-vector warp m = u^4: it resolves peaks of 0.02 degrees, see alias_sampler.
 _WARP = 4.0
@@ -90,7 +90,7 @@ def _additive_recurrence(count: int, dimensions: int, offset: float) -> Array:
     return (offset + np.arange(1, count + 1)[:, None] * steps) % 1.0
 
 
-def trilinear_estimate(source: BrdfSource | TreatedSource, grid: TableGrid, pairs: DirectionPairs) -> Array:
+def trilinear_estimate(source: BrdfSource | TreatedSource, grid: Grid, pairs: DirectionPairs) -> Array:
     """What a trilinear table on this grid would return at the pairs, (P, 3), without building the table.
 
     Only the eight samples round each pair are evaluated, so that a search over many grids costs little.

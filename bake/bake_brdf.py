@@ -12,21 +12,29 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from . import VERSION
-from .accuracy import DirectionPairs, direction_pairs, trilinear_estimate
+from .accuracy import DirectionPairs, direction_pairs
 from .albedo import albedo_facts
 from .alias_sampler import SamplerLayout, build_sampler
-from .alpha_search import search_alpha, with_alpha
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
-from .envelope import fit_envelope, fit_preview, pack_weights, reconstruction_errors, residual_table
+from .envelope import (
+    EnvelopeFit,
+    fit_envelope,
+    fit_preview,
+    pack_weights,
+    reconstruction_errors,
+    residual_source,
+    residual_table,
+)
 from .errors import BakeError
+from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid, refit_grid
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
 from .sources import read_source
 from .storage import Storage, quantize, scale_for
-from .table import FILTERS, HORIZON_SHARES, BrdfTable, Filter, TableGrid, TreatedSource, tabulate
+from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
 from .table_facts import MAX_RESOLUTION
 
 AlphaChoice = Literal["error", "intensity"]
@@ -45,25 +53,29 @@ class BakeSettings:
 
     Parameters
     ----------
-    resolution : samples per elevation, N of the N x N x 2N table
-    parameterization : of the table's axes
-    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi)
+    resolution : samples per elevation, N of the N x N x 2N table in the normal-vector basis; one in the half-vector
+        basis has as many bytes
+    parameterization : of the table's axes, or "auto": of least error
+    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
+        are of the normal-vector basis: with them "auto" means a Bezier table in that basis
     storage : of the table's texels
     filter : that the material reconstructs with
     spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
         two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : sizes of the alias tables
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
+    basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     """
 
     resolution: int = 64
-    parameterization: Parameterization = "bezier"
+    parameterization: Parameterization | Literal["auto"] = "auto"
     alpha: AlphaChoice | tuple[float, float] = "error"
     storage: Storage = Storage.HALF
     filter: Filter = "trilinear"
     spline: SplineFit = "auto"
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
+    basis: Basis | Literal["auto"] = "auto"
 
     def __post_init__(self) -> None:
         _check(
@@ -72,7 +84,8 @@ class BakeSettings:
             f"from 4 to {MAX_RESOLUTION}",
             self.resolution,
         )
-        _check_choice("parameterization", self.parameterization, PARAMETERIZATIONS)
+        _check_choice("basis", self.basis, (*BASES, "auto"))
+        _check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
         _check_choice("filter", self.filter, FILTERS)
         _check_choice("spline", self.spline, get_args(SplineFit))
         _check_choice("storage", str(self.storage), TABLE_STORAGES)
@@ -81,6 +94,20 @@ class BakeSettings:
             _check_choice("alpha", self.alpha, get_args(AlphaChoice))
         else:
             _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+        if self.alpha != "error":
+            _check("alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis")
+
+    @property
+    def bases(self) -> tuple[str, ...]:
+        """Those to choose from."""
+        if self.basis == "auto":
+            return BASES if self.alpha == "error" else ("normal",)
+        return (self.basis,)
+
+    @property
+    def spacing(self) -> Parameterization | Literal["auto"]:
+        """The parameterisation, or "auto" where it is to be chosen."""
+        return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
 
 
 def _check(name: str, ok: bool, wanted: str, given: object) -> None:
@@ -144,7 +171,8 @@ def bake_source(
     if not np.isfinite(truth).all() or not truth.any():
         raise BakeError(source.name, "reflects nothing, or holds values that are not finite", "check the file")
 
-    grid, search = _choose_grid(treated, settings, pairs, truth, say)
+    choice = _choose_grid(treated, settings, say)
+    grid = best_horizon(treated, choice.grid, pairs, truth)
     table = tabulate(treated, grid, lambda share: say("tabulating", share))
     stored, scale, spline = _store(table, settings, pairs, truth, say)
     say("sampler", 0.0)
@@ -167,7 +195,8 @@ def bake_source(
             "scale": scale,
             "total_intensity": table.total_intensity,
         },
-        "search": search,
+        "search": choice.search and choice.search.facts(),
+        "choice": choice.facts(),
         "sampler": asdict(settings.sampler),
         "errors": table_errors(stored, settings.filter, pairs, truth),
         "rms_by_filter": _simpler_filters(stored, settings.filter, spline, pairs, truth),
@@ -184,7 +213,7 @@ def bake_source(
     images["preview_weights"] = StoredImage(preview.packed(), Storage.FLOAT32)
     if settings.envelope:
         say("envelope", 0.0)
-        extra, images_of_envelope = _envelope(treated, stored, settings, pairs)
+        extra, images_of_envelope = _envelope(treated, stored, settings, pairs, say)
         facts, images = facts | extra, images | images_of_envelope
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(stored, settings.filter), kind=KIND)
@@ -210,11 +239,14 @@ class TableSource:
 
 
 def _envelope(
-    treated: TreatedSource, table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs
+    treated: TreatedSource, table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, say: Progress
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
-    """Facts and images of the envelope and of the residual, whose table has the grid of the whole one."""
+    """Facts and images of the envelope and of the residual."""
     fit = fit_envelope(treated)
-    residual, scale = _quantized(residual_table(treated, fit, table.grid), settings.storage)
+    say("envelope", 0.4)
+    grid = _residual_grid(treated, fit, table.grid, settings)
+    say("envelope", 0.7)
+    residual, scale = _quantized(residual_table(treated, fit, grid), settings.storage)
     sampler = build_sampler(TableSource(residual, "trilinear"), settings.sampler)
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
     images = {
@@ -222,7 +254,15 @@ def _envelope(
         "residual": StoredImage(pack(residual.values * np.float32(scale)), settings.storage),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
-    return {"envelope": fit.facts(), "residual": {"scale": scale, "errors": errors}}, images
+    facts = {"scale": scale, "grid": grid.facts(), "errors": errors}
+    return {"envelope": fit.facts(), "residual": facts}, images
+
+
+def _residual_grid(treated: TreatedSource, fit: EnvelopeFit, grid: Grid, settings: BakeSettings) -> Grid:
+    """Of the residual's table: what the envelope leaves of a highlight has another width, and no reciprocity."""
+    if settings.bases == ("normal",) and settings.spacing != "auto":
+        return grid
+    return refit_grid(residual_source(treated, fit), grid, settings.resolution)
 
 
 def _sampled(table: BrdfTable, filter: Filter) -> BrdfSource:
@@ -242,26 +282,15 @@ def treated_protocol(treated: TreatedSource) -> BrdfSource:
     return treated  # type: ignore[return-value]
 
 
-def _choose_grid(
-    treated: TreatedSource, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
-) -> tuple[TableGrid, dict[str, Any] | None]:
-    grid = TableGrid(settings.resolution, settings.parameterization)
-    if settings.parameterization != "bezier":
-        return _best_horizon(treated, grid, pairs, truth), None
-    if not isinstance(settings.alpha, str):
-        grid = TableGrid(settings.resolution, "bezier", *map(float, settings.alpha))
-        return _best_horizon(treated, grid, pairs, truth), None
-    # A quarter of the directions ranks the trials as well as all of them; the other set measures the winner.
-    ranking = direction_pairs(_ERROR_PAIRS // 4, offset=0.25)
-    found = search_alpha(treated, grid.n, ranking, progress=lambda share: say("choosing alpha", share))
-    winner = found.by_error if settings.alpha == "error" else found.by_intensity
-    return _best_horizon(treated, with_alpha(grid, winner), pairs, truth), found.facts()
-
-
-def _best_horizon(treated: TreatedSource, grid: TableGrid, pairs: DirectionPairs, truth: Array) -> TableGrid:
-    """The grid whose sample at the horizon is taken where it serves this material better."""
-    grids = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
-    return min(grids, key=lambda g: pairs.rms(trilinear_estimate(treated, g, pairs) - truth))
+def _choose_grid(treated: TreatedSource, settings: BakeSettings, say: Progress) -> GridChoice:
+    return choose_grid(
+        treated,
+        settings.resolution,
+        settings.bases,
+        settings.spacing,
+        settings.alpha,
+        lambda share: say("choosing grid", share),
+    )
 
 
 def _store(
@@ -286,7 +315,8 @@ def _store(
 
 
 def _quantized(table: BrdfTable, storage: Storage) -> tuple[BrdfTable, float]:
-    scale = scale_for(table.values, storage)
+    # What continues a table beyond a pole may exceed every sample.
+    scale = scale_for(pad_slices(table.values), storage)
     stored = quantize(table.values * np.float32(scale), storage) * np.float32(1 / scale)
     return BrdfTable(table.grid, stored), scale
 

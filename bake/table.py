@@ -1,7 +1,8 @@
-"""Tabulated isotropic BRDFs in the normal-vector basis (Mallett & Yuksel 2016), and their evaluation in numpy.
+"""Tabulated isotropic BRDFs (Mallett & Yuksel 2016), and their evaluation in numpy.
 
-Axes are [theta_o, theta_i, phi_delta, rgb] of sizes N, N, 2N. Sample 0 of an elevation lies at the horizon and the
-last at the normal; sample 0 of the azimuth lies at pi and the last at 0.
+In the normal-vector basis, `TableGrid`, axes are [theta_o, theta_i, phi_delta, rgb] of sizes N, N, 2N. Sample 0 of an
+elevation lies at the horizon and the last at the normal; sample 0 of the azimuth lies at pi and the last at 0. The
+half-vector basis is `half_grid.HalfGrid`; a table of either is sampled, continued, packed and filtered alike.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from . import xp_numpy
-from .parameterization import Parameterization, normal_basis_coordinates, phi_nodes, theta_nodes
+from .half_grid import HalfGrid
+from .parameterization import LogWarp, Parameterization, Shape, normal_basis_coordinates, phi_nodes, theta_nodes
 from .source import Array, BrdfSource
 
 Filter = Literal["nearest", "trilinear", "bspline"]
@@ -34,7 +36,7 @@ _CHUNK = 1 << 17
 
 @dataclass(frozen=True)
 class TableGrid:
-    """Where the samples of a table lie.
+    """Where the samples of a table lie, normal-vector basis.
 
     Parameters
     ----------
@@ -42,6 +44,7 @@ class TableGrid:
     parameterization : of every axis
     alpha_theta, alpha_phi : Bezier shape of the elevations and the azimuth, in [0, 1]; unused by the others
     horizon_share : the sample at the horizon is taken at this share of its neighbour's cosine
+    warps : fitted warps of the elevations and the azimuth; unused by the others
     """
 
     n: int
@@ -49,27 +52,35 @@ class TableGrid:
     alpha_theta: float = 0.5
     alpha_phi: float = 0.5
     horizon_share: float = HORIZON_SHARES[0]
+    warps: tuple[LogWarp, LogWarp] = (LogWarp(), LogWarp())
+
+    @property
+    def shapes(self) -> tuple[Shape, Shape]:
+        """Of the elevations and the azimuth."""
+        return self.warps if self.parameterization == "fitted" else (self.alpha_theta, self.alpha_phi)
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """(theta_o, theta_i, phi_delta) sizes."""
         return self.n, self.n, 2 * self.n
 
+    def unit_coordinates(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
+        """Coordinates (u_o, u_i, u_phi) in [0, 1], in numpy or nodes."""
+        return normal_basis_coordinates(xp, wi, wo, self.parameterization, *self.shapes)
+
     def coordinates(self, wi: Array, wo: Array) -> tuple[Array, Array, Array]:
         """Fractional sample indices (theta_o, theta_i, phi_delta) of direction pairs."""
-        u_o, u_i, u_phi = normal_basis_coordinates(
-            xp_numpy, wi, wo, self.parameterization, self.alpha_theta, self.alpha_phi
-        )
+        u_o, u_i, u_phi = self.unit_coordinates(xp_numpy, wi, wo)
         n = self.n
         return u_o * (n - 1), u_i * (n - 1), u_phi * (2 * n - 1)
 
     def directions(self, i_o: Array, i_i: Array, i_phi: Array) -> tuple[Array, Array]:
         """(wi, wo), each (..., 3), at integer sample indices that broadcast; wo lies in the x-z plane."""
         i_o, i_i, i_phi = np.broadcast_arrays(i_o, i_i, i_phi)
-        v = theta_nodes(self.parameterization, self.n, self.alpha_theta)
+        v = theta_nodes(self.parameterization, self.n, self.shapes[0])
         v = np.clip(v, _POLE_CHORD, np.sqrt(1 - self.horizon_share * (1 - v[1] ** 2)))
         cosine, sine = (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
-        cos_phi, sin_phi = phi_nodes(self.parameterization, 2 * self.n, self.alpha_phi)
+        cos_phi, sin_phi = phi_nodes(self.parameterization, 2 * self.n, self.shapes[1])
         wi = np.stack([sine[i_i] * cos_phi[i_phi], sine[i_i] * sin_phi[i_phi], cosine[i_i]], -1)
         wo = np.stack([sine[i_o], np.zeros_like(sine[i_o]), cosine[i_o]], -1)
         return wi, wo
@@ -83,14 +94,18 @@ class TableGrid:
             "alpha_theta": self.alpha_theta,
             "alpha_phi": self.alpha_phi,
             "horizon_share": self.horizon_share,
+            **({"warps": [[w.near, w.far] for w in self.warps]} if self.parameterization == "fitted" else {}),
         }
 
     def phi_weights(self) -> Array:
         """Weights (2N,) of the mean over the azimuth by the trapezoid rule, for nodes that crowd where it matters."""
-        cosine, sine = phi_nodes(self.parameterization, 2 * self.n, self.alpha_phi)
+        cosine, sine = phi_nodes(self.parameterization, 2 * self.n, self.shapes[1])
         phi = np.arctan2(sine, cosine)
         step = -np.diff(phi) / np.pi
         return 0.5 * (np.append(step, 0) + np.insert(step, 0, 0))
+
+
+Grid = TableGrid | HalfGrid
 
 
 class TreatedSource:
@@ -129,7 +144,7 @@ class TreatedSource:
 class BrdfTable:
     """Sampled values (or B-spline coefficients), float32, of shape grid.shape + (3,)."""
 
-    grid: TableGrid
+    grid: Grid
     values: Array
 
     @cached_property
@@ -156,19 +171,19 @@ class BrdfTable:
 
 
 def tabulate(
-    source: BrdfSource | TreatedSource, grid: TableGrid, progress: Callable[[float], None] | None = None
+    source: BrdfSource | TreatedSource, grid: Grid, progress: Callable[[float], None] | None = None
 ) -> BrdfTable:
     """Sample a source on a grid; `progress` is called with the share done."""
-    n_o, n_i, n_phi = grid.shape
+    n_slices, n_rows, n_phi = grid.shape
     values = np.empty((*grid.shape, 3), np.float32)
-    i_i, i_phi = np.meshgrid(np.arange(n_i), np.arange(n_phi), indexing="ij")
+    i_i, i_phi = np.meshgrid(np.arange(n_rows), np.arange(n_phi), indexing="ij")
     step = max(1, _CHUNK // i_i.size)
-    for start in range(0, n_o, step):
-        i_o = np.arange(start, min(start + step, n_o))
+    for start in range(0, n_slices, step):
+        i_o = np.arange(start, min(start + step, n_slices))
         wi, wo = grid.directions(i_o[:, None, None], i_i, i_phi)
         values[i_o] = source.evaluate(wi, wo)
         if progress:
-            progress((start + len(i_o)) / n_o)
+            progress((start + len(i_o)) / n_slices)
     # Real measurements disagree with themselves at the pole (twofold in some RGL files); a table must not.
     weights = grid.phi_weights()
     values[:, -1] = np.einsum("opc,p->oc", values[:, -1], weights)[:, None]
@@ -177,11 +192,11 @@ def tabulate(
 
 
 def pad_slices(values: Array) -> Array:
-    """Continue a table beyond its ends: (N, N, 2N, 3) -> (N + 1, N + 2 G, 2N + 2 G, 3) with G = GUTTER.
+    """Continue a table beyond its ends: (S, R, C, 3) -> (S + 1, R + 2 G, C + 2 G, 3) with G = GUTTER.
 
-    The azimuth is mirrored at 0 and pi, so that the derivative vanishes there and no crease runs through the
-    highlight. Beyond the normal comes `beyond_pole`. Beyond the horizon there is nothing: the last sample is held.
-    theta_o gets the one slice a cubic filter needs.
+    The azimuth is mirrored at both ends, so that the derivative vanishes there and no crease runs through the
+    highlight. Beyond angle 0, a pole, comes `beyond_pole`. Beyond the horizon there is nothing: the last sample is
+    held. The slices get the one that a cubic filter needs.
     """
     values = np.concatenate([values, beyond_pole(values[-2:-1])], 0)
     ends = np.repeat(values[:, :1], GUTTER, 1), np.repeat(beyond_pole(values[:, -2:-1]), GUTTER, 1)
@@ -190,7 +205,7 @@ def pad_slices(values: Array) -> Array:
 
 
 def beyond_pole(row: Array) -> Array:
-    """The samples (..., 2N, 3) that a cubic filter finds beyond the normal, from the last ones before it.
+    """The samples (..., C, 3) that a cubic filter finds beyond the normal, from the last ones before it.
 
     Going on down the other side, at pi - phi_delta, would be smoothest along each line, but leaves the normal itself
     a different value from every azimuth: a star in the picture. With 2 mean - row all azimuths meet in one value,

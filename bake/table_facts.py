@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from .alias_sampler import AliasSampler, SamplerLayout
@@ -9,23 +11,60 @@ from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
 from .envelope import EnvelopeFit, PreviewFit, fit_from_image, preview_from_image
 from .errors import BakeError
-from .parameterization import PARAMETERIZATIONS
-from .table import BrdfTable, TableGrid
+from .half_grid import HalfGrid
+from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
+from .table import BrdfTable, Grid, TableGrid
 
 MAX_RESOLUTION = 256
+# Along one axis of a table in the half-vector basis, which has four times as many elevations of h.
+_MAX_SAMPLES = 4 * MAX_RESOLUTION
 
 
-def grid_of(bundle: Bundle) -> TableGrid:
+def grid_of(bundle: Bundle) -> Grid:
     """The table's grid. Raises BakeError where it is not described, or the image has another size."""
     where = bundle.path / "material.json"
-    table = require(bundle.material, "table", dict, where)
-    require(table, "basis", str, where, choices=("normal",))
-    n = require(table, "n", int, where, minimum=4, maximum=MAX_RESOLUTION)
-    kind: Any = require(table, "parameterization", str, where, choices=PARAMETERIZATIONS)
-    shape = [float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi")]
-    shape.append(float(require(table, "horizon_share", float, where, minimum=0, maximum=1)))
-    _check_size(bundle, "table", AtlasLayout(n).size)
-    return TableGrid(n, kind, *shape)
+    grid = _grid(require(bundle.material, "table", dict, where), where)
+    _check_size(bundle, "table", AtlasLayout(grid.shape).size)
+    return grid
+
+
+def residual_grid_of(bundle: Bundle) -> Grid:
+    """The grid of the residual's table. Raises BakeError where it is not described, or the image has another size."""
+    where = bundle.path / "material.json"
+    residual = require(bundle.material, "residual", dict, where)
+    # Older bundles have the table's.
+    grid = _grid(require(residual, "grid", dict, where), where) if "grid" in residual else grid_of(bundle)
+    _check_size(bundle, "residual", AtlasLayout(grid.shape).size)
+    return grid
+
+
+def _grid(facts: dict[str, Any], where: Path) -> Grid:
+    basis = require(facts, "basis", str, where, choices=("normal", "half"))
+    kind: Any = require(facts, "parameterization", str, where, choices=PARAMETERIZATIONS)
+    horizon = float(require(facts, "horizon_share", float, where, minimum=0, maximum=1))
+    warps: Any = _warps(facts, 2 if basis == "normal" else 3, where) if kind == "fitted" else None
+    if basis == "normal":
+        n = require(facts, "n", int, where, minimum=4, maximum=MAX_RESOLUTION)
+        theta, phi = (float(require(facts, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
+        grid = TableGrid(n, kind, theta, phi, horizon)
+        return replace(grid, warps=warps) if warps else grid
+    sizes: Any = tuple(_numbers(facts, "sizes", 3, int, 4, _MAX_SAMPLES, where))
+    half = HalfGrid(sizes, kind, reciprocal=require(facts, "reciprocal", bool, where), horizon_share=horizon)
+    if kind == "bezier":
+        alphas: Any = tuple(_numbers(facts, "alphas", 3, float, 0, 1, where))
+        half = replace(half, alphas=alphas)
+    return replace(half, warps=warps) if warps else half
+
+
+def _warps(facts: dict[str, Any], count: int, where: Path) -> tuple[LogWarp, ...]:
+    rows = require(facts, "warps", list, where, minimum=count, maximum=count)
+    ends = [_numbers({"warps": row}, "warps", 2, float, NARROWEST_END, WIDEST_END, where) for row in rows]
+    return tuple(LogWarp(near, far) for near, far in ends)
+
+
+def _numbers(facts: dict[str, Any], key: str, count: int, kind: Any, low: float, high: float, where: Path) -> list[Any]:
+    values = require(facts, key, list, where, minimum=count, maximum=count)
+    return [kind(require({key: value}, key, kind, where, minimum=low, maximum=high)) for value in values]
 
 
 def scale_of(bundle: Bundle) -> float:
@@ -38,13 +77,18 @@ def scale_of(bundle: Bundle) -> float:
 def table_of(bundle: Bundle) -> BrdfTable:
     """The stored values, unscaled."""
     grid = grid_of(bundle)
-    return BrdfTable(grid, unpack(bundle.load("table"), grid.n) / scale_of(bundle))
+    return BrdfTable(grid, unpack(bundle.load("table"), grid.shape) / scale_of(bundle))
+
+
+def residual_table_of(bundle: Bundle) -> BrdfTable:
+    """The stored values of the residual, unscaled."""
+    grid = residual_grid_of(bundle)
+    return BrdfTable(grid, unpack(bundle.load("residual"), grid.shape) / residual_scale_of(bundle))
 
 
 def residual_scale_of(bundle: Bundle) -> float:
-    """What stored values of the residual were multiplied by. Raises BakeError where its image has another size."""
+    """What stored values of the residual were multiplied by."""
     where = bundle.path / "material.json"
-    _check_size(bundle, "residual", AtlasLayout(grid_of(bundle).n).size)
     residual = require(bundle.material, "residual", dict, where)
     return float(require(residual, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
 

@@ -179,6 +179,11 @@ def exp(x: Value) -> Any:
     return math_node("EXPONENT", x)
 
 
+def log(x: Value) -> Any:
+    """Natural logarithm of x > 0."""
+    return math_node("LOGARITHM", x, float(np.e))
+
+
 def arcsin(x: Value) -> Any:
     """Arcsine, its argument clamped to [-1, 1]."""
     return math_node("ARCSINE", x)

@@ -19,6 +19,7 @@ from ..bake.table_facts import (
     envelope_of,
     grid_of,
     preview_of,
+    residual_grid_of,
     residual_scale_of,
     sampler_layout_of,
     sampler_of,
@@ -59,7 +60,7 @@ def build_material(
     ----------
     material : to rebuild in place, so that objects keep it; a new one by default
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
-    stochastic : choose among theta_o slices at random instead of blending them (unbiased, fewer taps)
+    stochastic : choose among slices at random instead of blending them (unbiased, fewer taps)
     pack : store the textures inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
     mode : of `bake.modes.MODES`; by default `usual_mode`
@@ -154,7 +155,8 @@ def table_groups(
     # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
     bundle.load(part)
     sampler_of(bundle, sampler_image)
-    grid, layout = grid_of(bundle), sampler_layout_of(bundle, sampler_image)
+    grid = grid_of(bundle) if whole else residual_grid_of(bundle)
+    layout = sampler_layout_of(bundle, sampler_image)
     scale = 1 / (scale_of(bundle) if whole else residual_scale_of(bundle))
     table = require(bundle.material, "table", dict, where)
     if filter is None:

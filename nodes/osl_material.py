@@ -16,14 +16,17 @@ import bpy
 from ..bake.atlas import AtlasLayout
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
+from ..bake.half_grid import HalfGrid
 from ..bake.light_sampling import TEXELS
 from ..bake.modes import MODES
+from ..bake.parameterization import LogWarp
 from ..bake.shading.lobes import Lobe
-from ..bake.table import FILTERS
+from ..bake.table import FILTERS, Grid
 from ..bake.table_facts import (
     envelope_of,
     grid_of,
     preview_of,
+    residual_grid_of,
     residual_scale_of,
     sampler_of,
     scale_of,
@@ -57,7 +60,7 @@ def build_osl_material(
     mode : of `bake.modes.MODES`; by default `nodes.material.usual_mode`
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
-    stochastic : choose among theta_o slices at random instead of blending them
+    stochastic : choose among slices at random instead of blending them
 
     Raises
     ------
@@ -104,8 +107,7 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
     """Those of `measured_lookup.osl`, for the "table" or the "residual". Raises BakeError."""
     where = bundle.path / "material.json"
     bundle.load(part)
-    grid = grid_of(bundle)
-    layout = AtlasLayout(grid.n)
+    grid = grid_of(bundle) if part == "table" else residual_grid_of(bundle)
     if filter is None:
         filter = cast(str, require(require(bundle.material, "table", dict, where), "filter", str, where))
     if filter not in FILTERS:
@@ -113,15 +115,30 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
     return {
         "Table": _file(bundle, part),
         "Scale": 1 / (scale_of(bundle) if part == "table" else residual_scale_of(bundle)),
-        "Samples": grid.n,
-        "Columns": layout.columns,
-        "Rows": layout.rows,
-        "Parameterization": grid.parameterization,
-        "AlphaTheta": grid.alpha_theta,
-        "AlphaPhi": grid.alpha_phi,
+        **grid_constants(grid),
         "Filter": filter,
         "Stochastic": int(stochastic),
     }
+
+
+def grid_constants(grid: Grid) -> dict[str, Any]:
+    """Those that say where the samples of a table lie."""
+    layout = AtlasLayout(grid.shape)
+    constants: dict[str, Any] = {
+        "Basis": str(grid.facts()["basis"]),
+        "Slices": grid.shape[0],
+        "SliceRows": grid.shape[1],
+        "SliceColumns": grid.shape[2],
+        "Columns": layout.columns,
+        "Rows": layout.rows,
+        "Parameterization": grid.parameterization,
+        "Reciprocal": int(isinstance(grid, HalfGrid) and grid.reciprocal),
+    }
+    # In the normal-vector basis both elevations share a shape.
+    shapes = grid.shapes if isinstance(grid, HalfGrid) else (grid.shapes[0], *grid.shapes)
+    for name, shape in zip(("ShapeSlice", "ShapeRow", "ShapePhi"), shapes, strict=True):
+        constants[name] = shape.constants if isinstance(shape, LogWarp) else (float(shape), 0.0, 0.0)
+    return constants
 
 
 def sampler_constants(bundle: Bundle, part: str) -> dict[str, Any]:

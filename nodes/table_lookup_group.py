@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 
 from ..bake.atlas import AtlasLayout, atlas_uv
-from ..bake.parameterization import normal_basis_coordinates
-from ..bake.table import TableGrid, bspline_weights
+from ..bake.table import Grid, bspline_weights
 from . import expr
 from .group import call, node_group
 
@@ -16,23 +15,21 @@ from .group import call, node_group
 _INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
 
 
-def coordinates_group(parameterization: str) -> bpy.types.ShaderNodeTree:
-    """(wi, wo, alphas) to table coordinates (u_o, u_i, u_phi); shared by all materials."""
+def coordinates_group(grid: Grid) -> bpy.types.ShaderNodeTree:
+    """(wi, wo) to coordinates in [0, 1] of the slices, rows and columns of a table on this grid."""
+    basis = str(grid.facts()["basis"])
     return node_group(
-        f"MM Coordinates {parameterization.title()}",
-        {"wi": "vector", "wo": "vector", "Alpha Theta": "float", "Alpha Phi": "float"},
-        {"u_o": "float", "u_i": "float", "u_phi": "float"},
-        lambda wi, wo, alpha_theta, alpha_phi: normal_basis_coordinates(
-            expr, wi, wo, parameterization, alpha_theta, alpha_phi
-        ),
-        {"Alpha Theta": 0.5, "Alpha Phi": 0.5},
+        f"MM Coordinates {basis.title()} {grid.parameterization.title()}",
+        {"wi": "vector", "wo": "vector"},
+        {"u_slice": "float", "u_row": "float", "u_phi": "float"},
+        lambda wi, wo: grid.unit_coordinates(expr, wi, wo),
     )
 
 
 def table_lookup_group(
     name: str,
     image: bpy.types.Image,
-    grid: TableGrid,
+    grid: Grid,
     filter: str,
     scale: float = 1.0,
     stochastic: bool = False,
@@ -47,16 +44,16 @@ def table_lookup_group(
     stochastic : choose one slice with the filter's weights by the random number instead of blending all. Unbiased
         where the value enters the picture linearly, as in Reference mode, and one tap instead of two or four.
     """
-    layout = AtlasLayout(grid.n)
+    layout = AtlasLayout(grid.shape)
 
     def lookup(wi: Any, wo: Any, random: Any) -> Any:
-        u_o, u_i, u_phi = call(coordinates_group(grid.parameterization), wi, wo, grid.alpha_theta, grid.alpha_phi)
+        u_slice, u_row, u_phi = call(coordinates_group(grid), wi, wo)
 
         def tap(index: Any) -> Any:
-            uv = atlas_uv(expr, layout, index, u_i, u_phi)
+            uv = atlas_uv(expr, layout, index, u_row, u_phi)
             return expr.image_tap(image, *uv, _INTERPOLATION[filter])[0]
 
-        position = u_o * (grid.n - 1)
+        position = u_slice * (grid.shape[0] - 1)
         value = _across_slices(tap, position, layout.slices - 1, filter, random if stochastic else None)
         return value if scale == 1.0 else expr.scale(value, scale)
 
@@ -66,7 +63,7 @@ def table_lookup_group(
 
 
 def _across_slices(tap: Any, position: Any, last: int, filter: str, random: Any) -> Any:
-    """Reconstruct along theta_o: blend the filter's slices, or choose one of them by `random`."""
+    """Reconstruct across the slices: blend the filter's slices, or choose one of them by `random`."""
     if filter == "nearest":
         return tap(expr.floor(position + 0.5))
     base = expr.floor(position)

@@ -20,7 +20,13 @@ from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
 
-QUICK: dict[str, Any] = {"resolution": 8, "alpha": "given", "envelope": False}
+QUICK: dict[str, Any] = {
+    "resolution": 8,
+    "basis": "normal",
+    "parameterization": "bezier",
+    "alpha": "given",
+    "envelope": False,
+}
 
 
 @pytest.fixture(scope="module")
@@ -97,9 +103,14 @@ def test_settings_survive_the_properties() -> None:
     try:
         properties = material.measured_materials
         assert settings_of(properties) == BakeSettings()
-        other = BakeSettings(9, "uniform", (0.25, 0.75), Storage.RGBE, "bspline", "plain")
-        show_settings(properties, other)
-        assert settings_of(properties) == other
+        others = (
+            BakeSettings(9, "bezier", (0.25, 0.75), Storage.RGBE, "bspline", "plain", basis="normal"),
+            BakeSettings(9, "squared", basis="half"),
+            BakeSettings(9, "fitted"),
+        )
+        for other in others:
+            show_settings(properties, other)
+            assert settings_of(properties) == other
     finally:
         bpy.data.materials.remove(material)
 
@@ -261,7 +272,7 @@ class Stage:
 
 def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
     texts = Stage(lacquer).drawn(panel._Panel)
-    for text in ("lacquer", "MERL", "RMS error", "8 x 8 x 16, bezier", "hand", "In files", "In memory"):
+    for text in ("lacquer", "MERL", "RMS error", "8 x 8 x 16, normal basis, bezier", "hand", "In files", "In memory"):
         assert text in texts
     stage = Stage(lacquer)
     stage.engine = "BLENDER_WORKBENCH"

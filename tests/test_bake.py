@@ -76,7 +76,7 @@ def test_lambert_bakes_to_its_albedo(tmp_path: Path) -> None:
 def test_search_is_reported(tmp_path: Path) -> None:
     """Both metrics' choices and which wins are in the bundle; the table uses the one that was asked for."""
     for metric in ("error", "intensity"):
-        settings = BakeSettings(resolution=16, alpha=metric, envelope=False)
+        settings = BakeSettings(resolution=16, basis="normal", parameterization="bezier", alpha=metric, envelope=False)
         facts = bake_source(analytic.Ggx(alpha=0.15), tmp_path / metric, settings).facts
         chosen = facts["search"][f"by_{metric}"]
         assert facts["table"]["alpha_theta"] == chosen["alpha_theta"]
@@ -126,6 +126,8 @@ def test_anisotropic_sources_are_refused_in_one_line(tmp_path: Path) -> None:
         {"resolution": 3},
         {"resolution": 1000},
         {"parameterization": "cubic"},
+        {"basis": "spherical"},
+        {"basis": "half", "alpha": (0.5, 0.5)},
         {"alpha": (0.5, 1.5)},
         {"alpha": "best"},
         {"filter": "lanczos"},

@@ -35,7 +35,8 @@ def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bundle(measurement: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bundle")
-    assert main(["bake", "brdf", str(measurement), "--out", str(folder), "--resolution", "8"]) == 0
+    paper = ["--basis", "normal", "--parameterization", "bezier"]
+    assert main(["bake", "brdf", str(measurement), "--out", str(folder), "--resolution", "8", *paper]) == 0
     return folder / "lacquer.mmat"
 
 
@@ -206,7 +207,15 @@ def test_out_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
 def test_inspect_bundle(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inspect", str(bundle)]) == 0
     text = capsys.readouterr().out
-    for word in ("lacquer", "MERL", "8 x 8 x 16, bezier", "least error", "Intensity", "RMS error", "while rendering"):
+    for word in (
+        "lacquer",
+        "MERL",
+        "8 x 8 x 16, normal basis, bezier",
+        "least error",
+        "Intensity",
+        "RMS error",
+        "while rendering",
+    ):
         assert word in text
     assert main(["inspect", str(bundle / "material.json"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -214,6 +223,21 @@ def test_inspect_bundle(bundle: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert table["file_bytes"] == (bundle / "table.exr").stat().st_size
     assert table["render_bytes"] == table["width"] * table["height"] * 8  # half RGB, padded to RGBA
     assert found["search"]["by_error"]["rms"] <= found["search"]["by_intensity"]["rms"]
+
+
+def test_inspect_tells_what_else_could_have_been_chosen(
+    measurement: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By default a glossy material goes into the half-vector basis, and the rivals' errors stand beside it."""
+    out = ["--out", str(tmp_path), "--resolution", "12", "--no-envelope"]
+    assert main(["bake", "brdf", str(measurement), *out]) == 0
+    capsys.readouterr()
+    assert main(["inspect", str(tmp_path / "lacquer.mmat")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("Table ") and "half basis, fitted" in line for line in lines)
+    (rivals,) = [line for line in lines if line.startswith("Error x")]
+    assert all(name in rivals for name in ("normal fitted", "normal uniform", "half squared", "half uniform"))
+    assert main(["bake", "brdf", str(measurement), *out, "--basis", "half", "--alpha", "0.5,0.5"]) == 2
 
 
 def test_inspect_measurement(measurement: Path, capsys: pytest.CaptureFixture[str]) -> None:

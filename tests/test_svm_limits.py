@@ -65,6 +65,14 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     return bundle
 
 
+@pytest.fixture(scope="module")
+def half_paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """The same over the half vector, whose coordinates take more nodes."""
+    sampler = SamplerLayout(n_o=8, n_h=8, n_phi=8)
+    settings = BakeSettings(8, "fitted", filter="bspline", spline="plain", sampler=sampler, basis="half")
+    return read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "half paint", settings).path)
+
+
 def brdf_material(bundle: Bundle, name: str) -> bpy.types.Material:
     """Blended, not one slice at random; and with the denoiser's passes."""
     mode, filter = BRDFS[name]
@@ -139,6 +147,12 @@ def test_measured_brdfs_leave_room(paint: Bundle, name: str) -> None:
     material = brdf_material(paint, name)
     assert fits_with(material, ROOM)
     assert closures_in(material) <= CLOSURES // 4  # a material may be mixed with three others
+
+
+@pytest.mark.parametrize("name", BRDFS)
+def test_half_vector_brdfs_leave_room(half_paint: Bundle, name: str) -> None:
+    material = brdf_material(half_paint, name)
+    assert fits_with(material, ROOM)
 
 
 @pytest.mark.parametrize("name", MAPS)

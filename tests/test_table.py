@@ -10,6 +10,7 @@ from measured_materials.bake.alpha_search import estimate_intensity, search_alph
 from measured_materials.bake.atlas import AtlasLayout, atlas_uv, pack, unpack
 from measured_materials.bake.bspline_fit import fit_coefficients, sample_spline
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.grid_search import half_sizes
 from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import (
@@ -96,9 +97,9 @@ def test_atlas_round_trip_and_place(n: int) -> None:
     """Packing loses nothing, stays within texture limits, and atlas_uv points at the right texel's centre."""
     values = np.random.default_rng(n).random((n, n, 2 * n, 3)).astype(np.float32)
     pixels = pack(values)
-    layout = AtlasLayout(n)
+    layout = AtlasLayout((n, n, 2 * n))
     assert pixels.shape == (layout.size[1], layout.size[0], 3) and max(layout.size) <= 16384
-    assert (unpack(pixels, n) == values).all()
+    assert (unpack(pixels, (n, n, 2 * n)) == values).all()
     i_o, i_i, i_phi = (np.arange(n), (np.arange(n) * 7) % n, (np.arange(n) * 5) % (2 * n))
     u, v = atlas_uv(xp_numpy, layout, i_o.astype(float), i_i / (n - 1), i_phi / (2 * n - 1))
     x, y = u * layout.size[0], (1 - v) * layout.size[1]
@@ -108,7 +109,9 @@ def test_atlas_round_trip_and_place(n: int) -> None:
 
 def test_largest_table_fits_a_texture() -> None:
     """256 x 256 x 512 is the reference size of MY16's figures."""
-    assert max(AtlasLayout(256).size) <= 16384
+    assert max(AtlasLayout((256, 256, 512)).size) <= 16384
+    for reciprocal in (True, False):
+        assert all(max(AtlasLayout(sizes).size) <= 16384 for sizes in half_sizes(256, reciprocal))
 
 
 def test_poles_do_not_depend_on_the_azimuth() -> None:

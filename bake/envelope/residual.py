@@ -13,7 +13,7 @@ import numpy as np
 
 from ..accuracy import DirectionPairs
 from ..source import Array, BrdfSource
-from ..table import BrdfTable, Filter, TableGrid, TreatedSource, tabulate
+from ..table import BrdfTable, Filter, Grid, TreatedSource, tabulate
 from .fit import EnvelopeFit
 
 
@@ -42,7 +42,7 @@ def residual_source(source: BrdfSource | TreatedSource, fit: EnvelopeFit) -> Brd
 def residual_table(
     source: BrdfSource | TreatedSource,
     fit: EnvelopeFit,
-    grid: TableGrid,
+    grid: Grid,
     progress: Callable[[float], None] | None = None,
 ) -> BrdfTable:
     """The residual on a grid; `progress` is called with the share done."""

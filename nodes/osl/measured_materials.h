@@ -14,18 +14,28 @@
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py
 #define MM_LEAST_WEIGHT 2e-5 // nodes/stochastic_mirror_group.py
 
-// A tabulated BRDF: the atlas of bake/atlas.py, what its values are multiplied by, and where the samples lie.
+// A tabulated BRDF: the atlas of bake/atlas.py, and what its values are multiplied by.
 struct MMTable {
   string image;
   float scale;
-  int samples;
+  int slices;
+  int slice_rows;
+  int slice_columns;
   int columns;
   int rows;
-  string parameterization;
-  float alpha_theta;
-  float alpha_phi;
   string filter;
   int stochastic;
+};
+
+// Where its samples lie: bake/table.py: TableGrid, or bake/half_grid.py. A shape is Bezier's alpha in [0], or the
+// constants of a LogWarp.
+struct MMGrid {
+  string basis;
+  string parameterization;
+  vector shape_slice;
+  vector shape_row;
+  vector shape_phi;
+  int reciprocal;
 };
 
 // Alias tables of bake/alias_sampler.py.
@@ -69,39 +79,69 @@ color mm_tap(string image, float s, float t, string interpolation, output float 
 }
 
 // bake/parameterization.py: forward
-float mm_forward(string parameterization, float v, float alpha)
+float mm_forward(string parameterization, float v, vector shape)
 {
   float t = 1 - v;
+  if (parameterization == "fitted")
+    return 1 - log(1 + v * shape[0] / (shape[1] - v)) * shape[2];
   if (parameterization == "identity")
     return t * (1 + v);
   if (parameterization == "uniform")
     return 1 - (4 / M_PI) * mm_arcsin(v * M_SQRT1_2);
-  return t * (2 * alpha + (1 - 2 * alpha) * t);
+  if (parameterization == "squared")
+    return 1 - sqrt((4 / M_PI) * mm_arcsin(v * M_SQRT1_2));
+  return t * (2 * shape[0] + (1 - 2 * shape[0]) * t);
 }
 
 // bake/parameterization.py: normal_basis_coordinates, (u_o, u_i, u_phi)
-vector mm_coordinates(vector wi, vector wo, string parameterization, float alpha_theta, float alpha_phi)
+vector mm_normal_coordinates(MMGrid grid, vector wi, vector wo)
 {
   vector n = vector(0, 0, 1);
-  float u_o = mm_forward(parameterization, mm_chord(wo, n), alpha_theta);
-  float u_i = mm_forward(parameterization, mm_chord(wi, n), alpha_theta);
+  float u_o = mm_forward(grid.parameterization, mm_chord(wo, n), grid.shape_slice);
+  float u_i = mm_forward(grid.parameterization, mm_chord(wi, n), grid.shape_row);
   vector ti = normalize(vector(wi[0], wi[1], 0));
   vector to = normalize(vector(wo[0], wo[1], 0));
   float near = length(ti - to);
   float far = length(ti + to);
-  float s = mm_forward(parameterization, min(min(near, far) * M_SQRT1_2, 1.0), alpha_phi);
+  float s = mm_forward(grid.parameterization, min(min(near, far) * M_SQRT1_2, 1.0), grid.shape_phi);
   return vector(u_o, u_i, near > far ? 0.5 - 0.5 * s : 0.5 + 0.5 * s);
 }
 
-// bake/atlas.py: atlas_uv, and the texture there
-color mm_slice(MMTable table, float index, float u_i, float u_phi)
+// bake/parameterization.py: half_basis_coordinates, (u_d, u_h, u_phi)
+vector mm_half_coordinates(MMGrid grid, vector wi, vector wo)
 {
-  int width = 2 * table.samples + 2 * MM_GUTTER;
-  int height = table.samples + 2 * MM_GUTTER;
+  string others = grid.parameterization == "squared" ? "uniform" : grid.parameterization;
+  vector total = wi + wo;
+  vector apart = wi - wo;
+  vector h = normalize(total);
+  vector phi = normalize(
+      vector(abs(length(total) * apart[2]), abs(total[0] * apart[1] - total[1] * apart[0]), 0));
+  float up = max(total[2], 0.0);
+  float aside = length(vector(total[0], total[1], 0)) * phi[0];
+  float radius = sqrt(up * up + aside * aside);
+  float v_d = min(length(wi - h) * M_SQRT1_2 / (up / sqrt(radius * (radius + aside))), 1.0);
+  float u_d = mm_forward(others, v_d, grid.shape_slice);
+  float u_h = mm_forward(grid.parameterization, mm_chord(h, vector(0, 0, 1)), grid.shape_row);
+  float u_phi = mm_forward(others, mm_chord(phi, vector(1, 0, 0)), grid.shape_phi);
+  if (!grid.reciprocal)
+    u_phi = apart[2] > 0 ? 0.5 - 0.5 * u_phi : 0.5 + 0.5 * u_phi;
+  return vector(u_d, u_h, u_phi);
+}
+
+vector mm_coordinates(MMGrid grid, vector wi, vector wo)
+{
+  return grid.basis == "half" ? mm_half_coordinates(grid, wi, wo) : mm_normal_coordinates(grid, wi, wo);
+}
+
+// bake/atlas.py: atlas_uv, and the texture there
+color mm_slice(MMTable table, float index, float u_row, float u_phi)
+{
+  int width = table.slice_columns + 2 * MM_GUTTER;
+  int height = table.slice_rows + 2 * MM_GUTTER;
   float row = floor((index + 0.5) / table.columns);
   float column = index - row * table.columns;
-  float x = column * width + u_phi * (2 * table.samples - 1) + (MM_GUTTER + 0.5);
-  float y = row * height + u_i * (table.samples - 1) + (MM_GUTTER + 0.5);
+  float x = column * width + u_phi * (table.slice_columns - 1) + (MM_GUTTER + 0.5);
+  float y = row * height + u_row * (table.slice_rows - 1) + (MM_GUTTER + 0.5);
   string interpolation = "linear";
   if (table.filter == "nearest")
     interpolation = "closest";
@@ -125,7 +165,7 @@ color mm_bspline_slices(MMTable table, float base, float t, vector u, float rand
 {
   float weights[4];
   mm_bspline_weights(t, weights);
-  float last = table.samples; // one slice lies beyond the normal
+  float last = table.slices; // one slice lies beyond the pole
   color value = 0;
   if (table.stochastic) {
     float below = weights[0];
@@ -144,10 +184,10 @@ color mm_bspline_slices(MMTable table, float base, float t, vector u, float rand
 }
 
 // nodes/table_lookup_group.py: the BRDF in 1/sr without the cosine
-color mm_lookup(MMTable table, vector wi, vector wo, float random)
+color mm_lookup(MMTable table, MMGrid grid, vector wi, vector wo, float random)
 {
-  vector u = mm_coordinates(wi, wo, table.parameterization, table.alpha_theta, table.alpha_phi);
-  float position = u[0] * (table.samples - 1);
+  vector u = mm_coordinates(grid, wi, wo);
+  float position = u[0] * (table.slices - 1);
   color value = 0;
   if (table.filter == "nearest")
     value = mm_slice(table, floor(position + 0.5), u[1], u[2]);

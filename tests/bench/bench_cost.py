@@ -26,7 +26,7 @@ def run(out: Path, quick: bool) -> None:
     lines: dict[str, list[tuple[float, float]]] = {}
     print(f"{'table':24s} {'size':>15s} {'memory MB':>10s} {'RMS 1/sr':>9s} {'energy off':>10s} {'bake s':>7s}")
     for n in (16, 24, 32, 48) if quick else (16, 24, 32, 48, 64, 96, 128):
-        width, height = AtlasLayout(n).size
+        width, height = AtlasLayout((n, n, 2 * n)).size
         memory = width * height * Storage.HALF.render_bytes(3) / 1e6
         started = time.perf_counter()
         bezier = with_alpha(TableGrid(n, "bezier"), search_alpha(PAINT, n).by_error)

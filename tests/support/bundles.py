@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.atlas import unpack
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import analytic, read_source
-from measured_materials.bake.table import BrdfTable
-from measured_materials.bake.table_facts import envelope_of, grid_of, residual_scale_of, table_of
+from measured_materials.bake.table_facts import envelope_of, residual_table_of, table_of
 
 from .direct_light import Brdf
 
@@ -85,6 +83,5 @@ def brdf_of(bundle: Bundle, mode: str) -> Brdf:
     """What the mode shows on the first bounce: "reference" interp(f), "exact" and "balanced" E + interp(R)."""
     if mode == "reference":
         return table_of(bundle).evaluate
-    fit, grid = envelope_of(bundle), grid_of(bundle)
-    residual = BrdfTable(grid, unpack(bundle.load("residual"), grid.n) / residual_scale_of(bundle))
+    fit, residual = envelope_of(bundle), residual_table_of(bundle)
     return lambda wi, wo: fit.evaluate(wi, wo) + residual.evaluate(wi, wo)

@@ -1,0 +1,89 @@
+"""A material in the half-vector basis with fitted warps, in nodes and OSL, against a fine table in the other basis.
+
+The source is smooth enough for a 48 x 48 x 96 table in the normal-vector basis to be within 0.2 % of it (asserted),
+so that any error of the half-vector lookup, its sampler or its residual shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+import pytest
+from measured_materials.addon.lamps import lamp_image
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.half_grid import HalfGrid
+from measured_materials.bake.sources import analytic
+from measured_materials.bake.table_facts import grid_of, residual_grid_of
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.osl_material import build_osl_material
+from measured_materials.nodes.osl_script import use_osl
+from support.monte_carlo import assert_agree, compare
+from support.osl import skip_without_osl
+from support.scenes import lit_sphere
+
+EFFECT = 0.01
+SOURCE = analytic.MetallicPaint((0.05, 0.1, 0.3), (0.1, 0.2, 0.4), flake_alpha=0.4, coat_alpha=0.3)
+CASES = [
+    ("reference", "nodes"),
+    ("exact", "osl"),
+    pytest.param("exact", "nodes", marks=pytest.mark.slow),
+    pytest.param("reference", "osl", marks=pytest.mark.slow),
+]
+SAMPLER = SamplerLayout(n_o=32, n_h=32, n_phi=16)
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Materials, groups, images and texts of one test do not reach the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.texts):
+        for block in list(collection):
+            collection.remove(block)
+
+
+@pytest.fixture(scope="module")
+def bundles(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bundle, Bundle]:
+    """A fine table in the normal-vector basis, and a coarser one in the half-vector basis."""
+    folder = tmp_path_factory.mktemp("half")
+    fine = BakeSettings(resolution=48, basis="normal", parameterization="fitted", sampler=SAMPLER, envelope=False)
+    half = BakeSettings(resolution=24, basis="half", parameterization="fitted", sampler=SAMPLER)
+    first, second = (
+        read_bundle(bake_source(SOURCE, folder / name, settings).path)
+        for name, settings in (("fine", fine), ("half", half))
+    )
+    for bundle in (first, second):
+        assert bundle.material["errors"]["relative"] < 0.002
+    grid, residual = grid_of(second), residual_grid_of(second)
+    assert isinstance(grid, HalfGrid) and grid.reciprocal
+    assert isinstance(residual, HalfGrid) and not residual.reciprocal
+    return first, second
+
+
+def build(bundle: Bundle, mode: str, language: str) -> bpy.types.Material:
+    builder = build_material if language == "nodes" else build_osl_material
+    return builder(bundle, mode=mode, lamps=lamp_image())
+
+
+@pytest.mark.parametrize("mode, language", CASES)
+def test_half_vector_material_is_the_fine_one(bundles: tuple[Bundle, Bundle], mode: str, language: str) -> None:
+    """Sky, a lamp that both aim at, and bounce light; a planted error of 2 % fails the same test."""
+    if language == "osl":
+        skip_without_osl()
+    fine, half = bundles
+    with lit_sphere(build(fine, "reference", "nodes"), lamp_size=0.8, resolution=32) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        pictures = scene.render(128, 8)
+        material = build(half, mode, language)
+        if language == "osl":
+            use_osl(scene.scene)
+        scene.show(material)
+        # What the envelope may exceed its source by, and the two tables' own error in the mean.
+        found = compare(pictures, scene.render(128, range(30, 38)), scene.mask(), tolerance=0.002)
+        assert_agree(found, EFFECT)
+        node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+        node.inputs["Tint"].default_value = (1.02,) * 3
+        planted = compare(pictures, scene.render(128, range(200, 208)), scene.mask(), tolerance=0.002)
+        assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
