@@ -12,7 +12,7 @@ from typing import TextIO
 
 from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
-from . import cli_bake, cli_check, cli_demo, cli_inspect, cli_render
+from . import cli_bake, cli_check, cli_demo, cli_inspect, cli_render, cli_report
 from .cli_result import Result, complain
 from .interrupts import INTERRUPTED, keyboard_interrupts, told
 from .streams import results_stream, silence_output
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
         prog=PROGRAM, description="Measured BRDFs as path-traced materials in stock Blender Cycles."
     )
     commands = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (cli_bake, cli_inspect, cli_render, cli_check, cli_demo):
+    for module in (cli_bake, cli_inspect, cli_render, cli_check, cli_report, cli_demo):
         module.add_to(commands)
     return top
 
