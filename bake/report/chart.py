@@ -15,6 +15,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7
 _WIDTH, _HEIGHT = 760, 420
 _LEFT, _RIGHT, _TOP, _BOTTOM = 76, 200, 34, 50
 _SMALLEST = 1e-12
+# Of both shares' difference: a front closer than this to a straight line has no knee.
+_LEAST_GAIN = 0.08
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ class Chart:
     def pick(self) -> Point | None:
         """The front's knee: where the share of the front's accuracy gained most exceeds the share of its cost paid.
 
-        Both shares are of decades. Left of the knee a little cost buys much accuracy, right of it the reverse.
+        Both shares are of decades. Left of the knee a little cost buys much accuracy, right of it the reverse. A front
+        without a knee, as of noise that falls with time, has no such point: there it is the most accurate one.
         """
         front = self.front()
         if len(front) < 3:
@@ -68,7 +71,9 @@ class Chart:
         run, fall = x[-1] - x[0], y[0] - y[-1]
         if run <= 0 or fall <= 0:
             return front[-1]
-        return max(front, key=lambda p: (y[0] - _log(p.error)) / fall - (_log(p.cost) - x[0]) / run)
+        gain = [(y[0] - b) / fall - (a - x[0]) / run for a, b in zip(x, y, strict=True)]
+        best = max(range(len(front)), key=gain.__getitem__)
+        return front[best if gain[best] > _LEAST_GAIN else -1]
 
     def svg(self) -> str:
         """The picture, self-contained."""

@@ -6,6 +6,7 @@ import base64
 import csv
 import io
 import json
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -103,7 +104,7 @@ def write_page(
     )
     for section in sections:
         for k, table in enumerate(section.tables):
-            name = "_".join(section.title.lower().split()[:3])
+            name = re.sub(r"[^a-z0-9]+", "_", section.title.lower()).strip("_")
             _write(folder / f"{name}{'' if k == 0 else f'_{k + 1}'}.csv", table.csv())
     _write(folder / "report.json", json.dumps(facts, indent=1) + "\n")
     path = folder / "report.html"
