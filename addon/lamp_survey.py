@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bake.light_sampling import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
+from ..nodes import compat
 from ..nodes.aimed_light_group import MAX_SLOTS
 from ..nodes.group import is_measured_tree
 from . import world_light
@@ -21,20 +22,33 @@ from .world_light import WorldLight
 CAPACITY = MAX_SLOTS
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _DARK = 0.05
+_HIDING = frozenset({"hide_render", "hide_viewport", "visible_glossy"})
 
 
 @dataclass(frozen=True)
 class LampReport:
-    """What is aimed at, the irradiance of everything else, about, and why other lamps are not aimed at."""
+    """What is aimed at, the irradiance of everything else, about, and why other lamps are not aimed at.
+
+    Parameters
+    ----------
+    to_come : lamps that give no light, but may do so in another frame
+    """
 
     lamps: list[Lamp]
     sky: float
     left_out: list[str]
     world: WorldLight = field(default_factory=lambda: world_light.world_light(None))
+    to_come: int = 0
+
+    @property
+    def slots(self) -> int:
+        """Lamps that a node group has to be ready for: between frames of a render none can be rebuilt."""
+        return min(len(self.lamps) + self.to_come, CAPACITY)
 
     def words(self) -> list[str]:
         """What is aimed at and why, then one line for each lamp that is not."""
-        targets = [f"{len(self.lamps)} lamp{'s' * (len(self.lamps) > 1)}"] if self.lamps else []
+        counts = ((len(self.lamps), ""), (self.slots - len(self.lamps), " of other frames"))
+        targets = [f"{count} lamp{'s' * (count > 1)}{which}" for count, which in counts if count]
         structure, reason = self.world.structure, self.world.why_not
         if self.world.aimed and structure is not None:
             targets.append("the world")
@@ -45,32 +59,67 @@ class LampReport:
             )
         if not targets:
             return [f"Nothing to aim at: no lamp that a mirror can meet, and {reason}", *self.left_out]
-        return [f"Aims at {' and '.join(targets)}: {reason}", *self.left_out]
+        return [
+            f"Aims at {', '.join(targets[:-1])}{' and ' * (len(targets) > 1)}{targets[-1]}: {reason}",
+            *self.left_out,
+        ]
 
 
-def survey(depsgraph: bpy.types.Depsgraph, *, for_render: bool = False) -> LampReport:
-    """Lamps of an evaluated scene that a mirror can meet, the strongest first, and its world."""
-    found, left_out = [], []
-    for obj, matrix in _lamp_objects(depsgraph, for_render):
-        name, why_not = obj.original.name, _why_not(obj)
+def survey_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampReport:
+    """`survey` of all view layers that are rendered."""
+    layers = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
+    for layer in layers:
+        layer.update()
+    return survey(*(layer.depsgraph for layer in layers), for_render=for_render)
+
+
+def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampReport:
+    """Lamps of an evaluated scene's view layers that a mirror can meet, the strongest first, and its world."""
+    found, left_out, seen, to_come = [], [], set(), set()
+    for obj, matrix in (entry for graph in depsgraphs for entry in _lamp_objects(graph, for_render)):
+        original, place = obj.original, tuple(map(tuple, matrix))
+        if (original, place) in seen:
+            continue  # shown by another view layer too
+        seen.add((original, place))
+        why_not = _why_not(obj)
         if not why_not and obj.data.type == "AREA" and _sheared(matrix):
             why_not = "sheared by its parent's scale"
+        power = 0.0 if why_not else _lamp(obj.data, matrix).power
+        if power > 0:
+            found.append((original.name, _lamp(obj.data, matrix), obj.data))
+        elif _may_shine_later(original):
+            to_come.add(original)
         if why_not:
-            left_out.append(f"{name}: {why_not}")
-        else:
-            found.append((name, _lamp(obj.data, matrix), obj.data))
-    found = [entry for entry in found if entry[1].power > 0]
+            left_out.append(f"{original.name}: {why_not}")
+    shown = {original for original, _ in seen}
+    hidden = (obj for obj in depsgraphs[0].scene.objects if obj.type == "LIGHT" and obj not in shown)
+    to_come |= {obj for obj in hidden if _is_animated(obj, _HIDING)}
     lamps, rest = [lamp for _, lamp, _ in found], 0.0
     if len(found) > 1 or any(_has_beam(data) for _, _, data in found):
-        target = _lit_place(depsgraph)  # the slow part, of use only where there is a choice
+        target = _lit_place(depsgraphs)  # the slow part, of use only where there is a choice
         found = [(name, _in_beam(target, lamp, data), data) for name, lamp, data in found]
         found.sort(key=lambda entry: -_light_at(target, entry[1]))
         lamps = [lamp for _, lamp, _ in found]
         rest = sum(_light_at(target, lamp) for lamp in lamps[CAPACITY:])
     left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _, _ in found[CAPACITY:]]
-    world = world_light.world_light(depsgraph.scene.world)
+    world = world_light.world_light(depsgraphs[0].scene.world)
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
-    return LampReport(lamps[:CAPACITY], sky, left_out, world)
+    return LampReport(lamps[:CAPACITY], sky, left_out, world, len(to_come))
+
+
+def _may_shine_later(obj: bpy.types.Object) -> bool:
+    """Whether a lamp that gives no light now has something animated that may change that."""
+    return _is_animated(obj, _HIDING) or _is_animated(obj.data) or _is_animated(obj.data.node_tree)
+
+
+def _is_animated(block: bpy.types.ID | None, properties: Container[str] = ()) -> bool:
+    """Whether an F-curve or driver moves one of these properties; by default any."""
+    animation = getattr(block, "animation_data", None)
+    if animation is None:
+        return False
+    actions = [animation.action, *(strip.action for track in animation.nla_tracks for strip in track.strips)]
+    curves = [*animation.drivers, *(c for action in actions if action for c in compat.curves_of(action))]
+    return any(not properties or curve.data_path in properties for curve in curves)
 
 
 def _lamp_objects(depsgraph: bpy.types.Depsgraph, for_render: bool) -> Iterator[tuple[bpy.types.Object, Matrix]]:
@@ -134,8 +183,8 @@ def _in_beam(target: Vector, lamp: Lamp, data: Any) -> Lamp:
 
 def _why_not(obj: bpy.types.Object) -> str:
     """Why a mirror never meets this lamp; empty if it does."""
-    data, original = obj.data, obj.original
-    if not original.visible_glossy:
+    data = obj.data
+    if not obj.visible_glossy:
         return "hidden from glossy rays"
     if getattr(data.cycles, "is_portal", False):
         return "a portal, which lights nothing itself"
@@ -198,10 +247,10 @@ def _strength(data: Any) -> float:
     return float(np.maximum(colour, 0) @ _LUMINANCE)
 
 
-def _lit_place(depsgraph: bpy.types.Depsgraph) -> Vector:
+def _lit_place(depsgraphs: Iterable[bpy.types.Depsgraph]) -> Vector:
     """Middle of the objects with measured materials, else of all that is solid."""
     chosen, others = [], []
-    for obj in depsgraph.objects:
+    for obj in (obj for depsgraph in depsgraphs for obj in depsgraph.objects):
         if obj.type in {"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT"}:
             middle = obj.matrix_world @ (sum((Vector(c) for c in obj.bound_box), Vector()) / 8)
             slots = [slot.material for slot in obj.material_slots if slot.material]

@@ -13,14 +13,16 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..bake.light_sampling import TEXELS, lamp_table
-from ..nodes.aimed_light_group import NAME, SLOTS_KEY, WORLD_KEY, aimed_light_group
+from ..nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aimed_light_group
 from . import fresh_tables, world_light
-from .lamp_survey import CAPACITY, LampReport, survey
+from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
 from .world_light import PROBE
 
 TABLE = "MM Lamps"
 # Of the draws, at most: the rest finds sky, bounce light and lamps that are not in the table.
 LARGEST_SHARE = 0.9
+# By scene, and its view layer in a window or whether it is rendered: lamps to aim at, and whether at the world.
+_needs: dict[tuple[int, Any], tuple[int, bool]] = {}
 
 
 def lamp_image() -> bpy.types.Image:
@@ -35,45 +37,68 @@ def lamp_image() -> bpy.types.Image:
     return image
 
 
-def update_lamps(depsgraph: bpy.types.Depsgraph, *, rebuild: bool = True, for_render: bool = False) -> LampReport:
-    """Bring the tables in line with an evaluated scene; nothing is written where nothing has changed.
+def update_lamps(depsgraph: bpy.types.Depsgraph, *, rebuild: bool = True) -> LampReport:
+    """Bring the tables in line with an evaluated view layer; nothing is written where nothing has changed.
 
     Parameters
     ----------
     rebuild : also give materials the node group for as many lamps as there are, and for the world where that pays
-    for_render : take the lamps that a render will show, though the depsgraph is the viewport's
     """
-    report = survey(depsgraph, for_render=for_render)
-    lamp_image()
-    structure = report.world.structure if report.world.aimed else None
-    world = (structure.toward, structure.flux) if structure is not None else None
-    table = lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE, world)
-    image = world_light.world_image(report.world) if structure is not None and rebuild else None
-    changed = world_light.write_world(report.world) if structure is not None else []
-    for tables in _tables():
-        if _write(tables, table):
-            changed.append(tables)
-        if rebuild:
-            _set_slots(tables, len(report.lamps), image)
-    if depsgraph.mode == "VIEWPORT":
-        for tables in changed:
-            fresh_tables.for_the_viewport(tables)
-    return report
+    key = (depsgraph.scene.session_uid, depsgraph.view_layer.name)
+    return _follow(survey(depsgraph), key, rebuild, viewport=depsgraph.mode == "VIEWPORT")
 
 
 def update_scene(scene: bpy.types.Scene, *, rebuild: bool = True, for_render: bool = False) -> LampReport:
-    """`update_lamps` for a scene that need not be shown anywhere."""
-    layer = scene.view_layers[0]
-    layer.update()
-    return update_lamps(layer.depsgraph, rebuild=rebuild, for_render=for_render)
+    """`update_lamps` for a scene that need not be shown anywhere, all of its view layers together.
+
+    Parameters
+    ----------
+    for_render : take the lamps that a render will show, which the viewport may hide
+    """
+    return _follow(survey_scene(scene, for_render=for_render), (scene.session_uid, for_render), rebuild)
+
+
+def table_of(report: LampReport) -> np.ndarray:
+    """`bake.light_sampling.lamp_table` of what is to be aimed at."""
+    structure = report.world.structure if report.world.aimed else None
+    world = (structure.toward, structure.flux) if structure is not None else None
+    return lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE, world)
+
+
+def _follow(report: LampReport, key: tuple[int, Any], rebuild: bool, viewport: bool = True) -> LampReport:
+    if rebuild:
+        lamp_image()
+        if report.world.aimed:
+            world_light.world_image(report.world)
+        _needs[key] = (report.slots, report.world.aimed)
+        _fit_slots()
+    changed = world_light.write_world(report.world) if report.world.aimed else []
+    table = table_of(report)
+    changed += [image for image in _tables() if _write(image, table)]
+    if viewport:
+        for image in changed:
+            fresh_tables.for_the_viewport(image)
+    return report
+
+
+def _fit_slots() -> None:
+    """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
+    shown = {scene.session_uid for scene in bpy.data.scenes}
+    needs = [need for (scene, _), need in _needs.items() if scene in shown]
+    world = bpy.data.images.get((world_light.IMAGE, None)) if any(aimed for _, aimed in needs) else None
+    for table in _tables():
+        _set_slots(table, max((slots for slots, _ in needs), default=0), world)
 
 
 def _set_slots(image: bpy.types.Image, slots: int, world: bpy.types.Image | None) -> None:
     """Let every material aim at this many lamps, and at the world or not; nothing happens where they do already."""
-    used = [t for t in bpy.data.node_groups if t.library is None and any(_aims(n, image) for n in t.nodes)]
-    aiming = [node for tree in used for node in tree.nodes if _aims(node, image)]
     wanted = (slots, world is not None)
-    if all((n.node_tree.get(SLOTS_KEY), n.node_tree.get(WORLD_KEY, False)) == wanted for n in aiming):
+    groups = {t for t in bpy.data.node_groups if SLOTS_KEY in t and t.users and any(_shows(n, image) for n in t.nodes)}
+    if all((group[SLOTS_KEY], group.get(WORLD_KEY, False)) == wanted for group in groups):
+        return
+    own = [tree for tree in bpy.data.node_groups if tree.library is None]
+    aiming = [node for tree in own for node in tree.nodes if getattr(node, "node_tree", None) in groups]
+    if not aiming:
         return
     replaced = {node.node_tree for node in aiming}
     group = aimed_light_group(image, slots, world)
@@ -87,9 +112,8 @@ def _set_slots(image: bpy.types.Image, slots: int, world: bpy.types.Image | None
             bpy.data.node_groups.remove(old)
 
 
-def _aims(node: bpy.types.Node, image: bpy.types.Image) -> bool:
-    tree = getattr(node, "node_tree", None)
-    return bool(tree) and tree.name.startswith(NAME) and any(getattr(n, "image", None) == image for n in tree.nodes)
+def _shows(node: bpy.types.Node, image: bpy.types.Image) -> bool:
+    return getattr(node, "image", None) == image
 
 
 def _is_table(image: bpy.types.Image) -> bool:
@@ -134,16 +158,23 @@ def _in_use() -> bool:
 
 @persistent
 def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    if _in_use() and any(_concerns_lamps(update.id) for update in depsgraph.updates):
-        update_lamps(depsgraph)
+    if not _in_use():
+        _needs.clear()  # nobody looks at the lamps until then
+    elif PROBE not in depsgraph.scene:
+        known = (depsgraph.scene.session_uid, depsgraph.view_layer.name) in _needs
+        if not known or any(_concerns_lamps(update) for update in depsgraph.updates):
+            update_lamps(depsgraph)
+        elif any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
+            _fit_slots()
 
 
-def _concerns_lamps(block: bpy.types.ID) -> bool:
-    """Whether an edit of this block may change what is aimed at, or by whom; most edits only move other objects."""
+def _concerns_lamps(update: bpy.types.DepsgraphUpdate) -> bool:
+    """Whether an edit may change what is aimed at; most only change other objects, or what they are made of."""
+    block = update.id
     if isinstance(block, bpy.types.Object):
-        return block.type == "LIGHT" or block.is_instancer
-    kinds = (bpy.types.Light, bpy.types.World, bpy.types.Scene, bpy.types.Collection, bpy.types.Material)
-    return isinstance(block, (*kinds, bpy.types.ShaderNodeTree))
+        moved = update.is_updated_transform or update.is_updated_geometry
+        return block.type == "LIGHT" or (block.is_instancer and moved)
+    return isinstance(block, (bpy.types.Light, bpy.types.World, bpy.types.Scene, bpy.types.Collection))
 
 
 @persistent
@@ -169,6 +200,7 @@ def _before_a_render(scene: bpy.types.Scene, *_: Any) -> None:
 def _after_loading(*_: Any) -> None:
     world_light.distrust_tables()
     fresh_tables.forget()
+    _needs.clear()
     if _in_use():
         update_scene(bpy.context.scene)
 
@@ -204,3 +236,4 @@ def unregister() -> None:
     """Called by `addon.unregister`."""
     for event, handler in _HANDLERS.items():
         getattr(bpy.app.handlers, event).remove(handler)
+    _needs.clear()
