@@ -11,7 +11,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.light_sampling import lamp_table
 from ..nodes import compat
 from ..nodes.aimed_light_group import SLOTS_KEY
 from ..nodes.group import HASH_KEY, content_hash
@@ -196,17 +195,20 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     if not tables:
         return
     scene = subject.scene
-    depsgraph = scene.view_layers[0].depsgraph
-    report = lamps.survey(depsgraph, for_render=True)
-    structure = report.world.structure if report.world.aimed else None
-    world = (structure.toward, structure.flux) if structure is not None else None
-    table = lamp_table(report.lamps, lamps.CAPACITY, report.sky, lamps.LARGEST_SHARE, world)
-    slots = {t.get(SLOTS_KEY) for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
-    if slots != {len(report.lamps)} or not all(_holds(image, table) for image in tables):
+    report = lamps.survey_scene(scene, for_render=True)
+    table = lamps.table_of(report)
+    groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
+    narrow = [group for group in groups if group[SLOTS_KEY] < report.slots]
+    where = f"scene {scene.name}"
+    if any(group.is_editable for group in narrow) or not all(_holds(image, table) for image in tables):
         why = "mirrors aim at lamps that are no longer so; without aiming, a small lamp is found by chance only"
         found = f"table {lamps.TABLE} is out of date"
-        where = f"scene {scene.name}"
         yield Finding("lamp_table", SLOW, where, found, "brought up to date", why, lambda: lamps.keep_current(scene))
+    linked = sorted(group.name for group in narrow if not group.is_editable)
+    if linked:
+        found = f"linked group {', '.join(linked)} aims at fewer lamps than there are"
+        why = "only chance finds the others; a group of another .blend cannot be built anew, but one made local can"
+        yield Finding("linked_slots", SLOW, where, found, "made local, with its material", why)
 
 
 def _holds(image: bpy.types.Image, table: Any) -> bool:
