@@ -15,7 +15,10 @@ from ..nodes import compat
 from ..nodes.aimed_light_group import SLOTS_KEY
 from ..nodes.group import HASH_KEY, content_hash
 from ..nodes.material import BUNDLE_KEY
-from . import lamps
+from . import aim, lamps, rebuild
+from .arc_relight import why_not_relightable
+from .effects import AUTO
+from .measured_material import is_measured, is_shading_map
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
 # Coordinates of float32 are then a thousandth apart.
@@ -211,6 +214,24 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
         yield Finding("linked_slots", SLOW, where, found, "made local, with its material", why)
 
 
+def not_aimed(subject: Subject) -> Iterator[Finding]:
+    """Fitted to a scene that had no lamps yet."""
+    unaimed = [m for m in subject.mirrors if is_measured(m) and not any(SLOTS_KEY in t for t in measured_trees(m))]
+    targets = aim.what_to_aim_at(subject.scene) if unaimed else ""
+    for material in unaimed if targets else ():
+        if rebuild.current_choices(material).aim != AUTO or _is_scripted(material):
+            continue
+        mend = None
+        if not (why_not_relightable if is_shading_map(material) else rebuild.why_not_rebuildable)(material):
+            mend = editable(material, partial(rebuild.refit, material, subject.scene))
+        why = "it was fitted when there was nothing to aim at; by chance alone a small lamp gives 70 times the noise"
+        yield Finding("not_aimed", SLOW, _name(material), "aims at nothing", "fitted to the scene", why, mend)
+
+
+def _is_scripted(material: bpy.types.Material) -> bool:
+    return any(n.bl_idname == "ShaderNodeScript" for tree in measured_trees(material) for n in tree.nodes)
+
+
 def _holds(image: bpy.types.Image, table: Any) -> bool:
     pixels = np.empty(table.size, np.float32)
     if image.size[0] * image.size[1] * image.channels != table.size:
@@ -229,6 +250,7 @@ RULES = (
     texture_limit,
     shadow_terminator,
     lamp_tables,
+    not_aimed,
     changed_groups,
     osl_files,
     far_away,
