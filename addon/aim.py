@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import bpy
 
-from .lamps import survey
+from .lamp_survey import survey_scene
 
 
 def what_to_aim_at(scene: bpy.types.Scene) -> str:
     """What is aimed at and why it pays; empty if there is nothing."""
-    layer = scene.view_layers[0]
-    layer.update()
-    report = survey(layer.depsgraph, for_render=True)
-    if not report.lamps and not report.world.aimed:
+    report = survey_scene(scene, for_render=True)
+    if not report.slots and not report.world.aimed:
         return ""
     words = report.words()[0]
     return words[:1].lower() + words[1:]
