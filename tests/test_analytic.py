@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from measured_materials.bake.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.source import BrdfSource
@@ -34,6 +35,8 @@ SOURCES = [
     Lambert(),
     ModifiedPhong(exponent=1e6),
     BlinnPhong(exponent=1e6),
+    *(ModifiedPhong(exponent=200, lobe=lobe) for lobe in COSINE_LOBES),
+    *(BlinnPhong(exponent=200, lobe=lobe) for lobe in COSINE_LOBES),
     Ward(),
     Ward(alpha=0.02, alpha_y=0.3, variant="ward"),
     Ward(alpha=1e-3, variant="duer"),
@@ -203,6 +206,7 @@ def test_by_name() -> None:
         ("ggx", {"fresnel": "metal"}, "schlick, dielectric, conductor"),
         ("lambert", {"diffuse": 1.5}, "from 0 to 1"),
         ("phong", {"exponent": -1}, "from 0"),
+        ("phong", {"lobe": "quartic"}, "power, schlick, lyon, cosine, cubic"),
         ("lambert", {"diffuse": None}, "three numbers"),
     ],
 )

@@ -36,6 +36,7 @@ MAPS = {
     "oren_nayar": (Lobe("oren_nayar", 0.7), "none", "exact", "lookup"),
     "sheen": (Lobe("sheen", 0.5), "none", "exact", "lookup"),
     "phong": (Lobe("phong", 12.0, 0.4), "none", "exact", "lookup"),
+    "phong, cubic": (Lobe("phong_cubic", 12.0, 0.4), "none", "exact", "lookup"),
     "phong, balanced": (Lobe("phong", 12.0, 0.4), "none", "balanced", "lookup"),
     "phong, reference": (Lobe("phong", 12.0, 0.4), "none", "reference", "lookup"),
     "phong, power law": (Lobe("phong", 12.0, 0.4), "power", "exact", "lookup"),

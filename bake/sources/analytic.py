@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from .. import xp_numpy
+from ..cosine_lobes import COSINE_LOBES, cosine_lobe, half_vector_norm, lobe_norm
 from ..errors import BakeError
 from ..metallic_paint import metallic_paint
 from ..source import Array
@@ -102,7 +103,11 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "k": (0, 100, True),
     "coat_eta": (1, 10, False),
 }
-CHOICES = {"variant": ("ward", "duer", "bounded"), "fresnel": ("schlick", "dielectric", "conductor")}
+CHOICES = {
+    "lobe": COSINE_LOBES,
+    "variant": ("ward", "duer", "bounded"),
+    "fresnel": ("schlick", "dielectric", "conductor"),
+}
 
 
 @dataclass(frozen=True)
@@ -120,18 +125,21 @@ class Lambert(Analytic):
 class ModifiedPhong(Analytic):
     """diffuse / pi + specular (n + 2) / (2 pi) cos^n of the angle to the mirror direction (Lewis 1994).
 
-    The albedo of the lobe is `specular` at normal incidence and less elsewhere.
+    The albedo of the lobe is `specular` at normal incidence and less elsewhere. `lobe` is another curve for cos^n, of
+    `bake.cosine_lobes`, with the factor that keeps this albedo.
     """
 
     diffuse: Rgb = (0.2, 0.2, 0.2)
     specular: Rgb = (0.3, 0.3, 0.3)
     exponent: float = 50.0
+    lobe: str = "power"
     LABEL = "phong"
 
     def _value(self, wi: Array, wo: Array) -> Array:
         away = (wi + wo) ** 2
         one_minus_cos = 0.5 * (away[:, 0] + away[:, 1] + (wi[:, 2] - wo[:, 2]) ** 2)
-        lobe = (self.exponent + 2) / (2 * math.pi) * _power(one_minus_cos, self.exponent)
+        factor = lobe_norm(xp_numpy, self.lobe, np.float64(_least(self.exponent)))
+        lobe = factor * _curve(self.lobe, one_minus_cos, self.exponent)
         return np.array(self.diffuse) / math.pi + np.array(self.specular) * lobe[:, None]
 
 
@@ -139,19 +147,25 @@ class ModifiedPhong(Analytic):
 class BlinnPhong(Analytic):
     """diffuse / pi + specular (n + 2)(n + 4) / (8 pi (2^(-n/2) + n)) cos^n theta_h (Blinn 1977).
 
-    The factor makes the albedo of the lobe exactly `specular` at normal incidence.
+    The factor makes the albedo of the lobe exactly `specular` at normal incidence, also with another `lobe` for cos^n,
+    of `bake.cosine_lobes`.
     """
 
     diffuse: Rgb = (0.2, 0.2, 0.2)
     specular: Rgb = (0.3, 0.3, 0.3)
     exponent: float = 50.0
+    lobe: str = "power"
     LABEL = "blinn-phong"
 
     def _value(self, wi: Array, wo: Array) -> Array:
         n = self.exponent
         half = _half(wi, wo)
         one_minus_cos = 0.5 * (half[:, 0] ** 2 + half[:, 1] ** 2 + (1 - half[:, 2]) ** 2)
-        lobe = (n + 2) * (n + 4) / (8 * math.pi * (2 ** (-n / 2) + n)) * _power(one_minus_cos, n)
+        if self.lobe == "power":
+            factor = (n + 2) * (n + 4) / (8 * math.pi * (2 ** (-n / 2) + n))
+        else:
+            factor = half_vector_norm(self.lobe, _least(n))
+        lobe = factor * _curve(self.lobe, one_minus_cos, n)
         return np.array(self.diffuse) / math.pi + np.array(self.specular) * lobe[:, None]
 
 
@@ -312,10 +326,15 @@ def _half(wi: Array, wo: Array) -> Array:
     return s / np.linalg.norm(s, axis=-1, keepdims=True)
 
 
-def _power(one_minus_cos: Array, exponent: float) -> Array:
-    """cos^exponent from 1 - cos, exact for huge exponents near cos = 1; 0 where cos <= 0."""
-    below_one = np.minimum(one_minus_cos, np.nextafter(1, 0))
-    return np.where(one_minus_cos < 1, np.exp(exponent * np.log1p(-below_one)), 0)
+def _curve(name: str, one_minus_cos: Array, exponent: float) -> Array:
+    """The lobe of 1 - cos, exact for huge exponents near cos = 1; 0 where cos <= 0, also for an exponent of 0."""
+    value = cosine_lobe(xp_numpy, name, one_minus_cos, np.float64(_least(exponent)))
+    return np.where(one_minus_cos < 1, value, 0)
+
+
+def _least(exponent: float) -> float:
+    """In place of 0, where some curves are known as a limit only."""
+    return max(exponent, 1e-12)
 
 
 def _bad(model: str, cause: str, remedy: str) -> BakeError:
