@@ -19,7 +19,7 @@ from .alpha_search import search_alpha, with_alpha
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
-from .envelope import fit_envelope, fit_preview, pack_weights, reconstruction_errors, residual_table
+from .envelope import fit_envelope, fit_preview, lamp_shares, pack_weights, reconstruction_errors, residual_table
 from .errors import BakeError
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
@@ -221,6 +221,7 @@ def _envelope(
         "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
         "residual": StoredImage(pack(residual.values * np.float32(scale)), settings.storage),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+        "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
     }
     return {"envelope": fit.facts(), "residual": {"scale": scale, "errors": errors}}, images
 

@@ -16,6 +16,7 @@ from ..bake.errors import BakeError
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import (
+    check_shares,
     envelope_of,
     grid_of,
     preview_of,
@@ -87,7 +88,11 @@ def build_material(
             table = table_groups(bundle, name, filter, chosen, pack, aimed=lamps is not None, part=part)
         envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
         preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
-        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps))
+        shares = None
+        if envelope is not None and table is not None and lamps is not None and bundle.has("residual_share"):
+            check_shares(bundle)
+            shares = load_data_image(bundle.image_path("residual_share"), f"{name} residual share", pack=pack)
+        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
         return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
 
     return build_from(bundle, material, make)
