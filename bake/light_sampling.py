@@ -92,12 +92,16 @@ def lamp_table(
         table[k, 1] = (*lamp.u, lamp.power)
         table[k, 2, :3] = lamp.v
         table[k, 3] = (*lamp.axis, lamp.fourth())
-    # Where the world is aimed at too, no one lamp decides.
-    strength = lamps[0].power * (FAR**2 if lamps[0].kind == SUN else 1) if lamps and world is None else 0.0
-    table[0, 4] = sky, largest_share, len(lamps), strength
+    table[0, 4, :2] = sky, largest_share
+    if lamps and world is None:
+        table[0, 4, 2:] = len(lamps), lamps[0].power * (FAR**2 if lamps[0].kind == SUN else 1)
     if world is not None:
         toward, flux = world
         table[1, 4] = (*(0.5 * c for c in toward), 0.25 * flux)
+        # Where lamps and a world's structure shine, none of them decides; alone, its light is that of a sun.
+        if not lamps and (gathered := math.hypot(*toward)) > 0:
+            table[0, 0, :3] = [FAR * c / gathered for c in toward]
+            table[0, 4, 2:] = max(flux / gathered, 1.0), gathered * FAR**2
     return table
 
 

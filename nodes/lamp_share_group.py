@@ -24,17 +24,24 @@ def lamp_share_group(shares: bpy.types.Image, lamps: bpy.types.Image) -> bpy.typ
     def build(wo: Any, normal: Any, usual: Any) -> Any:
         geometry = expr.node("ShaderNodeNewGeometry", {}, {})
         position, incoming = (expr.Vector(geometry.outputs[name]) for name in ("Position", "Incoming"))
-        first_row = 1 - 0.5 / lamps.size[1]
-        (centre, _), (scene, strength) = (
-            expr.image_tap(lamps, (k + 0.5) / TEXELS, first_row, "Closest") for k in (0, TEXELS - 1)
-        )
-        sky, _, count = expr.components(scene)
-        to_centre = centre - position
-        to_lamp = expr.normalize(to_centre)
-        u, v = share_coordinates(expr, to_lamp, incoming, normal, wo)
-        seen, _, _ = expr.components(expr.image_tap(shares, u, v, "Linear")[0])
-        part = part_of_light(expr, to_centre, to_lamp, normal, strength, count, sky)
-        return expr.where(part, seen, usual)
+        return lamp_probability(shares, lamps, position, incoming, normal, wo, usual)
 
     inputs = {"wo": "vector", "Normal": "vector", "Usual": "float"}
     return node_group("MM Mirror Probability", inputs, {"Probability": "float"}, build)
+
+
+def lamp_probability(
+    shares: bpy.types.Image, lamps: bpy.types.Image, position: Any, incoming: Any, normal: Any, wo: Any, usual: Any
+) -> Any:
+    """The group's content, for a position and viewer."""
+    first_row = 1 - 0.5 / lamps.size[1]
+    (centre, _), (scene, strength) = (
+        expr.image_tap(lamps, (k + 0.5) / TEXELS, first_row, "Closest") for k in (0, TEXELS - 1)
+    )
+    sky, _, count = expr.components(scene)
+    to_centre = centre - position
+    to_lamp = expr.normalize(to_centre)
+    u, v = share_coordinates(expr, to_lamp, incoming, normal, wo)
+    seen, _, _ = expr.components(expr.image_tap(shares, u, v, "Linear")[0])
+    part = part_of_light(expr, to_centre, to_lamp, normal, strength, count, sky)
+    return expr.where(part, seen, usual)
