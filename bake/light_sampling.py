@@ -10,8 +10,8 @@ A lamp is five RGBA texels, one row of the table:
     v, -                  the same, across
     axis, extent          unit emission direction, 1 / area | -, radius | towards the sun, 1 - cos(half its angle)
     the scene's own       sky, largest share, lamps, strength | toward, flux, in the first two rows: irradiance of all
-                          that is not aimed at, the most draws to aim, how many lamps there are, irradiance of the first
-                          at distance 1; light of the world's structure, as `expected_world_light` takes it
+                          that is not aimed at, the most draws to aim, how many lamps there are, a part of the first's
+                          irradiance at distance 1; light of the world's structure, as `expected_world_light` takes it
 The centre of a sun lies `FAR` away, and its strength is meant for there: whoever asks only where the first lamp is, and
 about how bright, need not ask for its kind.
 """
@@ -30,6 +30,9 @@ from .source import Array
 RECTANGLE, ELLIPSE, SPHERE, SUN = range(4)
 TEXELS = 5
 FAR = 1e6
+# Of a lamp's light, where it decides about the mirror's probability: few mirrors are left for other light, and each of
+# them counts for so much more (tried: bronze under sun and sky is noisier with more).
+_BESIDE = 0.05
 
 
 @dataclass(frozen=True)
@@ -94,14 +97,10 @@ def lamp_table(
         table[k, 3] = (*lamp.axis, lamp.fourth())
     table[0, 4, :2] = sky, largest_share
     if lamps and world is None:
-        table[0, 4, 2:] = len(lamps), lamps[0].power * (FAR**2 if lamps[0].kind == SUN else 1)
+        table[0, 4, 2:] = len(lamps), _BESIDE * lamps[0].power * (FAR**2 if lamps[0].kind == SUN else 1)
     if world is not None:
         toward, flux = world
         table[1, 4] = (*(0.5 * c for c in toward), 0.25 * flux)
-        # Where lamps and a world's structure shine, none of them decides; alone, its light is that of a sun.
-        if not lamps and (gathered := math.hypot(*toward)) > 0:
-            table[0, 0, :3] = [FAR * c / gathered for c in toward]
-            table[0, 4, 2:] = max(flux / gathered, 1.0), gathered * FAR**2
     return table
 
 

@@ -42,6 +42,6 @@ def lamp_probability(
     to_centre = centre - position
     to_lamp = expr.normalize(to_centre)
     u, v = share_coordinates(expr, to_lamp, incoming, normal, wo)
-    seen, _, _ = expr.components(expr.image_tap(shares, u, v, "Linear")[0])
-    part = part_of_light(expr, to_centre, to_lamp, normal, strength, count, sky)
+    seen, reflected, _ = expr.components(expr.image_tap(shares, u, v, "Linear")[0])
+    part = part_of_light(expr, to_centre, reflected, strength, count, sky)
     return expr.where(part, seen, usual)

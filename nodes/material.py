@@ -53,6 +53,7 @@ def build_material(
     mode: str | None = None,
     residual: bool = True,
     features: bool = False,
+    lamp_share: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle. No texture is baked for that.
 
@@ -66,6 +67,8 @@ def build_material(
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser
+    lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
+        holds it: it pays where hardly any other light arrives
 
     Raises
     ------
@@ -89,7 +92,8 @@ def build_material(
         envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
         preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
         shares = None
-        if envelope is not None and table is not None and lamps is not None and bundle.has("residual_share"):
+        local = lamp_share and lamps is not None and envelope is not None and table is not None
+        if local and bundle.has("residual_share"):
             check_shares(bundle)
             shares = load_data_image(bundle.image_path("residual_share"), f"{name} residual share", pack=pack)
         group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))

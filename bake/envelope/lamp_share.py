@@ -1,13 +1,15 @@
 """The mirror's probability under one lamp: what share of the lamp's light the residual carries (DESIGN.md section 5).
 
 The share of all light at one theta_o, which `texture.guarded_share` stores, is another than that of one direction: most
-of a highlight may be residual where little of the rest is. The image is (n_d, n_o n_h, 3) float32, the probability in
-every channel: n_o slices of theta_o side by side, in each sqrt(v) of the half vector to the right and cos theta_d
-upwards, v and the slices even in sqrt(1 - cos). Read it Non-Color, linear, extended.
+of a highlight may be residual where little of the rest is. The image is (n_d, n_o n_h, 3) float32: n_o slices of
+theta_o side by side, in each sqrt(v) of the half vector to the right and cos theta_d upwards, v and the slices even in
+sqrt(1 - cos). Red is the probability; green how much more light of that direction is reflected than of an even sky of
+the same irradiance, pi f cos(theta_i) / albedo; blue is 0. Read it Non-Color, linear, extended.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,12 +22,16 @@ from ..source import Array
 from ..table import BrdfTable
 from .fit import EnvelopeFit
 from .texture import LEAST_SHARE, guarded_share
-from .views import interpolated
+from .views import interpolated, light_directions
 
 # Of the usual probability, at least: the light of everything but the lamp is found by it too.
 _LEAST_OF_USUAL = 0.25
 _SUBSAMPLES, _AZIMUTHS = 6, 48
 _CHUNK = 1 << 17
+_ALBEDO_H, _ALBEDO_PHI = 40, 20
+_MOST_REFLECTED = 1e4
+# Of the lamp's irradiance: what its surroundings throw back, and only the usual probability knows of.
+_BOUNCED = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,19 +57,31 @@ def lamp_shares(fit: EnvelopeFit, residual: BrdfTable, layout: ShareLayout = LAY
     E / (1 - P) or R / P has the second moment E^2 / (1 - P) + R^2 / P. Means of squares, not of values, give ridges of
     R that are narrower than a cell their due.
     """
-    squares = np.zeros((2, layout.n_o, layout.n_d, layout.n_h))
+    # R^2, E^2, R + E, and the weights of their means.
+    sums = np.zeros((4, layout.n_o, layout.n_d, layout.n_h))
     wi, wo, place = _directions(layout)
     for start in range(0, len(wi), _CHUNK):
         part = slice(start, start + _CHUNK)
-        for k, brdf in enumerate((residual.evaluate, fit.evaluate)):
-            light = (brdf(wi[part], wo[part]) * wi[part, 2:]).sum(-1, dtype=np.float64)
-            _gather(squares[k], tuple(p[part] for p in place), light**2)
-    mirror, native = np.sqrt(squares)
-    usual = interpolated(guarded_share(fit), (np.arange(layout.n_o) + 0.5) / layout.n_o)[:, None, None]
+        mirror, native = (_light(brdf, wi[part], wo[part]) for brdf in (residual.evaluate, fit.evaluate))
+        for k, values in enumerate((mirror**2, native**2, mirror + native, np.ones_like(mirror))):
+            _gather(sums[k], tuple(p[part] for p in place), values)
+    mirror, native = np.sqrt(sums[:2])
+    chords = (np.arange(layout.n_o) + 0.5) / layout.n_o
+    usual = interpolated(guarded_share(fit), chords)[:, None, None]
     found = np.where(mirror + native > 0, mirror / np.maximum(mirror + native, 1e-300), usual)
     found = np.clip(np.maximum(found, _LEAST_OF_USUAL * usual), LEAST_SHARE, 1 - LEAST_SHARE)
-    image = found[:, ::-1].transpose(1, 0, 2).reshape(layout.n_d, -1, 1)
-    return np.repeat(image.astype(np.float32), 3, -1)
+    towards, seen_from, areas = light_directions(chords, _ALBEDO_H, _ALBEDO_PHI)
+    from_there = np.broadcast_to(seen_from, towards.shape)
+    albedo = sum((_light(brdf, towards, from_there) * areas).sum(1) for brdf in (residual.evaluate, fit.evaluate))
+    reflected = np.pi * sums[2] / np.maximum(sums[3], 1e-300) / np.maximum(albedo, 1e-30)[:, None, None]
+    channels = np.stack([found, np.minimum(reflected, _MOST_REFLECTED), np.zeros_like(found)], -1)
+    image = channels[:, ::-1].transpose(1, 0, 2, 3).reshape(layout.n_d, -1, 3)
+    return image.astype(np.float32)
+
+
+def _light(brdf: Callable[[Array, Array], Array], wi: Array, wo: Array) -> Array:
+    """f cos(theta_i) (...), summed over the channels."""
+    return np.asarray((brdf(wi, wo) * wi[..., 2:]).sum(-1, dtype=np.float64))
 
 
 def checked_shares(image: Array, where: str | Path = "residual_share") -> NDArray[np.float32]:
@@ -73,8 +91,10 @@ def checked_shares(image: Array, where: str | Path = "residual_share") -> NDArra
         sizes = " x ".join(map(str, texels.shape))
         raise BakeError(where, f"is {sizes}, no table of shares", "bake it again")
     # Rounded, the limits may lie just outside.
-    if not (np.abs(texels - 0.5) <= 0.5 - LEAST_SHARE + 1e-6).all():
+    if not (np.abs(texels[..., 0] - 0.5) <= 0.5 - LEAST_SHARE + 1e-6).all():
         raise BakeError(where, "holds probabilities that would lose light", "bake it again")
+    if not ((texels[..., 1] >= 0) & (texels[..., 1] <= _MOST_REFLECTED)).all():
+        raise BakeError(where, "holds reflected light out of its limits", "bake it again")
     return texels
 
 
@@ -98,19 +118,20 @@ def share_coordinates(
     return u, xp.dot(half, to_lamp) * ((n_d - 1) / n_d) + 0.5 / n_d
 
 
-def part_of_light(xp: Any, to_centre: Any, to_lamp: Any, normal: Any, strength: Any, lamps: Any, beside: Any) -> Any:
-    """About what part of all light comes from the lamp, 0 to 1: so far its share decides, else the usual one.
+def part_of_light(xp: Any, to_centre: Any, reflected: Any, strength: Any, lamps: Any, beside: Any) -> Any:
+    """About what part of the light that is reflected comes from the lamp, 0 to 1: so far its share decides.
 
     Parameters
     ----------
-    to_centre, to_lamp : to its middle, and the unit vector of that
+    to_centre : to its middle
+    reflected : the image's green
     strength : irradiance face to face at distance 1
     lamps : how many there are, each taken to be as bright as this one
     beside : irradiance of everything else
     """
-    facing = xp.maximum(xp.dot(to_lamp, normal), 0.0)
-    light = xp.divide(facing * strength, xp.dot(to_centre, to_centre))
-    return xp.divide(light, light * lamps + beside)
+    arriving = xp.divide(strength, xp.dot(to_centre, to_centre))
+    light = arriving * reflected
+    return xp.divide(light, light * lamps + arriving * _BOUNCED + beside)
 
 
 def _directions(layout: ShareLayout) -> tuple[Array, Array, tuple[Array, Array, Array]]:

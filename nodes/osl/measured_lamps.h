@@ -128,6 +128,7 @@ float mm_expected_world_light(vector toward, float flux, vector n)
 #define MM_SHARE_H 16
 #define MM_SHARE_D 16
 #define MM_SHARE_O 8
+#define MM_BOUNCED 0.1
 
 // bake/envelope/lamp_share.py and nodes/lamp_share_group.py: the mirror's probability, by the residual's share of light
 // from `centre`, whose irradiance at distance 1 is `strength`, and by the usual share of all other, with `lamps` as
@@ -138,8 +139,8 @@ float mm_lamp_probability(
 {
   vector to_centre = centre - vector(position);
   vector to_lamp = normalize(to_centre);
-  float light = max(dot(to_lamp, n), 0.0) * strength / dot(to_centre, to_centre);
-  if (light <= 0)
+  float arriving = strength / dot(to_centre, to_centre);
+  if (arriving <= 0)
     return usual;
   vector half_vector = normalize(to_lamp + incoming);
   float along = sqrt(length(half_vector - vector(n)) * M_SQRT1_2);
@@ -149,7 +150,8 @@ float mm_lamp_probability(
   float t = 1 - (dot(half_vector, to_lamp) * (MM_SHARE_D - 1) + 0.5) / MM_SHARE_D;
   float alpha;
   color seen = mm_tap(image, s, t, "linear", alpha);
-  return mix(usual, seen[0], light / (light * lamps + sky));
+  float light = arriving * seen[1];
+  return mix(usual, seen[0], light / (light * lamps + arriving * MM_BOUNCED + sky));
 }
 
 // Exchange wi for a direction towards a lamp, now and then. Of a sampler of density p, the whole density of the
