@@ -10,7 +10,7 @@ import bpy
 from ..bake.bundle import Bundle
 from ..nodes.feature_passes import ALBEDO
 from ..nodes.material import build_material, usual_mode
-from .aim import what_to_aim_at
+from .aim import lamps_are_alone, what_to_aim_at
 from .effects import BrdfPlan, Choices, plan_brdf
 from .lamps import lamp_image
 
@@ -47,6 +47,7 @@ def build_brdf(
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
+        lamp_share=plan.aim and lamps_are_alone(scene),
     )
     return material, plan
 

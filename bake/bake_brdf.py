@@ -22,6 +22,7 @@ from .envelope import (
     EnvelopeFit,
     fit_envelope,
     fit_preview,
+    lamp_shares,
     pack_weights,
     reconstruction_errors,
     residual_source,
@@ -253,6 +254,7 @@ def _envelope(
         "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
         "residual": StoredImage(pack(residual.values * np.float32(scale)), settings.storage),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+        "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
     }
     facts = {"scale": scale, "grid": grid.facts(), "errors": errors}
     return {"envelope": fit.facts(), "residual": facts}, images

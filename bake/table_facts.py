@@ -9,7 +9,7 @@ from typing import Any
 from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
-from .envelope import EnvelopeFit, PreviewFit, fit_from_image, preview_from_image
+from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from .errors import BakeError
 from .half_grid import HalfGrid
 from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
@@ -97,6 +97,11 @@ def envelope_of(bundle: Bundle) -> EnvelopeFit:
     """The stored envelope. Raises BakeError."""
     where = bundle.path / "material.json"
     return fit_from_image(require(bundle.material, "envelope", dict, where), bundle.load("envelope"), where)
+
+
+def check_shares(bundle: Bundle) -> None:
+    """Raises BakeError where the bundle's "residual_share" is not what `bake.envelope.lamp_shares` gives."""
+    checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"))
 
 
 def preview_of(bundle: Bundle) -> PreviewFit:

@@ -16,6 +16,7 @@ from ..bake.errors import BakeError
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import (
+    check_shares,
     envelope_of,
     grid_of,
     preview_of,
@@ -53,6 +54,7 @@ def build_material(
     mode: str | None = None,
     residual: bool = True,
     features: bool = False,
+    lamp_share: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle. No texture is baked for that.
 
@@ -66,6 +68,8 @@ def build_material(
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser
+    lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
+        holds it: it pays where hardly any other light arrives
 
     Raises
     ------
@@ -88,7 +92,12 @@ def build_material(
             table = table_groups(bundle, name, filter, chosen, pack, aimed=lamps is not None, part=part)
         envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
         preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
-        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps))
+        shares = None
+        local = lamp_share and lamps is not None and envelope is not None and table is not None
+        if local and bundle.has("residual_share"):
+            check_shares(bundle)
+            shares = load_data_image(bundle.image_path("residual_share"), f"{name} residual share", pack=pack)
+        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
         return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
 
     return build_from(bundle, material, make)

@@ -23,6 +23,7 @@ from ..bake.parameterization import LogWarp
 from ..bake.shading.lobes import Lobe
 from ..bake.table import FILTERS, Grid
 from ..bake.table_facts import (
+    check_shares,
     envelope_of,
     grid_of,
     preview_of,
@@ -96,6 +97,9 @@ def shader_constants(bundle: Bundle, mode: str, filter: str | None = None, stoch
     if mode in ("exact", "balanced"):
         fit = envelope_of(bundle)
         constants |= _closure_constants("Envelope", _file(bundle, "envelope"), fit.closures, len(fit.weights))
+        if bundle.has("residual_share"):
+            check_shares(bundle)
+            constants["Shares"] = _file(bundle, "residual_share")
     if mode in ("preview", "balanced"):
         preview = preview_of(bundle)
         file = _file(bundle, "preview_weights")
@@ -174,7 +178,7 @@ def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:
 
 
 def _lamp_parameters(count: int) -> list[str]:
-    return ["Sky", "World", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
+    return ["Sky", "World", "Strongest", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
 
 
 def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
@@ -187,9 +191,10 @@ def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree
         return expr.image_tap(lamps, (column + 0.5) / TEXELS, 1 - (row + 0.5) / rows, "Closest")
 
     def build() -> tuple[Any, ...]:
-        sky, largest, _ = expr.components(texel(0, 4)[0])
+        scene, strength = texel(0, 4)
+        sky, largest, in_scene = expr.components(scene)
         world, flux = texel(1, 4) if rows > 1 else (expr.vec(0.0, 0.0, 0.0), 0.0)
-        values = [expr.vec(sky, largest, flux), world]
+        values = [expr.vec(sky, largest, flux), world, expr.vec(in_scene, strength, 0.0)]
         for row in range(count):
             vectors, numbers = zip(*(texel(row, column) for column in range(len(_TEXELS))))
             kind, power, _, fourth = numbers

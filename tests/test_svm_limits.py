@@ -77,7 +77,7 @@ def half_paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 def brdf_material(bundle: Bundle, name: str) -> bpy.types.Material:
     """Blended, not one slice at random; and with the denoiser's passes."""
     mode, filter = BRDFS[name]
-    material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image())
+    material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image(), lamp_share=True)
     aim_at_everything()
     return with_passes(material, bundle)
 
