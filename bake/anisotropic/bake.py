@@ -21,9 +21,12 @@ from ..table import FILTERS, Filter
 from .accuracy import turned_pairs
 from .atlas import SliceLayout, pack
 from .choice import Symmetry, choose_grid, measured_symmetry
+from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview
+from .envelope_texture import guarded_share, pack_weights
 from .grid import Grid, HalfGrid
 from .sampler import SlopeLayout, build_slope_sampler
 from .table import AnisotropicTable, TreatedAnisotropic, tabulate
+from .views import ViewerGrid
 
 if TYPE_CHECKING:
     from ..bake_brdf import BakeResult, BakeSettings, Progress
@@ -33,6 +36,8 @@ _DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
 _AZIMUTHS = 8
 # Cells follow the lobe more closely than samples, which have to serve its tail too.
 _CELL_WIDTH = 0.5
+# Nodes of the envelope's weights; the azimuth's over half a turn.
+_VIEWERS_THETA, _VIEWERS_PHI = 24, 8
 
 
 def bake_anisotropic(
@@ -105,10 +110,46 @@ def bake_anisotropic(
         "table": StoredImage(pack(grid, table.values * np.float32(scale)), settings.storage),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
+    if settings.envelope:
+        say("envelope", 0.0)
+        extra, further = _envelope(treated, table, layout, settings, pairs, truth)
+        facts, images = facts | extra, images | further
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(table, settings.filter))  # type: ignore[arg-type]
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
+
+
+def _envelope(
+    treated: TreatedAnisotropic,
+    table: AnisotropicTable,
+    layout: SlopeLayout,
+    settings: BakeSettings,
+    pairs: DirectionPairs,
+    truth: Array,
+) -> tuple[dict[str, Any], dict[str, StoredImage]]:
+    """Facts and images of the envelope, of the residual, whose table has the grid of the whole one, and of Preview."""
+    viewers = ViewerGrid(_VIEWERS_THETA, _VIEWERS_PHI * (1 if layout.folded else 2), layout.folded)
+    widths = layout.width_x, layout.width_y
+    fit = fit_anisotropic_envelope(treated, viewers, widths)
+    preview = fit_anisotropic_preview(treated, fit, widths)
+    residual, scale = quantized(
+        tabulate(AnisotropicResidual(treated, fit), table.grid), settings.storage, settings.filter
+    )
+    sampler = build_slope_sampler(residual, layout)
+    together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
+    errors = {
+        "rms": pairs.rms(together - truth),
+        "relative": pairs.relative_error(together - truth, truth),
+    }
+    plain = {key: fit.facts()[key] for key in ("closures", "n_theta", "n_phi", "folded")}
+    images = {
+        "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
+        "residual": StoredImage(pack(table.grid, residual.values * np.float32(scale)), settings.storage),
+        "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+        "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
+    }
+    return {"envelope": fit.facts(), "preview": plain, "residual": {"scale": scale, "errors": errors}}, images
 
 
 def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, search: dict[str, Any]) -> SlopeLayout:

@@ -8,6 +8,8 @@ from ..bundle import Bundle, require
 from ..errors import BakeError
 from ..table import FILTERS, Filter
 from .atlas import SliceLayout, unpack
+from .envelope import AnisotropicFit
+from .envelope_texture import fit_from_image
 from .grid import Grid, HalfGrid, NormalGrid
 from .sampler import SlopeLayout, SlopeSampler
 from .table import AnisotropicTable
@@ -84,6 +86,13 @@ def sampler_of(bundle: Bundle, name: str = "sampler") -> SlopeSampler:
     if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= layout.cells).any():
         raise BakeError(bundle.image_path(name), "is no alias table", "bake it again")
     return SlopeSampler(layout, texels)
+
+
+def closures_of(bundle: Bundle, name: str = "envelope") -> AnisotropicFit:
+    """The stored "envelope", or the closures of mode Preview, "preview_weights". Raises BakeError."""
+    where = bundle.path / "material.json"
+    key = "envelope" if name == "envelope" else "preview"
+    return fit_from_image(require(bundle.material, key, dict, where), bundle.load(name), where)
 
 
 def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:
