@@ -25,6 +25,8 @@ def source_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
 def table_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     """Size, parameterisation and filter of the table."""
     table = require(facts, "table", dict, where)
+    if table.get("anisotropic") is True:
+        return _anisotropic_rows(table, where)
     n = require(table, "n", int, where, minimum=1, maximum=1 << 16)
     kind = require(table, "parameterization", str, where)
     words = (require(table, key, str, where) for key in ("filter", "storage"))
@@ -34,6 +36,19 @@ def table_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
         rows.append(("Alpha", f"theta {theta:.4g}, phi {phi:.4g}"))
         rows += _search_rows(facts, where)
     return rows
+
+
+def _anisotropic_rows(table: Mapping[str, Any], where: str | Path) -> Rows:
+    """Of a four-dimensional table: basis, sizes, and what its shape was fitted to."""
+    basis = require(table, "basis", str, where, choices=("half", "normal"))
+    sizes = " x ".join(str(n) for n in require(table, "shape", list, where, minimum=4)[:4])
+    words = (require(table, key, str, where) for key in ("filter", "storage"))
+    rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), ("Texels", ", ".join(words))]
+    if basis == "half":
+        x, y = (require(table, f"width_{k}", float, where) for k in "xy")
+        return [*rows, ("Slope width", f"{x:.3g} along the tangent, {y:.3g} across")]
+    theta, phi = (require(table, f"alpha_{g}", float, where) for g in ("theta", "phi"))
+    return [*rows, ("Alpha", f"theta {theta:.4g}, phi {phi:.4g}")]
 
 
 def _search_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:

@@ -36,8 +36,6 @@ _DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
 _AZIMUTHS = 8
 # Cells follow the lobe more closely than samples, which have to serve its tail too.
 _CELL_WIDTH = 0.5
-# Nodes of the envelope's weights; the azimuth's over half a turn.
-_VIEWERS_THETA, _VIEWERS_PHI = 24, 8
 
 
 def bake_anisotropic(
@@ -48,6 +46,7 @@ def bake_anisotropic(
     origin: dict[str, str] | None = None,
     *,
     basis: str = "auto",
+    viewers: tuple[int, int] = (24, 8),
 ) -> BakeResult:
     """Bake an anisotropic source to the bundle `out`.
 
@@ -56,6 +55,7 @@ def bake_anisotropic(
     settings : of the resolution n see `choice.half_shape`; the parameterisation is the basis' own, its shape chosen by
         measured error, and a spline takes the samples as they are
     basis : "half", "normal" or "auto"
+    viewers : nodes of the envelope's weights in elevation, and in half a turn of the azimuth
     progress : called with the stage's name and its share done
 
     Raises
@@ -112,7 +112,7 @@ def bake_anisotropic(
     }
     if settings.envelope:
         say("envelope", 0.0)
-        extra, further = _envelope(treated, table, layout, settings, pairs, truth)
+        extra, further = _envelope(treated, table, layout, viewers, settings, pairs, truth)
         facts, images = facts | extra, images | further
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(table, settings.filter))  # type: ignore[arg-type]
@@ -124,14 +124,15 @@ def _envelope(
     treated: TreatedAnisotropic,
     table: AnisotropicTable,
     layout: SlopeLayout,
+    viewers: tuple[int, int],
     settings: BakeSettings,
     pairs: DirectionPairs,
     truth: Array,
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope, of the residual, whose table has the grid of the whole one, and of Preview."""
-    viewers = ViewerGrid(_VIEWERS_THETA, _VIEWERS_PHI * (1 if layout.folded else 2), layout.folded)
+    nodes = ViewerGrid(viewers[0], viewers[1] * (1 if layout.folded else 2), layout.folded)
     widths = layout.width_x, layout.width_y
-    fit = fit_anisotropic_envelope(treated, viewers, widths)
+    fit = fit_anisotropic_envelope(treated, nodes, widths)
     preview = fit_anisotropic_preview(treated, fit, widths)
     residual, scale = quantized(
         tabulate(AnisotropicResidual(treated, fit), table.grid), settings.storage, settings.filter
