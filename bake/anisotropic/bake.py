@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -84,6 +84,7 @@ def bake_anisotropic(
     layout = sampler_layout(settings, grid, symmetry, search)
     sampler = build_slope_sampler(table, layout)
     say("measuring", 0.0)
+    simpler = cast("tuple[Filter, ...]", FILTERS[: FILTERS.index(settings.filter) + 1])
     facts: dict[str, Any] = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": treatment},
@@ -100,10 +101,7 @@ def bake_anisotropic(
         "search": search,
         "sampler": asdict(layout),
         "errors": table_errors(table, settings.filter, pairs, truth),
-        "rms_by_filter": {
-            name: table_errors(table, name, pairs, truth)["rms"]
-            for name in FILTERS[: FILTERS.index(settings.filter) + 1]  # type: ignore[arg-type]
-        },
+        "rms_by_filter": {name: table_errors(table, name, pairs, truth)["rms"] for name in simpler},
         "albedo": mean_albedo(treated),
     }
     images = {

@@ -51,8 +51,8 @@ def guarded_share(fit: AnisotropicFit) -> NDArray[np.float32]:
 
 def fit_from_image(facts: Mapping[str, Any], image: Array, where: str | Path) -> AnisotropicFit:
     """What `AnisotropicFit.facts` and `pack_weights` gave, read from an untrusted bundle. Raises BakeError."""
-    sizes = [require(facts, key, int, where, 2, _MOST_NODES) for key in ("n_theta", "n_phi")]
-    grid = ViewerGrid(*sizes, require(facts, "folded", bool, where))
+    n_theta, n_phi = (require(facts, key, int, where, 2, _MOST_NODES) for key in ("n_theta", "n_phi"))
+    grid = ViewerGrid(n_theta, n_phi, require(facts, "folded", bool, where))
     listed = require(facts, "closures", list, where, 1, _MOST_CLOSURES)
     closures = tuple(lobe_from_facts(entry, where) for entry in listed)
     if np.shape(image) != (len(closures) * (grid.n_phi + 2), grid.n_theta, 4):

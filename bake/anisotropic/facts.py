@@ -33,11 +33,11 @@ def grid_of(bundle: Bundle, name: str = "table") -> Grid:
     folded = require(table, "folded", bool, where)
     grid: Grid
     if basis == "half":
-        widths = (float(require(table, f"width_{k}", float, where, minimum=1e-4, maximum=1e3)) for k in "xy")
-        grid = HalfGrid(shape, *widths, folded)
+        x, y = (float(require(table, f"width_{k}", float, where, minimum=1e-4, maximum=1e3)) for k in "xy")
+        grid = HalfGrid(shape, x, y, folded)
     else:
-        alphas = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
-        grid = NormalGrid(shape, *alphas, folded)
+        theta, phi = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
+        grid = NormalGrid(shape, theta, phi, folded)
         # Beyond the pole azimuths go on half a turn further, which has to be a sample.
         if shape[3] % 2 or (not folded and shape[0] % 2):
             raise BakeError(where, "'table.shape' has an odd azimuth", "bake it again")

@@ -21,6 +21,7 @@ from ..alias_sampler import COSINE_FLOOR, alias_tables
 from ..directions import spherical
 from ..source import Array, BrdfSource
 from .grid import azimuth_index, slope_unwarp, slope_warp
+from .table import AnisotropicTable
 
 # Quadrature points per cell side, and viewers per bin side: the estimate need not be exact, the pdf is.
 _POINTS = 2
@@ -173,7 +174,7 @@ def _density(xp: Any, layout: SlopeLayout, x: Any, y: Any, half: Any, wo_half: A
     return xp.divide(layout.width_x * layout.width_y / 16, spread)
 
 
-def cell_moments(source: BrdfSource, layout: SlopeLayout) -> tuple[Array, Array]:
+def cell_moments(source: BrdfSource | AnisotropicTable, layout: SlopeLayout) -> tuple[Array, Array]:
     """Root mean square over each cell and bin of f cos(theta_i) / density, for the material and for a Lambertian one.
 
     That is what the cells' probabilities have to follow for least variance. Channels are averaged.
@@ -212,7 +213,7 @@ def _cell_mean(values: Array, layout: SlopeLayout) -> Array:
     return values.reshape(layout.n_y, _POINTS, layout.n_x, _POINTS).mean((1, 3))
 
 
-def build_slope_sampler(source: BrdfSource, layout: SlopeLayout) -> SlopeSampler:
+def build_slope_sampler(source: BrdfSource | AnisotropicTable, layout: SlopeLayout) -> SlopeSampler:
     """Alias tables for a source, a Lambertian floor included: every direction above the horizon may be drawn."""
     material, matte = cell_moments(source, layout)
     matte = np.maximum(matte, 0.25 * _around(matte))
@@ -231,8 +232,8 @@ def build_slope_sampler(source: BrdfSource, layout: SlopeLayout) -> SlopeSampler
 def _around(values: Array) -> Array:
     """Largest value among a cell and its neighbours, in other bins too: a cell may be visible in a sliver."""
     for axis in range(values.ndim):
-        mode = "wrap" if axis == 1 else "edge"
-        padded = np.pad(values, [(1, 1) if k == axis else (0, 0) for k in range(values.ndim)], mode=mode)
         n = values.shape[axis]
+        ends = np.arange(-1, n + 1)
+        padded = np.take(values, ends % n if axis == 1 else np.clip(ends, 0, n - 1), axis)
         values = np.max([np.take(padded, np.arange(k, k + n), axis) for k in range(3)], 0)
     return values

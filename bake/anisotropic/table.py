@@ -11,7 +11,6 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -49,19 +48,13 @@ class TreatedAnisotropic:
 class AnisotropicTable:
     """Sampled values (or B-spline coefficients), float32, of shape grid.shape + (3,), times the grid's factor.
 
-    A `BrdfSource`; `filter` is what it is reconstructed with.
+    `filter` is what it is reconstructed with.
     """
 
     grid: Grid
     values: Array
     filter: Filter = "trilinear"
-    name: str = "table"
     isotropic = bilateral = False
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """Nothing."""
-        return {}
 
     @cached_property
     def _padded(self) -> Array:
