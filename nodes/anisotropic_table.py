@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of, scale_of
+from ..bake.anisotropic.grid import NormalGrid
 from ..bake.bundle import Bundle
 from ..bake.storage import Storage
 from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
@@ -40,6 +41,9 @@ def anisotropic_table_groups(
 ) -> AnisotropicGroups:
     """Groups of a bundle's BRDF, or of its "residual", their textures loaded; without a tangent yet. Raises BakeError.
 
+    Blended, sixteen taps of a spline, or four beside the normal basis' longer formulas, would not leave a material room
+    on SVM's stack: there one slice is chosen in any case.
+
     Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
     """
     bundle.load(part)
@@ -48,9 +52,9 @@ def anisotropic_table_groups(
     half = bundle.material["images"][part]["storage"] == Storage.HALF
     atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
     cells = load_data_image(bundle.image_path(stored), f"{name} {stored.replace('_', ' ')}", pack=pack)
-    lookup = anisotropic_lookup_group(
-        f"MM Lookup {name}", atlas, grid, filter or filter_of(bundle), 1 / scale_of(bundle, part), stochastic
-    )
+    filter = filter or filter_of(bundle)
+    stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
+    lookup = anisotropic_lookup_group(f"MM Lookup {name}", atlas, grid, filter, 1 / scale_of(bundle, part), stochastic)
     sampler = slope_sampler_group(f"MM Sampler {name}", cells, layout)
     density = slope_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return AnisotropicGroups(lookup, sampler, density)

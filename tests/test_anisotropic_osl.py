@@ -105,7 +105,7 @@ def test_material_equals_that_of_nodes(satin: Bundle, mode: str) -> None:
         with plane_scene(build(satin, mode=mode), SHAPES["turned"], applied=False) as scene:
             if build is build_osl_material:
                 use_osl(scene.scene)
-            pictures.append(scene.render(64, 6))
+            pictures.append(scene.render(256, 6))
             mask = scene.mask()
     result = compare(*pictures, mask)
     print(result)
