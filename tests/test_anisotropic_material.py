@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 from measured_materials.addon import studio
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
@@ -112,7 +112,7 @@ SHAPES = {
 }
 
 
-def plane_scene(material: bpy.types.Material, matrix: Matrix, applied: bool) -> TestScene:
+def plane_scene(material: bpy.types.Material, matrix: Matrix, applied: bool, lamp: bool = False) -> TestScene:
     """A plane under a sky that glows in one place; `applied` moves the vertices instead of the object.
 
     UVs run at an angle to the edges, so that the tangent is nobody's axis.
@@ -141,6 +141,12 @@ def plane_scene(material: bpy.types.Material, matrix: Matrix, applied: bool) -> 
         expr.feed(tree, background.inputs["Strength"], expr.power(along, 4.0) * 2 + 0.2)
     background.inputs["Color"].default_value = (1.0, 0.9, 0.8, 1)
     scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 128
+    if lamp:
+        light = bpy.data.lights.new("lamp", "AREA")
+        light.energy, light.size = 40, 0.5
+        placed = bpy.data.objects.new("lamp", light)
+        placed.matrix_world = Matrix.Translation((0.5, 1.2, 1.5)) @ Matrix.Rotation(-0.7, 4, "X")
+        scene.collection.objects.link(placed)
     camera = bpy.data.cameras.new("camera")
     view = bpy.data.objects.new("camera", camera)
     view.matrix_world = Matrix.Translation((0, -2.4, 2.0)) @ Matrix.Rotation(0.87, 4, "X")
@@ -177,6 +183,22 @@ def test_a_material_without_mirror_symmetry(crossed: Bundle, name: str, mode: st
         expected = truth.render(256, range(100, 108))
     material = build_material(crossed, mode=mode, lamps=lamp_image())
     with plane_scene(material, SHAPES[name], applied=False) as scene:
+        found = scene.render(512, 10)
+    result = compare(expected, found, mask, tolerance=0.005)
+    print(result)
+    assert_agree(result, EFFECT)
+    assert not compare(expected, found * 1.02, mask, tolerance=0.005).passed
+
+
+@pytest.mark.parametrize("mode", ["exact", "reference"])
+def test_aimed_at_a_lamp(crossed: Bundle, mode: str) -> None:
+    """A small lamp besides, most of the light: the density of the material's own draws counts in every weight."""
+    with plane_scene(crossed_truth(), SHAPES["turned"], applied=True, lamp=True) as truth:
+        mask = truth.mask()
+        expected = truth.render(256, range(100, 108))
+    material = build_material(crossed, mode=mode, lamps=lamp_image())
+    with plane_scene(material, SHAPES["turned"], applied=False, lamp=True) as scene:
+        assert update_scene(scene.scene).lamps
         found = scene.render(512, 10)
     result = compare(expected, found, mask, tolerance=0.005)
     print(result)
