@@ -15,6 +15,7 @@ from . import VERSION
 from .accuracy import DirectionPairs, direction_pairs
 from .albedo import albedo_facts
 from .alias_sampler import SamplerLayout, build_sampler
+from .anisotropic.bake import bake_anisotropic
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
@@ -158,13 +159,13 @@ def bake_source(
 
     Raises
     ------
-    BakeError : the source is anisotropic, all zero or not finite, or the bundle cannot be written
+    BakeError : the source is all zero or not finite, or the bundle cannot be written
     """
     settings = settings or BakeSettings()
     say = progress or _silent
     started = time.perf_counter()
     if not source.isotropic:
-        raise BakeError(source.name, "is anisotropic, and this table is isotropic", "bake an isotropic material")
+        return bake_anisotropic(source, out, settings, progress, origin, basis=settings.basis)
     treated = TreatedSource(source)
     pairs = direction_pairs(_ERROR_PAIRS)
     truth = treated.evaluate(pairs.wi, pairs.wo)

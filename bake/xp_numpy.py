@@ -35,11 +35,6 @@ def arctan2(y: Any, x: Any) -> Any:
     return np.arctan2(y, x)
 
 
-def log(x: Any) -> Any:
-    """Natural logarithm of x > 0."""
-    return np.log(x)
-
-
 def divide(a: Any, b: Any) -> Any:
     """Quotient, 0 where the divisor is 0, as Cycles' Math node has it."""
     a, b = np.broadcast_arrays(a, b)

@@ -8,11 +8,11 @@ changes with every edit and frame; OSL's texture system would show a file as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, cast
 
 import bpy
 
+from ..bake.anisotropic.facts import is_anisotropic
 from ..bake.atlas import AtlasLayout
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
@@ -36,9 +36,10 @@ from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
 from .material import build_from, usual_mode
-from .osl_script import output, script_node, shader_source
+from .osl_anisotropic import anisotropic_constants
+from .osl_script import output, script_node, shader_source, texture_file
 
-SHADER = "measured_material.osl"
+SHADER, ANISOTROPIC = "measured_material.osl", "measured_anisotropic.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
 
 
@@ -74,15 +75,18 @@ def build_osl_material(
     mode = mode or usual_mode(bundle)
     if mode not in MODES:
         raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
-    constants = shader_constants(bundle, mode, filter, stochastic)
+    if anisotropic := is_anisotropic(bundle):
+        shader, constants = ANISOTROPIC, anisotropic_constants(bundle, mode, filter, stochastic)
+    else:
+        shader, constants = SHADER, shader_constants(bundle, mode, filter, stochastic)
+    interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if anisotropic else {})
 
-    def build(normal: Any, tint: Any) -> Any:
-        inputs = {"Normal": normal, "Tint": tint, **constants}
+    def build(*values: Any) -> Any:
+        inputs = dict(zip(interface, values)) | constants
         if lamps is not None and mode != "preview":
             inputs |= _lamp_inputs(lamps)
-        return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
+        return output(script_node(shader, shader_source(shader), inputs), "BSDF")
 
-    interface = {"Normal": "vector", "Tint": "vector"}
     return build_from(
         bundle, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
     )
@@ -96,13 +100,13 @@ def shader_constants(bundle: Bundle, mode: str, filter: str | None = None, stoch
         constants |= table_constants(bundle, part, filter, stochastic) | sampler_constants(bundle, part)
     if mode in ("exact", "balanced"):
         fit = envelope_of(bundle)
-        constants |= _closure_constants("Envelope", _file(bundle, "envelope"), fit.closures, len(fit.weights))
+        constants |= _closure_constants("Envelope", texture_file(bundle, "envelope"), fit.closures, len(fit.weights))
         if bundle.has("residual_share"):
             check_shares(bundle)
-            constants["Shares"] = _file(bundle, "residual_share")
+            constants["Shares"] = texture_file(bundle, "residual_share")
     if mode in ("preview", "balanced"):
         preview = preview_of(bundle)
-        file = _file(bundle, "preview_weights")
+        file = texture_file(bundle, "preview_weights")
         constants |= _closure_constants("Preview", file, preview.closures, len(preview.weights))
     return constants
 
@@ -117,7 +121,7 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
     if filter not in FILTERS:
         raise BakeError(where, f"filter cannot be {filter[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
-        "Table": _file(bundle, part),
+        "Table": texture_file(bundle, part),
         "Scale": 1 / (scale_of(bundle) if part == "table" else residual_scale_of(bundle)),
         **grid_constants(grid),
         "Filter": filter,
@@ -150,7 +154,7 @@ def sampler_constants(bundle: Bundle, part: str) -> dict[str, Any]:
     name = "sampler" if part == "table" else "residual_sampler"
     layout = sampler_of(bundle, name).layout
     return {
-        "Sampler": _file(bundle, name),
+        "Sampler": texture_file(bundle, name),
         "Bins": layout.n_o,
         "CellsTheta": layout.n_h,
         "CellsPhi": layout.n_phi,
@@ -161,14 +165,6 @@ def sampler_constants(bundle: Bundle, part: str) -> dict[str, Any]:
 def _closure_constants(name: str, file: str, closures: Sequence[Lobe], nodes: int) -> dict[str, Any]:
     words = " ".join(f"{lobe.name} {lobe.p1:.9g}" for lobe in closures)
     return {name: file, f"{name}Nodes": nodes, f"{name}Closures": words}
-
-
-def _file(bundle: Bundle, name: str) -> str:
-    path = Path(bundle.image_path(name)).resolve()
-    # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
-    if odd := sorted(set("?%<#") & set(str(path))):
-        raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")
-    return str(path)
 
 
 def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:

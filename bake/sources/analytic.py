@@ -49,14 +49,14 @@ class Analytic(ABC):
             value = self._checked(field.name, getattr(self, field.name))
             object.__setattr__(self, field.name, value)
         facts = {"format": "analytic", "model": self.LABEL, **dataclasses.asdict(self)}  # type: ignore[call-overload]
-        isotropic = facts.get("alpha_y") in (None, facts.get("alpha"))
+        isotropic = all(facts.get(f"{key}_y") in (None, facts.get(key)) for key in ("alpha", "exponent"))
         for key, value in (("name", self.LABEL), ("isotropic", isotropic), ("bilateral", isotropic)):
             object.__setattr__(self, key, value)
         object.__setattr__(self, "facts", facts)
 
     def _checked(self, key: str, value: Any) -> Any:
         """The parameter as number or colour, within the range of RANGES."""
-        if key not in RANGES or (key == "alpha_y" and value is None):
+        if key not in RANGES or (key in ("alpha_y", "exponent_y") and value is None):
             choices = CHOICES.get(key)
             if choices and value not in choices:
                 raise _bad(self.LABEL, f"{key} = {value!r}", f"choose one of {', '.join(choices)}")
@@ -94,6 +94,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "f0": (0, 1, True),
     "flake": (0, 1, True),
     "exponent": (0, 1e8, False),
+    "exponent_y": (0, 1e8, False),
     "alpha": (1e-5, 10, False),
     "alpha_y": (1e-5, 10, False),
     "coat_alpha": (1e-5, 10, False),
@@ -167,6 +168,36 @@ class BlinnPhong(Analytic):
             factor = half_vector_norm(self.lobe, _least(n))
         lobe = factor * _curve(self.lobe, one_minus_cos, n)
         return np.array(self.diffuse) / math.pi + np.array(self.specular) * lobe[:, None]
+
+
+@dataclass(frozen=True)
+class AshikhminShirley(Analytic):
+    """Phong-like lobe with an exponent along each tangent, Schlick's Fresnel, and a base lit by what it lets through.
+
+    Ashikhmin & Shirley 2000, "An anisotropic Phong BRDF model", equations 4 and 5: reciprocal, and never more than 1 in
+    albedo. `exponent` holds along x, `exponent_y` along y.
+    """
+
+    diffuse: Rgb = (0.2, 0.2, 0.2)
+    specular: Rgb = (0.3, 0.3, 0.3)
+    exponent: float = 50.0
+    exponent_y: float | None = None
+    LABEL = "ashikhmin-shirley"
+
+    def _value(self, wi: Array, wo: Array) -> Array:
+        n_x = self.exponent
+        n_y = n_x if self.exponent_y is None else self.exponent_y
+        square = (wi + wo) ** 2
+        across = square[:, 0] + square[:, 1]
+        exponent = (n_x * square[:, 0] + n_y * square[:, 1]) / np.where(across > 0, across, 1)
+        # cos^n theta_h through log cos = log(1 - sin^2) / 2, exact at the peak.
+        power = np.exp(0.5 * exponent * np.log1p(-across / np.maximum(square.sum(-1), across * (1 + 1e-15))))
+        cos_d, higher = _cos_difference(wi, wo), np.maximum(wi[:, 2:], wo[:, 2:])
+        lobe = math.sqrt((n_x + 1) * (n_y + 1)) / (8 * math.pi) * power[:, None] / (cos_d * higher)
+        through = (1 - (1 - wi[:, 2:] / 2) ** 5) * (1 - (1 - wo[:, 2:] / 2) ** 5)
+        specular = np.array(self.specular)
+        base = 28 / (23 * math.pi) * np.array(self.diffuse) * (1 - specular) * through
+        return base + lobe * schlick(cos_d, specular)
 
 
 @dataclass(frozen=True)
@@ -341,7 +372,7 @@ def _bad(model: str, cause: str, remedy: str) -> BakeError:
     return BakeError(f"analytic {model}", cause, remedy)
 
 
-_MODELS = (Lambert, ModifiedPhong, BlinnPhong, Ward, Ggx, OrenNayar, MetallicPaint)
+_MODELS = (Lambert, ModifiedPhong, BlinnPhong, AshikhminShirley, Ward, Ggx, OrenNayar, MetallicPaint)
 ANALYTIC: dict[str, Callable[..., Analytic]] = {model.LABEL: model for model in _MODELS}
 
 

@@ -17,6 +17,7 @@ BENCHES = {
     "figures": "picture sheets after figures 4 and 7 of Mallett & Yuksel 2016",
     "gallery": "pictures of the twelve RGL and three Cornell materials",
     "cornell": "error of the Cornell paints on held-out samples",
+    "anisotropic": "error against bytes in both bases, a brushed disc under turning light, time beside Principled",
     "denoise": "the denoiser's picture by colour, by Cycles' passes and by the material's own, beside Principled",
     "effects": "the graph fitted to six scenes beside the full one: nodes, time, noise, equality",
     "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
