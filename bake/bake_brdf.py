@@ -35,7 +35,7 @@ from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
 from .sources import read_source
-from .storage import Storage, quantize, scale_for
+from .storage import Storage, offset_for, quantize, scale_for
 from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
 from .table_facts import MAX_RESOLUTION
 
@@ -195,6 +195,7 @@ def bake_source(
             "spline": spline,
             "storage": str(settings.storage),
             "scale": scale,
+            "offset": offset_for(settings.storage),
             "total_intensity": table.total_intensity,
         },
         "search": choice.search and choice.search.facts(),
@@ -207,7 +208,7 @@ def bake_source(
         "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
     }
     images = {
-        "table": StoredImage(pack(stored.values * np.float32(scale)), settings.storage),
+        "table": StoredImage(_texels(stored, scale, settings.storage), settings.storage),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     preview = fit_preview(treated)
@@ -253,11 +254,11 @@ def _envelope(
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
     images = {
         "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
-        "residual": StoredImage(pack(residual.values * np.float32(scale)), settings.storage),
+        "residual": StoredImage(_texels(residual, scale, settings.storage), settings.storage),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
     }
-    facts = {"scale": scale, "grid": grid.facts(), "errors": errors}
+    facts = {"scale": scale, "offset": offset_for(settings.storage), "grid": grid.facts(), "errors": errors}
     return {"envelope": fit.facts(), "residual": facts}, images
 
 
@@ -320,8 +321,13 @@ def _store(
 def _quantized(table: BrdfTable, storage: Storage) -> tuple[BrdfTable, float]:
     # What continues a table beyond a pole may exceed every sample.
     scale = scale_for(pad_slices(table.values), storage)
-    stored = quantize(table.values * np.float32(scale), storage) * np.float32(1 / scale)
-    return BrdfTable(table.grid, stored), scale
+    offset = np.float32(offset_for(storage))
+    stored = quantize(table.values * np.float32(scale) + offset, storage) - offset
+    return BrdfTable(table.grid, stored * np.float32(1 / scale)), scale
+
+
+def _texels(table: BrdfTable, scale: float, storage: Storage) -> Array:
+    return pack(table.values * np.float32(scale)) + np.float32(offset_for(storage))
 
 
 def table_errors(table: BrdfTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:

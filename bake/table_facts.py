@@ -74,16 +74,24 @@ def scale_of(bundle: Bundle) -> float:
     return float(require(table, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
 
 
+def offset_of(bundle: Bundle, part: str = "table") -> float:
+    """What scaled values of the table or the "residual" were raised by; nothing in older bundles."""
+    where = bundle.path / "material.json"
+    facts = require(bundle.material, part, dict, where)
+    return float(require(facts, "offset", float, where, minimum=0, maximum=1)) if "offset" in facts else 0.0
+
+
 def table_of(bundle: Bundle) -> BrdfTable:
     """The stored values, unscaled."""
     grid = grid_of(bundle)
-    return BrdfTable(grid, unpack(bundle.load("table"), grid.shape) / scale_of(bundle))
+    return BrdfTable(grid, (unpack(bundle.load("table"), grid.shape) - offset_of(bundle)) / scale_of(bundle))
 
 
 def residual_table_of(bundle: Bundle) -> BrdfTable:
     """The stored values of the residual, unscaled."""
     grid = residual_grid_of(bundle)
-    return BrdfTable(grid, unpack(bundle.load("residual"), grid.shape) / residual_scale_of(bundle))
+    values = unpack(bundle.load("residual"), grid.shape) - offset_of(bundle, "residual")
+    return BrdfTable(grid, values / residual_scale_of(bundle))
 
 
 def residual_scale_of(bundle: Bundle) -> float:

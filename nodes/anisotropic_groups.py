@@ -18,7 +18,13 @@ _INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic
 
 
 def anisotropic_lookup_group(
-    name: str, image: bpy.types.Image, grid: Grid, filter: str, scale: float = 1.0, stochastic: bool = False
+    name: str,
+    image: bpy.types.Image,
+    grid: Grid,
+    filter: str,
+    scale: float = 1.0,
+    stochastic: bool = False,
+    offset: float = 0.0,
 ) -> bpy.types.ShaderNodeTree:
     """(wi, wo, random) to the BRDF in 1/sr without the cosine, of local directions.
 
@@ -26,7 +32,7 @@ def anisotropic_lookup_group(
     ----------
     image : the atlas of `bake.anisotropic.atlas.pack`
     filter : "nearest", "trilinear" (here of four axes) or "bspline"
-    scale : what stored values are multiplied by
+    scale, offset : what stored values are multiplied by, after the offset was subtracted
     stochastic : choose one slice with the filter's weights by the random number instead of blending 4 or 16. Unbiased
         where the value enters the picture linearly
     """
@@ -42,6 +48,7 @@ def anisotropic_lookup_group(
             return expr.image_tap(image, *slice_uv(expr, layout, index, r, c), _INTERPOLATION[filter])[0]
 
         value = _across_slices(tap, a, b, filter, random if stochastic else None)
+        value = value - expr.vec(offset, offset, offset) if offset else value
         return expr.scale(value, expr.divide(scale, grid.factor(expr, wi, wo)))
 
     return node_group(

@@ -12,6 +12,7 @@ from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.table import FILTERS
+from ..bake.table_facts import offset_of
 from .osl_script import texture_file
 
 
@@ -25,6 +26,7 @@ def anisotropic_constants(
         sampler = "sampler" if mode == "reference" else "residual_sampler"
         bundle.load(part)
         constants["Table"], constants["Scale"] = texture_file(bundle, part), 1 / scale_of(bundle, part)
+        constants["Offset"] = offset_of(bundle, part)
         chosen = filter or filter_of(bundle)
         if chosen not in FILTERS:
             raise BakeError(bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")

@@ -26,6 +26,7 @@ from ..bake.table_facts import (
     check_shares,
     envelope_of,
     grid_of,
+    offset_of,
     preview_of,
     residual_grid_of,
     residual_scale_of,
@@ -123,6 +124,7 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
     return {
         "Table": texture_file(bundle, part),
         "Scale": 1 / (scale_of(bundle) if part == "table" else residual_scale_of(bundle)),
+        "Offset": offset_of(bundle, part),
         **grid_constants(grid),
         "Filter": filter,
         "Stochastic": int(stochastic),

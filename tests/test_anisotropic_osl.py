@@ -46,7 +46,7 @@ def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
     body = f"""
       int sizes[4] = {{{sizes}}};
       float shape[2] = {{{shape[0]}, {shape[1]}}};
-      MMTable4 table = {{"{file}", 1, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, shape,
+      MMTable4 table = {{"{file}", 1, 0, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, shape,
                          {int(grid.folded)}, "{filter}", 0}};
       value = vector(mm_lookup4(table, wi, wo, 0.5));"""
     wi, wo = directions(3000)

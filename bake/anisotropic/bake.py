@@ -16,7 +16,7 @@ from ..bundle import StoredImage, write_bundle
 from ..errors import BakeError
 from ..preview import preview_sphere
 from ..source import Array, BrdfSource
-from ..storage import Storage, quantize, scale_for
+from ..storage import Storage, offset_for, quantize, scale_for
 from ..table import FILTERS, Filter
 from .accuracy import turned_pairs
 from .atlas import SliceLayout, pack
@@ -96,6 +96,7 @@ def bake_anisotropic(
             "spline": "plain" if settings.filter == "bspline" else "none",
             "storage": str(settings.storage),
             "scale": scale,
+            "offset": offset_for(settings.storage),
             **symmetry.facts(),
         },
         "search": search,
@@ -105,7 +106,7 @@ def bake_anisotropic(
         "albedo": mean_albedo(treated),
     }
     images = {
-        "table": StoredImage(pack(grid, table.values * np.float32(scale)), settings.storage),
+        "table": StoredImage(_texels(table, scale, settings.storage), settings.storage),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     if settings.envelope:
@@ -142,13 +143,14 @@ def _envelope(
         "relative": pairs.relative_error(together - truth, truth),
     }
     plain = {key: fit.facts()[key] for key in ("closures", "n_theta", "n_phi", "folded")}
+    facts = {"scale": scale, "offset": offset_for(settings.storage), "errors": errors}
     images = {
         "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
-        "residual": StoredImage(pack(table.grid, residual.values * np.float32(scale)), settings.storage),
+        "residual": StoredImage(_texels(residual, scale, settings.storage), settings.storage),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
     }
-    return {"envelope": fit.facts(), "preview": plain, "residual": {"scale": scale, "errors": errors}}, images
+    return {"envelope": fit.facts(), "preview": plain, "residual": facts}, images
 
 
 def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, search: dict[str, Any]) -> SlopeLayout:
@@ -166,8 +168,13 @@ def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, searc
 def quantized(table: AnisotropicTable, storage: Storage, filter: Filter) -> tuple[AnisotropicTable, float]:
     """The table as it will come back from the file, and what its values are multiplied by there."""
     scale = scale_for(table.values, storage)
-    stored = quantize(table.values * np.float32(scale), storage) * np.float32(1 / scale)
-    return AnisotropicTable(table.grid, stored, filter), scale
+    offset = np.float32(offset_for(storage))
+    stored = quantize(table.values * np.float32(scale) + offset, storage) - offset
+    return AnisotropicTable(table.grid, stored * np.float32(1 / scale), filter), scale
+
+
+def _texels(table: AnisotropicTable, scale: float, storage: Storage) -> Array:
+    return pack(table.grid, table.values * np.float32(scale)) + np.float32(offset_for(storage))
 
 
 def table_errors(table: AnisotropicTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any, cast
 from ..bundle import Bundle, require
 from ..errors import BakeError
 from ..table import FILTERS, Filter
+from ..table_facts import offset_of
 from .atlas import SliceLayout, unpack
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
@@ -62,7 +63,8 @@ def scale_of(bundle: Bundle, name: str = "table") -> float:
 def table_of(bundle: Bundle, name: str = "table") -> AnisotropicTable:
     """The stored values of "table" or "residual", unscaled."""
     grid = grid_of(bundle, name)
-    return AnisotropicTable(grid, unpack(grid, bundle.load(name)) / scale_of(bundle, name), filter_of(bundle))
+    values = unpack(grid, bundle.load(name)) - offset_of(bundle, name)
+    return AnisotropicTable(grid, values / scale_of(bundle, name), filter_of(bundle))
 
 
 def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SlopeLayout:

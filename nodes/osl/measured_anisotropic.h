@@ -13,6 +13,7 @@
 struct MMTable4 {
   string image;
   float scale;
+  float offset;
   string basis;
   int sizes[4];
   int columns;
@@ -155,7 +156,7 @@ color mm_lookup4(MMTable4 table, vector wi, vector wo, float random)
         for (int j = 0; j < count; ++j)
           value += weights_a[i] * weights_b[j] * mm_slice4(table, a + i, b + j, at[2], at[3]);
   }
-  return value * (table.scale / factor);
+  return (value - table.offset) * (table.scale / factor);
 }
 
 // viewer_bin
