@@ -19,6 +19,7 @@ _MODULES = (
     "fit_operator",
     "panel",
     "check_operator",
+    "cosine_lobe_operator",
     "command",
 )
 

@@ -11,7 +11,7 @@ from ..bake.shading.map_facts import map_facts_of
 from ..bake.shading.render_settings import RenderSettings
 from ..nodes.shading_map_material import build_shading_map
 from .aim import what_to_aim_at
-from .effects import plan_aim, plan_bounces, plan_detail
+from .effects import is_ready, plan_aim, plan_bounces, plan_detail
 from .footprint import texel_footprint
 from .lamps import lamp_image
 from .quality_properties import choices_of
@@ -27,19 +27,20 @@ def build_map(
     pack: bool,
     scene: bpy.types.Scene | None = None,
 ) -> dict[str, Any]:
-    """Rebuild a shading map's material with what its quality properties and the scene, by default the current one, call
-    for, and return the account of it. Raises BakeError.
+    """Rebuild a shading map's material with what its quality properties and the scene call for, and return the account.
+
+    The scene is by default the current one, and the material then ready for lamps that come later. Raises BakeError.
     """
-    scene = scene or bpy.context.scene
+    ready, scene = scene is None, scene or bpy.context.scene
     choices = choices_of(material.measured_quality)
     facts = map_facts_of(bundle)
     footprint = texel_footprint(material, scene, texels_per_uv(material, facts.layout.width, facts.layout.height))
     reduce, detail = plan_detail(choices, facts.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
-    aim = plan_aim(choices, what_to_aim_at(scene))
+    aim = plan_aim(choices, what_to_aim_at(scene), ready=ready)
     if settings.mode != "preview":
         effects += [aim, plan_bounces(settings.mode)]
-    lamps = lamp_image() if aim.kept else None
+    lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None
     build_shading_map(bundle, material, settings=settings, pack=pack, lamps=lamps, reduce=reduce)
     kept = {key: getattr(choices, key) for key in ("aim", "detail")}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}

@@ -10,7 +10,7 @@ import bpy
 from ..bake.bundle import Bundle
 from ..nodes.feature_passes import ALBEDO
 from ..nodes.material import build_material, usual_mode
-from .aim import what_to_aim_at
+from .aim import lamps_are_alone, what_to_aim_at
 from .effects import BrdfPlan, Choices, plan_brdf
 from .lamps import lamp_image
 
@@ -28,15 +28,16 @@ def build_brdf(
     Parameters
     ----------
     choices : by default the bundle's usual mode, all else automatic
-    scene : that it is fitted to, by default the current one
+    scene : that it is fitted to; by default the current one, and ready for lamps that come later
 
     Raises
     ------
     BakeError : the bundle holds not what is asked for
     """
     choices = choices or usual_choices(bundle)
-    scene = scene or bpy.context.scene
-    plan = plan_brdf(bundle.material, choices, str(bundle.path), what_to_aim_at(scene), asks_for_passes(scene))
+    ready, scene = scene is None, scene or bpy.context.scene
+    targets, passes = what_to_aim_at(scene), asks_for_passes(scene)
+    plan = plan_brdf(bundle.material, choices, str(bundle.path), targets, passes, ready=ready)
     material = build_material(
         bundle,
         material,
@@ -46,6 +47,7 @@ def build_brdf(
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
+        lamp_share=plan.aim and lamps_are_alone(scene),
     )
     return material, plan
 

@@ -25,6 +25,8 @@ def source_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
 def table_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     """Size, basis, parameterisation and filter of the table, and what else could have been chosen."""
     table = require(facts, "table", dict, where)
+    if table.get("anisotropic") is True:
+        return _anisotropic_rows(table, where)
     kind, basis = (require(table, key, str, where) for key in ("parameterization", "basis"))
     words = (require(table, key, str, where) for key in ("filter", "storage"))
     rows = [("Table", f"{_table_size(table, where)}, {basis} basis, {kind}"), ("Texels", ", ".join(words))]
@@ -62,6 +64,19 @@ def _choice_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
         rms = min(require(c, "rms", float, where) for *other, c in found if tuple(other) == name)
         words.append(f"{' '.join(name)} {rms / least:.3g}")
     return [("Error x", ", ".join(words))] if words else []
+
+
+def _anisotropic_rows(table: Mapping[str, Any], where: str | Path) -> Rows:
+    """Of a four-dimensional table: basis, sizes, and what its shape was fitted to."""
+    basis = require(table, "basis", str, where, choices=("half", "normal"))
+    sizes = " x ".join(str(n) for n in require(table, "shape", list, where, minimum=4)[:4])
+    words = (require(table, key, str, where) for key in ("filter", "storage"))
+    rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), ("Texels", ", ".join(words))]
+    if basis == "half":
+        x, y = (require(table, f"width_{k}", float, where) for k in "xy")
+        return [*rows, ("Slope width", f"{x:.3g} along the tangent, {y:.3g} across")]
+    theta, phi = (require(table, f"alpha_{g}", float, where) for g in ("theta", "phi"))
+    return [*rows, ("Alpha", f"theta {theta:.4g}, phi {phi:.4g}")]
 
 
 def _search_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:

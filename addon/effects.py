@@ -67,7 +67,15 @@ class BrdfPlan:
     effects: tuple[Effect, ...]
 
 
-def plan_brdf(facts: Mapping[str, Any], choices: Choices, where: str, to_aim_at: str, passes: bool = False) -> BrdfPlan:
+def plan_brdf(
+    facts: Mapping[str, Any],
+    choices: Choices,
+    where: str,
+    to_aim_at: str,
+    passes: bool = False,
+    *,
+    ready: bool = False,
+) -> BrdfPlan:
     """The least that the mode needs.
 
     Parameters
@@ -76,6 +84,7 @@ def plan_brdf(facts: Mapping[str, Any], choices: Choices, where: str, to_aim_at:
     where : named in errors
     to_aim_at : in words what the scene has to aim at; empty if nothing
     passes : a view layer asks for the denoiser's
+    ready : what is not there to aim at may come
 
     Raises
     ------
@@ -95,9 +104,9 @@ def plan_brdf(facts: Mapping[str, Any], choices: Choices, where: str, to_aim_at:
         effects.append(effect)
     aim = False
     if residual:
-        aimed = plan_aim(choices, to_aim_at)
+        aimed = plan_aim(choices, to_aim_at, ready=ready)
         filter, reconstruction = plan_filter(facts, choices, where)
-        aim = aimed.kept
+        aim = aimed.kept or is_ready(choices, ready)
         effects += [aimed, reconstruction, plan_bounces(choices.mode)]
     features = passes and residual
     if residual:
@@ -106,7 +115,12 @@ def plan_brdf(facts: Mapping[str, Any], choices: Choices, where: str, to_aim_at:
     return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects))
 
 
-def plan_aim(choices: Choices, to_aim_at: str) -> Effect:
+def is_ready(choices: Choices, ready: bool) -> bool:
+    """Whether a graph that has nothing to aim at is built so that it will aim as soon as there is."""
+    return ready and choices.aim == AUTO
+
+
+def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:
     """Whether to aim, where `to_aim_at` says in words what there is; empty if nothing."""
     name = "Aimed light"
     if choices.aim == ALWAYS:
@@ -116,7 +130,8 @@ def plan_aim(choices: Choices, to_aim_at: str) -> Effect:
         return Effect(name, False, f"not wanted{found}")
     if to_aim_at:
         return Effect(name, True, to_aim_at)
-    return Effect(name, False, "nothing to aim at: no lamps, and an even world")
+    later = "; ready for lamps to come, which takes 10 % more time until Fit to Scene" * is_ready(choices, ready)
+    return Effect(name, False, f"nothing to aim at: no lamps, and an even world{later}")
 
 
 def plan_residual(facts: Mapping[str, Any], choices: Choices, where: str) -> Effect:

@@ -35,7 +35,7 @@ def rebuild_or_say(material: bpy.types.Material) -> None:
         return
     try:
         if is_shading_map(material):
-            refit(material, bpy.context.scene)
+            refit(material)
         else:
             rebuild_brdf(material, choices_of(properties))
     except BakeError as error:
@@ -68,8 +68,11 @@ def rebuild_brdf(
     keep_facts(material, {**facts, "rendering": account})
 
 
-def refit(material: bpy.types.Material, scene: bpy.types.Scene) -> None:
-    """Rebuild a material of either kind with what a scene calls for; all that was chosen stays. Raises BakeError."""
+def refit(material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
+    """Rebuild a material of either kind with what a scene calls for; all that was chosen stays. Raises BakeError.
+
+    Without a scene it is the current one, and the material is ready for lamps that come later.
+    """
     if is_shading_map(material):
         from .arc_relight import current_lighting, relight
 

@@ -11,12 +11,14 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.light_sampling import lamp_table
 from ..nodes import compat
 from ..nodes.aimed_light_group import SLOTS_KEY
 from ..nodes.group import HASH_KEY, content_hash
 from ..nodes.material import BUNDLE_KEY
-from . import lamps
+from . import aim, lamps, rebuild
+from .arc_relight import why_not_relightable
+from .effects import AUTO
+from .measured_material import is_measured, is_shading_map
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
 # Coordinates of float32 are then a thousandth apart.
@@ -196,17 +198,38 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     if not tables:
         return
     scene = subject.scene
-    depsgraph = scene.view_layers[0].depsgraph
-    report = lamps.survey(depsgraph, for_render=True)
-    structure = report.world.structure if report.world.aimed else None
-    world = (structure.toward, structure.flux) if structure is not None else None
-    table = lamp_table(report.lamps, lamps.CAPACITY, report.sky, lamps.LARGEST_SHARE, world)
-    slots = {t.get(SLOTS_KEY) for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
-    if slots != {len(report.lamps)} or not all(_holds(image, table) for image in tables):
+    report = lamps.survey_scene(scene, for_render=True)
+    table = lamps.table_of(report)
+    groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
+    narrow = [group for group in groups if group[SLOTS_KEY] < report.slots]
+    where = f"scene {scene.name}"
+    if any(group.is_editable for group in narrow) or not all(_holds(image, table) for image in tables):
         why = "mirrors aim at lamps that are no longer so; without aiming, a small lamp is found by chance only"
         found = f"table {lamps.TABLE} is out of date"
-        where = f"scene {scene.name}"
         yield Finding("lamp_table", SLOW, where, found, "brought up to date", why, lambda: lamps.keep_current(scene))
+    linked = sorted(group.name for group in narrow if not group.is_editable)
+    if linked:
+        found = f"linked group {', '.join(linked)} aims at fewer lamps than there are"
+        why = "only chance finds the others; a group of another .blend cannot be built anew, but one made local can"
+        yield Finding("linked_slots", SLOW, where, found, "made local, with its material", why)
+
+
+def not_aimed(subject: Subject) -> Iterator[Finding]:
+    """Fitted to a scene that had no lamps yet."""
+    unaimed = [m for m in subject.mirrors if is_measured(m) and not any(SLOTS_KEY in t for t in measured_trees(m))]
+    targets = aim.what_to_aim_at(subject.scene) if unaimed else ""
+    for material in unaimed if targets else ():
+        if rebuild.current_choices(material).aim != AUTO or _is_scripted(material):
+            continue
+        mend = None
+        if not (why_not_relightable if is_shading_map(material) else rebuild.why_not_rebuildable)(material):
+            mend = editable(material, partial(rebuild.refit, material, subject.scene))
+        why = "it was fitted when there was nothing to aim at; by chance alone a small lamp gives 70 times the noise"
+        yield Finding("not_aimed", SLOW, _name(material), "aims at nothing", "fitted to the scene", why, mend)
+
+
+def _is_scripted(material: bpy.types.Material) -> bool:
+    return any(n.bl_idname == "ShaderNodeScript" for tree in measured_trees(material) for n in tree.nodes)
 
 
 def _holds(image: bpy.types.Image, table: Any) -> bool:
@@ -227,6 +250,7 @@ RULES = (
     texture_limit,
     shadow_terminator,
     lamp_tables,
+    not_aimed,
     changed_groups,
     osl_files,
     far_away,

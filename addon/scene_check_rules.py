@@ -194,10 +194,11 @@ def world(subject: Subject) -> Iterator[Finding]:
         why = "native closures find its bright places by chance only"
         yield Finding("world_sampling", SLOW, where, "Sampling is None", "Auto", why, mend)
     if not getattr(world.cycles, "use_shadows", True):
-        yield Finding("world_shadow", NOTE, where, "Shadow is off", "", _SHADOWS)
+        yield Finding("world_shadow", WRONG, where, "Shadow is off", "on", _SHADOWS)
 
 
 _SHADOWS = "its light passes obstacles on the way to native closures, but not to the mirror"
+_UNSHADED = "a sphere behind a card got 39 % more light, in mode Reference none"
 
 
 def _ray_visibility(
@@ -232,7 +233,11 @@ def lamps(subject: Subject) -> Iterator[Finding]:
             mend = editable(data, partial(_give_extent, obj, subject.distance(obj)))
             yield Finding("lamp_size", WRONG, where, f"{label} is 0", wanted, why, mend)
         if not data.use_shadow:
-            yield Finding("lamp_shadow", NOTE, where, "Cast Shadow is off", "", _SHADOWS)
+            yield Finding("lamp_shadow", WRONG, where, "Cast Shadow is off", "on", f"{_SHADOWS}; {_UNSHADED}")
+        blockers = obj.light_linking.blocker_collection
+        if blockers is not None:
+            found = f"Shadow Linking, only {blockers.name} casts shadows"
+            yield Finding("shadow_linking", WRONG, where, found, "all objects", f"{_SHADOWS}; {_UNSHADED}")
 
 
 def hidden_objects(subject: Subject) -> Iterator[Finding]:

@@ -171,11 +171,11 @@ def _evaluated_materials(
     scene: bpy.types.Scene, rendered: Any
 ) -> Iterator[tuple[bpy.types.Object, bpy.types.Material]]:
     """Those that geometry nodes and particles bring."""
-    layer = scene.view_layers[0]
-    layer.update()
-    for instance in layer.depsgraph.object_instances:
-        owner = (instance.parent if instance.is_instance else instance.object).original
-        if owner in rendered:
-            for material in getattr(instance.object.data, "materials", None) or ():
-                if material is not None:
-                    yield owner, material.original
+    for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
+        layer.update()
+        for instance in layer.depsgraph.object_instances:
+            owner = (instance.parent if instance.is_instance else instance.object).original
+            if owner in rendered:
+                for material in getattr(instance.object.data, "materials", None) or ():
+                    if material is not None:
+                        yield owner, material.original

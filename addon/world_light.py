@@ -136,9 +136,9 @@ def tables() -> list[bpy.types.Image]:
     return [i for i in bpy.data.images if i.name.startswith(IMAGE) and tuple(i.size) == (COLUMNS, ROWS)]
 
 
-def write_world(light: WorldLight) -> None:
-    """Write the tables of a world that is aimed at, where they are of another one."""
-    texels = None
+def write_world(light: WorldLight) -> list[bpy.types.Image]:
+    """Write the tables of a world that is aimed at, where they are of another one; returns those."""
+    texels, written = None, []
     for image in tables():
         if light.key not in _known or (image.get(_KEY) == light.key and _intact(image)):
             continue
@@ -153,6 +153,8 @@ def write_world(light: WorldLight) -> None:
         image[_KEY], image[_FACTS] = light.key, json.dumps(asdict(structure))
         image[_SUM] = _checksum(image)
         _trusted.add(image.session_uid)
+        written.append(image)
+    return written
 
 
 def distrust_tables() -> None:

@@ -15,6 +15,7 @@ from . import VERSION
 from .accuracy import DirectionPairs, direction_pairs
 from .albedo import albedo_facts
 from .alias_sampler import SamplerLayout, build_sampler
+from .anisotropic.bake import bake_anisotropic
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
@@ -22,6 +23,7 @@ from .envelope import (
     EnvelopeFit,
     fit_envelope,
     fit_preview,
+    lamp_shares,
     pack_weights,
     reconstruction_errors,
     residual_source,
@@ -33,7 +35,7 @@ from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
 from .sources import read_source
-from .storage import Storage, quantize, scale_for
+from .storage import Storage, offset_for, quantize, scale_for
 from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
 from .table_facts import MAX_RESOLUTION
 
@@ -157,13 +159,13 @@ def bake_source(
 
     Raises
     ------
-    BakeError : the source is anisotropic, all zero or not finite, or the bundle cannot be written
+    BakeError : the source is all zero or not finite, or the bundle cannot be written
     """
     settings = settings or BakeSettings()
     say = progress or _silent
     started = time.perf_counter()
     if not source.isotropic:
-        raise BakeError(source.name, "is anisotropic, and this table is isotropic", "bake an isotropic material")
+        return bake_anisotropic(source, out, settings, progress, origin, basis=settings.basis)
     treated = TreatedSource(source)
     pairs = direction_pairs(_ERROR_PAIRS)
     truth = treated.evaluate(pairs.wi, pairs.wo)
@@ -193,6 +195,7 @@ def bake_source(
             "spline": spline,
             "storage": str(settings.storage),
             "scale": scale,
+            "offset": offset_for(settings.storage),
             "total_intensity": table.total_intensity,
         },
         "search": choice.search and choice.search.facts(),
@@ -205,7 +208,7 @@ def bake_source(
         "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
     }
     images = {
-        "table": StoredImage(pack(stored.values * np.float32(scale)), settings.storage),
+        "table": StoredImage(_texels(stored, scale, settings.storage), settings.storage),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     preview = fit_preview(treated)
@@ -251,10 +254,11 @@ def _envelope(
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
     images = {
         "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
-        "residual": StoredImage(pack(residual.values * np.float32(scale)), settings.storage),
+        "residual": StoredImage(_texels(residual, scale, settings.storage), settings.storage),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+        "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
     }
-    facts = {"scale": scale, "grid": grid.facts(), "errors": errors}
+    facts = {"scale": scale, "offset": offset_for(settings.storage), "grid": grid.facts(), "errors": errors}
     return {"envelope": fit.facts(), "residual": facts}, images
 
 
@@ -317,8 +321,13 @@ def _store(
 def _quantized(table: BrdfTable, storage: Storage) -> tuple[BrdfTable, float]:
     # What continues a table beyond a pole may exceed every sample.
     scale = scale_for(pad_slices(table.values), storage)
-    stored = quantize(table.values * np.float32(scale), storage) * np.float32(1 / scale)
-    return BrdfTable(table.grid, stored), scale
+    offset = np.float32(offset_for(storage))
+    stored = quantize(table.values * np.float32(scale) + offset, storage) - offset
+    return BrdfTable(table.grid, stored * np.float32(1 / scale)), scale
+
+
+def _texels(table: BrdfTable, scale: float, storage: Storage) -> Array:
+    return pack(table.values * np.float32(scale)) + np.float32(offset_for(storage))
 
 
 def table_errors(table: BrdfTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:

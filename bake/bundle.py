@@ -1,6 +1,7 @@
 """The bundle: a folder NAME.mmat that holds a baked material.
 
-    table, sampler, envelope, residual, residual_sampler, preview_weights, slices, power, coefficients
+    table, sampler, envelope, residual, residual_sampler, residual_share, preview_weights, slices, power,
+    coefficients
                      .exr, .hdr or .png: images, those that the material has
     material.json    all parameters, errors and facts
     preview.png      for people
@@ -42,6 +43,7 @@ IMAGES = (
     "envelope",
     "residual",
     "residual_sampler",
+    "residual_share",
     "preview_weights",
     "slices",
     "power",

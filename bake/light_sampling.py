@@ -9,8 +9,11 @@ A lamp is five RGBA texels, one row of the table:
     u, power              full edge or diameter; irradiance at distance 1, or of a sun
     v, -                  the same, across
     axis, extent          unit emission direction, 1 / area | -, radius | towards the sun, 1 - cos(half its angle)
-    the scene's own       sky, largest share | toward, flux, in the first two rows: irradiance of all that is not aimed
-                          at, the most draws to aim; light of the world's structure, as `expected_world_light` takes it
+    the scene's own       sky, largest share, lamps, strength | toward, flux, in the first two rows: irradiance of all
+                          that is not aimed at, the most draws to aim, how many lamps there are, a part of the first's
+                          irradiance at distance 1; light of the world's structure, as `expected_world_light` takes it
+The centre of a sun lies `FAR` away, and its strength is meant for there: whoever asks only where the first lamp is, and
+about how bright, need not ask for its kind.
 """
 
 from __future__ import annotations
@@ -26,6 +29,10 @@ from .source import Array
 
 RECTANGLE, ELLIPSE, SPHERE, SUN = range(4)
 TEXELS = 5
+FAR = 1e6
+# Of a lamp's light, where it decides about the mirror's probability: few mirrors are left for other light, and each of
+# them counts for so much more (tried: bronze under sun and sky is noisier with more).
+_BESIDE = 0.05
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,7 @@ class Lamp:
     Parameters
     ----------
     kind : RECTANGLE, ELLIPSE, SPHERE or SUN
-    centre : of the first three; anything for a sun
+    centre : of the first three; not that of a sun
     u, v : edges or diameters of rectangle and ellipse, at right angles
     axis : unit vector; where an area lamp shines to, or towards the sun
     extent : radius of a sphere, full angle of a sun in radians
@@ -49,6 +56,11 @@ class Lamp:
     v: tuple[float, float, float] = (0.0, 0.0, 0.0)
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     extent: float = 0.0
+
+    def place(self) -> tuple[float, float, float]:
+        """Its centre, or where a sun may be taken to stand."""
+        x, y, z = self.axis
+        return (FAR * x, FAR * y, FAR * z) if self.kind == SUN else self.centre
 
     def fourth(self) -> float:
         """The texel's last number."""
@@ -79,11 +91,13 @@ def lamp_table(
     # Whatever formula meets an empty row stays finite.
     table[:, 0, :3], table[:, 0, 3], table[:, 3] = 1, SPHERE, (0, 0, 1, 0.01)
     for k, lamp in enumerate(lamps):
-        table[k, 0] = (*lamp.centre, lamp.kind)
+        table[k, 0] = (*lamp.place(), lamp.kind)
         table[k, 1] = (*lamp.u, lamp.power)
         table[k, 2, :3] = lamp.v
         table[k, 3] = (*lamp.axis, lamp.fourth())
     table[0, 4, :2] = sky, largest_share
+    if lamps and world is None:
+        table[0, 4, 2:] = len(lamps), _BESIDE * lamps[0].power * (FAR**2 if lamps[0].kind == SUN else 1)
     if world is not None:
         toward, flux = world
         table[1, 4] = (*(0.5 * c for c in toward), 0.25 * flux)

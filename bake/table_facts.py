@@ -9,7 +9,7 @@ from typing import Any
 from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
-from .envelope import EnvelopeFit, PreviewFit, fit_from_image, preview_from_image
+from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from .errors import BakeError
 from .half_grid import HalfGrid
 from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
@@ -74,16 +74,24 @@ def scale_of(bundle: Bundle) -> float:
     return float(require(table, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
 
 
+def offset_of(bundle: Bundle, part: str = "table") -> float:
+    """What scaled values of the table or the "residual" were raised by; nothing in older bundles."""
+    where = bundle.path / "material.json"
+    facts = require(bundle.material, part, dict, where)
+    return float(require(facts, "offset", float, where, minimum=0, maximum=1)) if "offset" in facts else 0.0
+
+
 def table_of(bundle: Bundle) -> BrdfTable:
     """The stored values, unscaled."""
     grid = grid_of(bundle)
-    return BrdfTable(grid, unpack(bundle.load("table"), grid.shape) / scale_of(bundle))
+    return BrdfTable(grid, (unpack(bundle.load("table"), grid.shape) - offset_of(bundle)) / scale_of(bundle))
 
 
 def residual_table_of(bundle: Bundle) -> BrdfTable:
     """The stored values of the residual, unscaled."""
     grid = residual_grid_of(bundle)
-    return BrdfTable(grid, unpack(bundle.load("residual"), grid.shape) / residual_scale_of(bundle))
+    values = unpack(bundle.load("residual"), grid.shape) - offset_of(bundle, "residual")
+    return BrdfTable(grid, values / residual_scale_of(bundle))
 
 
 def residual_scale_of(bundle: Bundle) -> float:
@@ -97,6 +105,11 @@ def envelope_of(bundle: Bundle) -> EnvelopeFit:
     """The stored envelope. Raises BakeError."""
     where = bundle.path / "material.json"
     return fit_from_image(require(bundle.material, "envelope", dict, where), bundle.load("envelope"), where)
+
+
+def check_shares(bundle: Bundle) -> None:
+    """Raises BakeError where the bundle's "residual_share" is not what `bake.envelope.lamp_shares` gives."""
+    checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"))
 
 
 def preview_of(bundle: Bundle) -> PreviewFit:

@@ -20,7 +20,7 @@ def sqrt(x: Any) -> Any:
     return np.sqrt(np.maximum(x, 0))
 
 
-sin, cos, exp, floor = np.sin, np.cos, np.exp, np.floor
+sin, cos, exp, log, floor = np.sin, np.cos, np.exp, np.log, np.floor
 minimum, maximum, where = np.minimum, np.maximum, np.where
 cross = np.cross
 
@@ -33,11 +33,6 @@ def arcsin(x: Any) -> Any:
 def arctan2(y: Any, x: Any) -> Any:
     """Angle of the point (x, y), 0 at the origin."""
     return np.arctan2(y, x)
-
-
-def log(x: Any) -> Any:
-    """Natural logarithm of x > 0."""
-    return np.log(x)
 
 
 def divide(a: Any, b: Any) -> Any:

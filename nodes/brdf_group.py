@@ -25,12 +25,14 @@ class BrdfParts:
     envelope : native closures under the BRDF; without a table they are all there is
     preview : native closures close to it
     lamps : table of lamps to aim at
+    shares : of a lamp's light that is the residual's, for its probability
     """
 
     table: TableGroups | None = None
     envelope: WeightedClosures | None = None
     preview: WeightedClosures | None = None
     lamps: bpy.types.Image | None = None
+    shares: bpy.types.Image | None = None
 
     def traced(self, normal: Any, tint: Any) -> Any:
         """Closure that is as good as the table."""
@@ -39,7 +41,7 @@ class BrdfParts:
             return reference_closure(self.table, normal, tint, self.lamps)
         if self.table is None:
             return preview_closure(self.envelope, normal, tint)
-        return exact_closure(self.envelope, self.table, normal, tint, self.lamps)
+        return exact_closure(self.envelope, self.table, normal, tint, self.lamps, self.shares)
 
 
 def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTree:

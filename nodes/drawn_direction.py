@@ -45,6 +45,7 @@ def drawn_direction(
     sample: Callable[..., tuple[Any, Any]],
     density: Callable[[Any, Any], Any],
     lamps: bpy.types.Image | None = None,
+    frame: Callable[[Any, Any], tuple[Any, Any, Any]] | None = None,
 ) -> DrawnDirection:
     """Draw a direction.
 
@@ -54,11 +55,12 @@ def drawn_direction(
     sample : (wo, four random numbers) to local (wi, pdf)
     density : (wi, wo) to that pdf for any wi; used with `lamps` only
     lamps : table of lamps to aim at by one-sample MIS with the balance heuristic over all of them
+    frame : (normal, incoming) to local wo and the two tangents; by default the viewer's own
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
     u = call(random_numbers_group())
-    wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
+    wo, tangent, bitangent = frame(normal, incoming) if frame else call(viewer_frame_group(), normal, incoming)
     wi, pdf = sample(wo, *u[:4])
     world = to_world(wi, tangent, bitangent, normal)
     roulette = None

@@ -180,7 +180,7 @@ def exp(x: Value) -> Any:
 
 
 def log(x: Value) -> Any:
-    """Natural logarithm of x > 0."""
+    """Natural logarithm, 0 for x <= 0."""
     return math_node("LOGARITHM", x, float(np.e))
 
 

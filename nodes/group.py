@@ -14,7 +14,12 @@ from . import expr
 HASH_KEY = "measured_materials_hash"
 # Groups of one family may take each other's place without a change of what they are in.
 FAMILY_KEY = "measured_materials_family"
-_SOCKETS = {"float": "NodeSocketFloat", "vector": "NodeSocketVector", "shader": "NodeSocketShader"}
+_SOCKETS = {
+    "float": "NodeSocketFloat",
+    "vector": "NodeSocketVector",
+    "color": "NodeSocketColor",
+    "shader": "NodeSocketShader",
+}
 _SKIPPED = frozenset(
     """location location_absolute width height select name label color parent dimensions show_options show_preview
     show_texture hide use_custom_color internal_links inputs outputs rna_type warning_propagation color_tag
@@ -27,14 +32,14 @@ def node_group(
     inputs: Mapping[str, str],
     outputs: Mapping[str, str],
     function: Callable[..., Any],
-    defaults: Mapping[str, float] | None = None,
+    defaults: Mapping[str, Any] | None = None,
 ) -> bpy.types.ShaderNodeTree:
     """A group whose inputs are the function's arguments and whose outputs are its results, in order.
 
     Parameters
     ----------
     name : of the group, shown to artists; Blender appends a number where it is taken by other content
-    inputs, outputs : socket name to "float", "vector" or "shader"
+    inputs, outputs : socket name to "float", "vector", "color" or "shader"
     function : takes `expr` values and returns one or a tuple of them
     defaults : of inputs
 
@@ -85,7 +90,7 @@ def _kind(socket: Any) -> str:
 
 
 def _value(socket: Any, kind: str) -> Any:
-    return expr.Vector(socket) if kind == "vector" else expr.Scalar(socket)
+    return expr.Vector(socket) if kind in ("vector", "color") else expr.Scalar(socket)
 
 
 def is_measured_tree(tree: Any) -> bool:

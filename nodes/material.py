@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bake.anisotropic.facts import is_anisotropic
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
 from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import (
+    check_shares,
     envelope_of,
     grid_of,
+    offset_of,
     preview_of,
     residual_grid_of,
     residual_scale_of,
@@ -27,11 +29,14 @@ from ..bake.table_facts import (
 )
 from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
+from .anisotropic_material import anisotropic_group
 from .brdf_group import BrdfParts, brdf_group
+from .data_image import load_data_image
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash, trees_below
 from .table_groups import TableGroups
 from .table_lookup_group import table_lookup_group
+from .tangent_frame_group import surface_tangent_group
 from .weighted_closures import WeightedClosures
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
@@ -53,6 +58,7 @@ def build_material(
     mode: str | None = None,
     residual: bool = True,
     features: bool = False,
+    lamp_share: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle. No texture is baked for that.
 
@@ -66,6 +72,8 @@ def build_material(
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser
+    lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
+        holds it: it pays where hardly any other light arrives
 
     Raises
     ------
@@ -75,11 +83,15 @@ def build_material(
     if bundle.material.get("kind") != "brdf":
         raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a BRDF", "update the extension")
     mode = mode or usual_mode(bundle)
+    anisotropic = is_anisotropic(bundle)
     missing = [name for name in _NEEDS[mode] if not bundle.has(name)]
     if missing:
         raise BakeError(where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
+        if anisotropic:
+            group = anisotropic_group(bundle, name, mode, filter, stochastic, pack, lamps, residual)
+            return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = "table" if mode == "reference" else "residual"
@@ -88,7 +100,12 @@ def build_material(
             table = table_groups(bundle, name, filter, chosen, pack, aimed=lamps is not None, part=part)
         envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
         preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
-        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps))
+        shares = None
+        local = lamp_share and lamps is not None and envelope is not None and table is not None
+        if local and bundle.has("residual_share"):
+            check_shares(bundle)
+            shares = load_data_image(bundle.image_path("residual_share"), f"{name} residual share", pack=pack)
+        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
         return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
 
     return build_from(bundle, material, make)
@@ -163,7 +180,7 @@ def table_groups(
         filter = require(table, "filter", str, where, choices=FILTERS)
     half = require(table, "storage", str, where) == Storage.HALF
     atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
-    lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic)
+    lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset_of(bundle, part))
     cells = load_data_image(bundle.image_path(sampler_image), f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
     density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
@@ -174,26 +191,6 @@ def safe_name(name: str) -> str:
     """A name for data-blocks: printable, and short enough for Blender to add a suffix."""
     printable = "".join(c if c.isprintable() else "_" for c in name.encode("utf-8", "replace").decode("utf-8"))
     return printable[:40] or "measured"
-
-
-def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = False) -> bpy.types.Image:
-    """An image whose numbers reach the shader as they are in the file; `half` where they are half floats there."""
-    try:
-        image = bpy.data.images.load(str(path), check_existing=False)
-    except RuntimeError as error:
-        raise BakeError(path, "cannot be loaded by Blender", "bake it again") from error
-    image.name = name
-    if bpy.data.filepath and not pack:
-        # Beside a saved .blend, so that the two can move together; on another drive there is no relative path.
-        with contextlib.suppress(ValueError):
-            image.filepath = bpy.path.relpath(str(path))
-    image.colorspace_settings.name = "Non-Color"
-    # RGBA data would otherwise be divided by alpha, and float32 cut to half when it goes to the device.
-    image.alpha_mode = "CHANNEL_PACKED"
-    image.use_half_precision = half
-    if pack:
-        image.pack()
-    return image
 
 
 def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
@@ -314,12 +311,26 @@ def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> Non
     node.inputs["Tint"].default_value = (1, 1, 1)
     if "Light Level" in node.inputs:
         node.inputs["Light Level"].default_value = 1
+    if "Tangent" in node.inputs:
+        _connect_tangent(tree, node)
     if "UV" in node.inputs:
         coordinates, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
         coordinates.location, mapping.location = (-420, -60), (-220, -60)
         mapping.label = "Swatch size and rotation"
         tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
         tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
+
+
+def _connect_tangent(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
+    """The direction in which UVs run; an artist may choose Radial in the same node, or link another vector."""
+    made = tree.nodes.new("ShaderNodeTangent")
+    made.direction_type, made.location = "UV_MAP", (-420, 40)
+    on_surface = tree.nodes.new("ShaderNodeGroup")
+    on_surface.node_tree, on_surface.location = surface_tangent_group(), (-220, 40)
+    geometry = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeNewGeometry")
+    tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
+    tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
+    tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
 
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:

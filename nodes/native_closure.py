@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..bake.shading.lobes import Lobe
+from ..bake.shading.lobes import PHONG, Lobe
 from . import expr
 from .lobe_group import oren_nayar_closure
 
@@ -26,7 +26,7 @@ def has_native(lobe: Lobe) -> bool:
 
 def viewport_closures(lobe: Lobe, normal: Any, colour: Any) -> list[Any]:
     """Closures that look like the whole lobe times a colour, for EEVEE and mode Preview."""
-    if lobe.name != "phong":
+    if lobe.name not in PHONG:
         return [native_closure(lobe, colour, normal)]
     glossy = expr.node(
         "ShaderNodeBsdfAnisotropic",
@@ -70,4 +70,4 @@ def _sheen(lobe: Lobe) -> _Closure:
     return "ShaderNodeBsdfSheen", {"distribution": "ASHIKHMIN"}, {"Roughness": lobe.p1}
 
 
-_NATIVE = {"lambert": _diffuse, "ggx": _glossy, "sheen": _sheen, "phong": _diffuse}
+_NATIVE = {"lambert": _diffuse, "ggx": _glossy, "sheen": _sheen, **dict.fromkeys(PHONG, _diffuse)}

@@ -8,11 +8,11 @@ changes with every edit and frame; OSL's texture system would show a file as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, cast
 
 import bpy
 
+from ..bake.anisotropic.facts import is_anisotropic
 from ..bake.atlas import AtlasLayout
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
@@ -23,8 +23,10 @@ from ..bake.parameterization import LogWarp
 from ..bake.shading.lobes import Lobe
 from ..bake.table import FILTERS, Grid
 from ..bake.table_facts import (
+    check_shares,
     envelope_of,
     grid_of,
+    offset_of,
     preview_of,
     residual_grid_of,
     residual_scale_of,
@@ -35,9 +37,10 @@ from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
 from .material import build_from, usual_mode
-from .osl_script import output, script_node, shader_source
+from .osl_anisotropic import anisotropic_constants
+from .osl_script import output, script_node, shader_source, texture_file
 
-SHADER = "measured_material.osl"
+SHADER, ANISOTROPIC = "measured_material.osl", "measured_anisotropic.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
 
 
@@ -73,15 +76,18 @@ def build_osl_material(
     mode = mode or usual_mode(bundle)
     if mode not in MODES:
         raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
-    constants = shader_constants(bundle, mode, filter, stochastic)
+    if anisotropic := is_anisotropic(bundle):
+        shader, constants = ANISOTROPIC, anisotropic_constants(bundle, mode, filter, stochastic)
+    else:
+        shader, constants = SHADER, shader_constants(bundle, mode, filter, stochastic)
+    interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if anisotropic else {})
 
-    def build(normal: Any, tint: Any) -> Any:
-        inputs = {"Normal": normal, "Tint": tint, **constants}
+    def build(*values: Any) -> Any:
+        inputs = dict(zip(interface, values)) | constants
         if lamps is not None and mode != "preview":
             inputs |= _lamp_inputs(lamps)
-        return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
+        return output(script_node(shader, shader_source(shader), inputs), "BSDF")
 
-    interface = {"Normal": "vector", "Tint": "vector"}
     return build_from(
         bundle, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
     )
@@ -95,10 +101,13 @@ def shader_constants(bundle: Bundle, mode: str, filter: str | None = None, stoch
         constants |= table_constants(bundle, part, filter, stochastic) | sampler_constants(bundle, part)
     if mode in ("exact", "balanced"):
         fit = envelope_of(bundle)
-        constants |= _closure_constants("Envelope", _file(bundle, "envelope"), fit.closures, len(fit.weights))
+        constants |= _closure_constants("Envelope", texture_file(bundle, "envelope"), fit.closures, len(fit.weights))
+        if bundle.has("residual_share"):
+            check_shares(bundle)
+            constants["Shares"] = texture_file(bundle, "residual_share")
     if mode in ("preview", "balanced"):
         preview = preview_of(bundle)
-        file = _file(bundle, "preview_weights")
+        file = texture_file(bundle, "preview_weights")
         constants |= _closure_constants("Preview", file, preview.closures, len(preview.weights))
     return constants
 
@@ -113,8 +122,9 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
     if filter not in FILTERS:
         raise BakeError(where, f"filter cannot be {filter[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
-        "Table": _file(bundle, part),
+        "Table": texture_file(bundle, part),
         "Scale": 1 / (scale_of(bundle) if part == "table" else residual_scale_of(bundle)),
+        "Offset": offset_of(bundle, part),
         **grid_constants(grid),
         "Filter": filter,
         "Stochastic": int(stochastic),
@@ -146,7 +156,7 @@ def sampler_constants(bundle: Bundle, part: str) -> dict[str, Any]:
     name = "sampler" if part == "table" else "residual_sampler"
     layout = sampler_of(bundle, name).layout
     return {
-        "Sampler": _file(bundle, name),
+        "Sampler": texture_file(bundle, name),
         "Bins": layout.n_o,
         "CellsTheta": layout.n_h,
         "CellsPhi": layout.n_phi,
@@ -159,14 +169,6 @@ def _closure_constants(name: str, file: str, closures: Sequence[Lobe], nodes: in
     return {name: file, f"{name}Nodes": nodes, f"{name}Closures": words}
 
 
-def _file(bundle: Bundle, name: str) -> str:
-    path = Path(bundle.image_path(name)).resolve()
-    # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
-    if odd := sorted(set("?%<#") & set(str(path))):
-        raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")
-    return str(path)
-
-
 def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:
     """The lamps of the table, as far as the shader aims at them, and the sky."""
     count = min(lamps.size[1], MAX_SLOTS)
@@ -174,7 +176,7 @@ def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:
 
 
 def _lamp_parameters(count: int) -> list[str]:
-    return ["Sky", "World", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
+    return ["Sky", "World", "Strongest", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
 
 
 def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
@@ -187,9 +189,10 @@ def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree
         return expr.image_tap(lamps, (column + 0.5) / TEXELS, 1 - (row + 0.5) / rows, "Closest")
 
     def build() -> tuple[Any, ...]:
-        sky, largest, _ = expr.components(texel(0, 4)[0])
+        scene, strength = texel(0, 4)
+        sky, largest, in_scene = expr.components(scene)
         world, flux = texel(1, 4) if rows > 1 else (expr.vec(0.0, 0.0, 0.0), 0.0)
-        values = [expr.vec(sky, largest, flux), world]
+        values = [expr.vec(sky, largest, flux), world, expr.vec(in_scene, strength, 0.0)]
         for row in range(count):
             vectors, numbers = zip(*(texel(row, column) for column in range(len(_TEXELS))))
             kind, power, _, fourth = numbers

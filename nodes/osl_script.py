@@ -23,6 +23,7 @@ from typing import Any
 
 import bpy
 
+from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.image_io import load_openimageio
 from . import compat, expr
@@ -92,6 +93,15 @@ def output(node: Any, name: str) -> Any:
     """An output of a Script node as an expression, by the shader's name of it."""
     socket = next(s for s in node.outputs if s.identifier == name)
     return expr.Vector(socket) if socket.type in ("VECTOR", "RGBA") else expr.Scalar(socket)
+
+
+def texture_file(bundle: Bundle, name: str) -> str:
+    """Whole path of a bundle's image, for OSL to read. Raises BakeError."""
+    path = Path(bundle.image_path(name)).resolve()
+    # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
+    if odd := sorted(set("?%<#") & set(str(path))):
+        raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")
+    return str(path)
 
 
 def require_osl() -> None:

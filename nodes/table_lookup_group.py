@@ -33,6 +33,7 @@ def table_lookup_group(
     filter: str,
     scale: float = 1.0,
     stochastic: bool = False,
+    offset: float = 0.0,
 ) -> bpy.types.ShaderNodeTree:
     """(wi, wo, random) to the BRDF in 1/sr without the cosine.
 
@@ -40,7 +41,7 @@ def table_lookup_group(
     ----------
     image : the atlas of `bake.atlas.pack`
     filter : "nearest", "trilinear" or "bspline"
-    scale : what stored values are multiplied by
+    scale, offset : what stored values are multiplied by, after the offset was subtracted
     stochastic : choose one slice with the filter's weights by the random number instead of blending all. Unbiased
         where the value enters the picture linearly, as in Reference mode, and one tap instead of two or four.
     """
@@ -55,6 +56,7 @@ def table_lookup_group(
 
         position = u_slice * (grid.shape[0] - 1)
         value = _across_slices(tap, position, layout.slices - 1, filter, random if stochastic else None)
+        value = value - expr.vec(offset, offset, offset) if offset else value
         return value if scale == 1.0 else expr.scale(value, scale)
 
     return node_group(

@@ -14,6 +14,8 @@ import pytest
 from measured_materials.addon import arc_material, arc_operator, arc_relight, kept_textures, measured_material, panel
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.lighting_properties import lighting_of, show_lighting
+from measured_materials.addon.rebuild import refit
+from measured_materials.addon.scene_check_subject import measured_trees
 from measured_materials.addon.stages import USUAL_SIZE
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
@@ -22,6 +24,7 @@ from measured_materials.bake.shading.map_albedo import map_albedo_facts
 from measured_materials.bake.shading.map_facts import shading_map_of
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
+from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import FAMILY_KEY
 from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
 from measured_materials.nodes.shading_map_material import build_shading_map
@@ -188,6 +191,22 @@ def test_a_change_of_light_rebuilds_at_once(
         if not tree.users:
             bpy.data.node_groups.remove(tree)
     assert groups <= len(bpy.data.node_groups)
+
+
+def test_ready_for_lamps_to_come_until_fitted(felt: Any) -> None:
+    """Where there is nothing to aim at: rebuilt in the panel, and fitted to the scene."""
+    lamps = [obj for obj in bpy.context.scene.objects if obj.type == "LIGHT"]
+    for lamp in lamps:
+        lamp.visible_glossy = False
+    try:
+        felt.measured_lighting.sigma = 0.4
+        bpy.context.view_layer.update()
+        assert [tree[SLOTS_KEY] for tree in measured_trees(felt) if SLOTS_KEY in tree] == [0]
+        refit(felt, bpy.context.scene)
+        assert not [tree for tree in measured_trees(felt) if SLOTS_KEY in tree]
+    finally:
+        for lamp in lamps:
+            lamp.visible_glossy = True
 
 
 def test_nothing_piles_up(felt: Any) -> None:

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from measured_materials.bake.albedo import directional_albedo
+from measured_materials.bake.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import (
     ANALYTIC,
     Analytic,
+    AshikhminShirley,
     BlinnPhong,
     Ggx,
     Lambert,
@@ -34,6 +37,8 @@ SOURCES = [
     Lambert(),
     ModifiedPhong(exponent=1e6),
     BlinnPhong(exponent=1e6),
+    *(ModifiedPhong(exponent=200, lobe=lobe) for lobe in COSINE_LOBES),
+    *(BlinnPhong(exponent=200, lobe=lobe) for lobe in COSINE_LOBES),
     Ward(),
     Ward(alpha=0.02, alpha_y=0.3, variant="ward"),
     Ward(alpha=1e-3, variant="duer"),
@@ -43,6 +48,8 @@ SOURCES = [
     Ggx(fresnel="dielectric", eta=0.7),
     OrenNayar(sigma=1.0),
     MetallicPaint(),
+    AshikhminShirley(),
+    AshikhminShirley(exponent=1e6, exponent_y=10),
 ]
 
 
@@ -112,6 +119,34 @@ def test_ward_against_its_angular_form() -> None:
     expected = gauss / (4 * math.pi * 0.08 * np.sqrt(wi[:, 2] * wo[:, 2]))
     got = Ward(0, 1, 0.2, 0.4, "ward").evaluate(wi, wo)[:, 0]
     assert np.allclose(got, expected, rtol=1e-8, atol=1e-12)
+
+
+def test_ashikhmin_shirley_against_its_angular_form() -> None:
+    rng = np.random.default_rng(4)
+    wi, wo = (spherical(rng.uniform(0, 1.4, 300), rng.uniform(0, 6.3, 300)) for _ in range(2))
+    half = normalize(wi + wo)
+    phi, cos_d = np.arctan2(half[:, 1], half[:, 0]), np.sum(half * wi, -1)
+    power = half[:, 2] ** (20 * np.cos(phi) ** 2 + 300 * np.sin(phi) ** 2)
+    fresnel = 0.3 + 0.7 * (1 - cos_d) ** 5
+    lobe = math.sqrt(21 * 301) / (8 * math.pi) * power * fresnel / (cos_d * np.maximum(wi[:, 2], wo[:, 2]))
+    base = 28 * 0.2 * 0.7 / (23 * math.pi) * (1 - (1 - wi[:, 2] / 2) ** 5) * (1 - (1 - wo[:, 2] / 2) ** 5)
+    got = AshikhminShirley(exponent=20, exponent_y=300).evaluate(wi, wo)[:, 0]
+    assert np.allclose(got, lobe + base, rtol=1e-9)
+
+
+ANISOTROPIC = [
+    Ggx(alpha=0.1, alpha_y=0.5, f0=1),
+    Ward(alpha=0.1, alpha_y=0.4, diffuse=0.4, specular=0.6),
+    AshikhminShirley(exponent=400, exponent_y=10, diffuse=1, specular=0.3),
+]
+
+
+@pytest.mark.parametrize("source", ANISOTROPIC, ids=lambda s: s.name)
+@pytest.mark.parametrize("phi_o", [0.0, 0.7, math.pi / 2])
+def test_anisotropic_albedo_is_at_most_one(source: Analytic, phi_o: float) -> None:
+    albedo = directional_albedo(source, np.radians([0, 40, 70, 85]), phi_o=phi_o)
+    # The quadrature's own error on a lobe of axes 1 : 5.
+    assert 0.3 < albedo.min() and albedo.max() < 1 + 1e-3
 
 
 @pytest.mark.parametrize("alpha", [1e-5, 1e-3, 0.1, 1.0, 3.0])
@@ -184,7 +219,8 @@ def test_lobes_keep_their_shape_near_the_peak(exponent: float) -> None:
 
 
 def test_by_name() -> None:
-    assert set(ANALYTIC) == {"lambert", "phong", "blinn-phong", "ward", "ggx", "oren-nayar", "metallic-paint"}
+    lobes = {"phong", "blinn-phong", "ashikhmin-shirley", "ward", "ggx"}
+    assert set(ANALYTIC) == {"lambert", "oren-nayar", "metallic-paint"} | lobes
     source = by_name("Blinn_Phong", specular=0.5, exponent=9)
     assert isinstance(source, BlinnPhong) and source.specular == (0.5, 0.5, 0.5)
     assert by_name("ggx", f0=[0.1, 0.2, 0.3]) == Ggx(f0=(0.1, 0.2, 0.3))
@@ -203,6 +239,7 @@ def test_by_name() -> None:
         ("ggx", {"fresnel": "metal"}, "schlick, dielectric, conductor"),
         ("lambert", {"diffuse": 1.5}, "from 0 to 1"),
         ("phong", {"exponent": -1}, "from 0"),
+        ("phong", {"lobe": "quartic"}, "power, schlick, lyon, cosine, cubic"),
         ("lambert", {"diffuse": None}, "three numbers"),
     ],
 )

@@ -113,11 +113,11 @@ def test_sampler_in_the_bundle_is_complete(tmp_path: Path) -> None:
     assert grid_of(bundle).n == 16
 
 
-def test_anisotropic_sources_are_refused_in_one_line(tmp_path: Path) -> None:
-    """Until 4D tables exist an anisotropic BRDF must not be flattened in silence."""
-    with pytest.raises(BakeError, match="anisotropic"):
-        bake_source(analytic.Ward(alpha=0.1, alpha_y=0.4), tmp_path / "x", BakeSettings(**SMALL))
-    assert not list(tmp_path.iterdir())
+def test_anisotropic_sources_get_a_table_of_their_own(tmp_path: Path) -> None:
+    """An anisotropic BRDF must not be flattened in silence."""
+    settings = BakeSettings(resolution=8, envelope=False)
+    result = bake_source(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / "brushed", settings)
+    assert result.facts["table"]["anisotropic"] is True and len(result.facts["table"]["shape"]) == 4
 
 
 @pytest.mark.parametrize(

@@ -7,22 +7,24 @@ so that any error of the half-vector lookup, its sampler or its residual shows.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import bpy
 import pytest
 from measured_materials.addon.lamps import lamp_image
+from measured_materials.bake.albedo import albedo_facts
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bake_brdf import BakeSettings, TableSource, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table_facts import grid_of, residual_grid_of
+from measured_materials.bake.table_facts import grid_of, residual_grid_of, table_of
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 from support.monte_carlo import assert_agree, compare
 from support.osl import skip_without_osl
-from support.scenes import lit_sphere
+from support.scenes import furnace, lit_sphere
 
 EFFECT = 0.01
 SOURCE = analytic.MetallicPaint((0.05, 0.1, 0.3), (0.1, 0.2, 0.4), flake_alpha=0.4, coat_alpha=0.3)
@@ -87,3 +89,21 @@ def test_half_vector_material_is_the_fine_one(bundles: tuple[Bundle, Bundle], mo
         node.inputs["Tint"].default_value = (1.02,) * 3
         planted = compare(pictures, scene.render(128, range(200, 208)), scene.mask(), tolerance=0.002)
         assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
+
+
+def test_half_floats_make_no_light(tmp_path: Path) -> None:
+    """A sharp coat scales the table so far down that 2^-15, which Cycles reads for a half of 0, was half the albedo."""
+    paint = analytic.MetallicPaint(coat_alpha=0.02)
+    settings = BakeSettings(resolution=32, sampler=SamplerLayout(n_o=16, n_h=32, n_phi=16))
+    bundle = read_bundle(bake_source(paint, tmp_path / "paint", settings).path)
+    assert bundle.material["residual"]["scale"] < 0.01
+    table = albedo_facts(TableSource(table_of(bundle), "trilinear"), n=48)["white_sky"]
+    with furnace(build_material(bundle, mode="reference"), resolution=24) as scene:
+        mask, seen = scene.mask(), {}
+        for mode in ("reference", "exact", "preview"):
+            scene.show(build_material(bundle, mode=mode))
+            seen[mode] = scene.render(64, 2)[:, mask].mean((0, 1))
+    # The sphere shows every elevation as an even sky weighs them; Preview has the measured albedo by construction.
+    assert seen["reference"] == pytest.approx(seen["preview"], rel=0.02)
+    assert seen["exact"] == pytest.approx(seen["preview"], rel=0.02)
+    assert seen["reference"] == pytest.approx(table, rel=0.03)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,15 @@ from measured_materials.addon import brdf_build, measured_material, rebuild
 from measured_materials.addon.effects import Choices
 from measured_materials.addon.kept_textures import textures_of
 from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.scene_check import check_scene, mend
+from measured_materials.addon.scene_check_subject import measured_trees
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import brdf_group, compat, expr
+from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.material import build_material
 from support.monte_carlo import assert_agree, compare
 from support.scenes import furnace, lit_sphere
@@ -143,7 +146,7 @@ def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Mate
     quality.mode = "reference"
     assert not quality.problem
     reference = images_in(material.node_tree)
-    assert {name.split()[-1] for name in reference} == {"table", "sampler", "weights"}
+    assert {name.split()[-1] for name in reference} == {"table", "sampler", "weights", "Lamps"}
     quality.mode = "preview"
     assert images_in(material.node_tree) == images_of_preview(exact)
     quality.mode = "balanced"
@@ -190,6 +193,74 @@ def test_fit_to_scene_aims_once_there_is_a_lamp(material: bpy.types.Material) ->
     finally:
         for obj in objects:
             bpy.data.objects.remove(obj)
+
+
+@pytest.fixture
+def card(material: bpy.types.Material) -> Iterator[bpy.types.Object]:
+    """Wears the material, in the window's scene."""
+    mesh = bpy.data.meshes.new("card")
+    mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [], [(0, 1, 2)])
+    mesh.materials.append(material)
+    card = bpy.data.objects.new("card", mesh)
+    bpy.context.scene.collection.objects.link(card)
+    bpy.context.view_layer.update()
+    yield card
+    bpy.data.objects.remove(card)
+
+
+@pytest.fixture
+def late_lamp() -> Iterator[Callable[[], bpy.types.Object]]:
+    """Called, it puts a lamp into the window's scene."""
+    made = []
+
+    def add() -> bpy.types.Object:
+        made.append(bpy.data.objects.new("late", bpy.data.lights.new("late", "AREA")))
+        bpy.context.scene.collection.objects.link(made[0])
+        bpy.context.view_layer.update()
+        return made[0]
+
+    yield add
+    for lamp in made:
+        bpy.data.objects.remove(lamp)
+
+
+def slots(material: bpy.types.Material) -> list[int]:
+    return [tree[SLOTS_KEY] for tree in measured_trees(material) if SLOTS_KEY in tree]
+
+
+def test_lamps_may_come_after_the_material(
+    material: bpy.types.Material, card: bpy.types.Object, late_lamp: Callable[[], bpy.types.Object]
+) -> None:
+    """The ordinary order of work: import, then light; in each mode, and as the artist changes it."""
+    assert slots(material) == [0] and "10 %" in {e.name: e.why for e in rebuild.effects_of(material)}["Aimed light"]
+    material.measured_quality.mode = "reference"
+    assert slots(material) == [0]
+    late_lamp()
+    assert slots(material) == [1]
+    material.measured_quality.mode = "exact"
+    bpy.context.view_layer.update()
+    assert slots(material) == [1]
+
+
+def test_fitted_to_a_scene_without_lamps_the_next_lamp_is_told(
+    material: bpy.types.Material, card: bpy.types.Object, late_lamp: Callable[[], bpy.types.Object]
+) -> None:
+    scene = bpy.context.scene
+    world, scene.world = scene.world, None
+    try:
+        assert bpy.ops.measured_materials.fit_to_scene() == {"FINISHED"}
+        assert slots(material) == []
+        assert "not_aimed" not in {finding.rule for finding in check_scene(scene) or ()}
+        late_lamp()
+        (told,) = (finding for finding in check_scene(scene) or () if finding.rule == "not_aimed")
+        assert told.severity == "slow" and mend([told]) == [told]
+        bpy.context.view_layer.update()
+        assert slots(material) == [1]
+        assert "not_aimed" not in {finding.rule for finding in check_scene(scene) or ()}
+        material.measured_quality.aim = "never"
+        assert "not_aimed" not in {finding.rule for finding in check_scene(scene) or ()}
+    finally:
+        scene.world = world
 
 
 def test_denoising_by_materials_comes_and_goes(material: bpy.types.Material) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -74,7 +75,13 @@ def test_every_rule_has_a_case() -> None:
     for module in (scene_check_rules, scene_check_blocks):
         told |= set(re.findall(r'Finding\(\s*"(\w+)"', Path(str(module.__file__)).read_text()))
     assert len(told) > 25
-    assert told - {case.rule for case in CASES} == {"adaptive_sampling", "pixel_jitter", *NEWER}
+    assert told - {case.rule for case in CASES} == {
+        "adaptive_sampling",
+        "pixel_jitter",
+        "linked_slots",
+        "not_aimed",
+        *NEWER,
+    }
 
 
 NEWER = {"texture_resolution", "world_shadow"}
@@ -210,6 +217,48 @@ def test_linked_materials_are_told_and_left_alone(bundle: Bundle, tmp_path: Path
         found = rules(scene)
         assert set(found) == {"bump_correction"} and found["bump_correction"].mend is None
         assert not mend_scene(scene.scene)
+
+
+def test_linked_groups_with_too_few_slots_are_told_and_left_alone(bundle: Bundle, tmp_path: Path) -> None:
+    """Built under one lamp there, used under two here; what can be mended, the table, is."""
+    library = tmp_path / "library.blend"
+    with lit_sphere(build_material(bundle, lamps=lamp_image()), 16) as scene:
+        update_scene(scene.scene)
+        bpy.data.libraries.write(str(library), {material_of(scene)})
+    clear_blend()
+    with bpy.data.libraries.load(str(library), link=True) as (source, target):
+        target.materials = source.materials
+    with lit_sphere(target.materials[0], 16) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        another_lamp("POINT", energy=9, shadow_soft_size=0.1)(scene)
+        found = rules(scene)
+        assert set(found) == {"linked_slots"} and found["linked_slots"].mend is None
+        assert "made local" in found["linked_slots"].wanted
+        lamp_of(scene).location.x += 1
+        assert [finding.rule for finding in mend_scene(scene.scene)] == ["lamp_table"]
+        assert set(rules(scene)) == {"linked_slots"}
+
+
+def test_instances_of_every_view_layer_count(painted: TestScene) -> None:
+    """A material that only geometry nodes bring, in the second layer."""
+    collection = bpy.data.collections.new("apart")
+    painted.scene.collection.children.link(collection)
+    painted.scene.view_layers.new("second")
+    painted.scene.view_layers[0].layer_collection.children["apart"].exclude = True
+    tree = bpy.data.node_groups.new("set", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    nodes = [tree.nodes.new(k) for k in ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput")]
+    for source, target in pairwise(nodes):
+        tree.links.new(source.outputs[0], target.inputs[0])
+    nodes[1].inputs["Material"].default_value = material_of(painted)
+    mesh = painted.sphere.data.copy()
+    mesh.materials.clear()
+    dressed = bpy.data.objects.new("dressed", mesh)
+    dressed.modifiers.new("set", "NODES").node_group = tree
+    collection.objects.link(dressed)
+    painted.sphere.hide_render = True
+    assert measured_names(painted.scene) == [material_of(painted).name]
 
 
 # --- in the window ----------------------------------------------------------------------------------------

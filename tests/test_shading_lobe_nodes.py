@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.shading import lobe_sampling
 from measured_materials.bake.shading.lobe_sampling import lobe_pdf
-from measured_materials.bake.shading.lobes import LOBES, Lobe, lobe_value
+from measured_materials.bake.shading.lobes import LOBES, Lobe, lobe_value, mirror_distance
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.group import call
 from measured_materials.nodes.lobe_group import lobe_group, lobe_peak_group, sample_lobe_group
 from support.cards import card
 from support.lobe_cases import NARROW, WIDE, identity, pairs
+from support.svm_stack import room_on_stack
 
 every_lobe = pytest.mark.parametrize("lobe", WIDE + NARROW, ids=identity)
 
@@ -72,6 +74,8 @@ def test_sample_nodes(lobe: Lobe) -> None:
     assert np.median(np.abs(wi - exact).max(-1)) < 1e-6
     # At u = 1 a visible normal of GGX is the sum of two vectors that may cancel; such a draw points down.
     above = exact[:, 2] > 1e-3
+    # The density of a wide lobe ends at 90 degrees from the mirror direction, where random numbers of 1 lead.
+    above &= np.abs(mirror_distance(xp_numpy, exact, wo.astype(float)) - 1) > 1e-6
     assert np.abs(wi - exact).max(-1)[above].max() < 5e-4
     wi, wo = wi.astype(float)[above], wo.astype(float)[above]
     truth = np.broadcast_to(lobe_pdf(xp_numpy, lobe.name, wi, wo, lobe.p1, lobe.p2), len(wi))
@@ -84,6 +88,43 @@ def test_groups_are_shared_and_small() -> None:
     compat.ensure_cycles()
     for name in LOBES:
         assert lobe_group(name) == lobe_group(name)
-        assert len(sample_lobe_group(name).nodes) - 2 <= 75
-        assert len(lobe_group(name).nodes) - 2 <= 60
-        assert len(lobe_peak_group(name).nodes) - 2 <= 50
+        assert varying(sample_lobe_group(name)) <= 75
+        assert varying(lobe_group(name)) <= 60
+        assert varying(lobe_peak_group(name)) <= 50
+
+
+def varying(group: bpy.types.ShaderNodeTree) -> int:
+    """Nodes that depend on more than the parameters: Cycles computes the others once, when it compiles the material."""
+    found = set()
+    pending = [n for n in group.nodes if n.bl_idname in ("NodeGroupInput", "ShaderNodeNewGeometry")]
+    while pending:
+        node = pending.pop()
+        for socket in node.outputs:
+            if socket.name in ("P1", "P2") and node.bl_idname == "NodeGroupInput":
+                continue
+            for link in socket.links:
+                if link.to_node.name not in found:
+                    found.add(link.to_node.name)
+                    pending.append(link.to_node)
+    return len(found) - 1
+
+
+def test_what_depends_on_the_exponent_alone_is_computed_once() -> None:
+    """The factor of a lobe takes 60 nodes and more, and no place on SVM's stack while the exponent is a number."""
+    compat.ensure_cycles()
+    names = ("phong", "phong_cubic")
+    counts = [len(lobe_group(name).nodes) for name in names]
+    assert counts[1] > counts[0] + 60
+    rooms = []
+    for name in names:
+        material = compat.new_material(name)
+        tree = material.node_tree
+        with expr.building(tree):
+            normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])
+            value = call(lobe_group(name), normal, expr.vec(0.0, 0.0, 1.0), 30.0, 0.0)
+            made = expr.node("ShaderNodeBsdfDiffuse", {}, {"Color": expr.vec(value, value, value)})
+            output = tree.nodes.new("ShaderNodeOutputMaterial")
+            tree.links.new(made.outputs[0], output.inputs["Surface"])
+        rooms.append(room_on_stack(material))
+        bpy.data.materials.remove(material)
+    assert rooms[1] >= rooms[0] - 6

@@ -36,6 +36,7 @@ MAPS = {
     "oren_nayar": (Lobe("oren_nayar", 0.7), "none", "exact", "lookup"),
     "sheen": (Lobe("sheen", 0.5), "none", "exact", "lookup"),
     "phong": (Lobe("phong", 12.0, 0.4), "none", "exact", "lookup"),
+    "phong, cubic": (Lobe("phong_cubic", 12.0, 0.4), "none", "exact", "lookup"),
     "phong, balanced": (Lobe("phong", 12.0, 0.4), "none", "balanced", "lookup"),
     "phong, reference": (Lobe("phong", 12.0, 0.4), "none", "reference", "lookup"),
     "phong, power law": (Lobe("phong", 12.0, 0.4), "power", "exact", "lookup"),
@@ -76,7 +77,7 @@ def half_paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 def brdf_material(bundle: Bundle, name: str) -> bpy.types.Material:
     """Blended, not one slice at random; and with the denoiser's passes."""
     mode, filter = BRDFS[name]
-    material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image())
+    material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image(), lamp_share=True)
     aim_at_everything()
     return with_passes(material, bundle)
 

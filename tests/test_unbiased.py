@@ -305,8 +305,10 @@ def measured(tmp_path_factory: pytest.TempPathFactory, shared_tools: Path) -> Bu
 def assert_unbiased(bundle: Bundle, lit: Stage, mode: str, finer: int = 1, osl: bool = False) -> None:
     if osl:
         use_osl(lit.scene.scene)
-    build = build_osl_material if osl else build_material
-    lit.scene.show(build(bundle, mode=mode, lamps=lamp_image()))
+        material = build_osl_material(bundle, mode=mode, lamps=lamp_image())
+    else:
+        material = build_material(bundle, mode=mode, lamps=lamp_image(), lamp_share=True)
+    lit.scene.show(material)
     found = lit.judged(lit.truth(bundles.brdf_of(bundle, mode), finer), finer)
     print(found)
     assert_agree(found, FINDS)

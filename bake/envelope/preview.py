@@ -74,7 +74,7 @@ def fit_preview(source: BrdfSource | TreatedSource, most: int = _MOST, nodes: in
     views = sample_views(treated, np.linspace(0, 1, nodes), _N_H, _N_PHI)
     if not views.values.any():
         raise BakeError(treated.name, "reflects nothing", "check the file")
-    return PreviewFit(closures, _node_weights(views, closures).astype(np.float32), error)
+    return PreviewFit(closures, albedo_weights(views, closures).astype(np.float32), error)
 
 
 def preview_from_image(facts: Mapping[str, Any], image: Array, where: str | Path = "preview") -> PreviewFit:
@@ -124,7 +124,7 @@ def _chosen(views: Views, importance: Array, most: int) -> tuple[tuple[Lobe, ...
     return tuple(BASIS[i] for i in found[0]), found[1]
 
 
-def _node_weights(views: Views, closures: Sequence[Lobe]) -> Array:
+def albedo_weights(views: Views, closures: Sequence[Lobe]) -> Array:
     """Weights (V, K, 3) that fit each channel and reflect its albedo; a channel that is black stays so."""
     matrices, sides, _ = _normal_equations(views, closures, views.values)
     weights = np.stack([non_negative(matrices, sides[..., c]) for c in range(3)], -1)

@@ -37,7 +37,7 @@ def lowered(source: TreatedSource, closures: Sequence[Lobe], weights: Array, bud
         last = min(start + 8, count - 1)
         chords = np.linspace(start, last, (last - start) * _PARTS + 1) / (count - 1)
         views = sample_views(source, chords, *_DENSE)
-        found = _within_budget(views, envelope_values(views, closures, weights), budget)
+        found = within_budget(views, envelope_values(views, closures, weights), budget)
         position = chords * (count - 1)
         for node in range(start, last + 1):
             near = np.abs(position - node) < 1 - 1e-9
@@ -45,7 +45,7 @@ def lowered(source: TreatedSource, closures: Sequence[Lobe], weights: Array, bud
     return weights * factors[:, None], factors
 
 
-def _within_budget(views: Views, envelope: Array, budget: float) -> Array:
+def within_budget(views: Views, envelope: Array, budget: float) -> Array:
     """Largest factor (V, 3) in [0, 1] under which the envelope (V, P, 3) keeps the budget."""
     allowed = budget * views.energy
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .. import VERSION
 from ..albedo import directional_albedo
+from ..anisotropic.facts import is_anisotropic
 from ..bake_brdf import BakeResult, TableSource
 from ..bundle import Bundle, StoredImage, read_bundle, require, write_bundle
 from ..errors import BakeError
@@ -184,6 +185,8 @@ def _measured_brdf(path: Path | None) -> tuple[Bundle | None, BrdfSource | None]
     bundle = read_bundle(path)
     if bundle.material["kind"] != "brdf":
         raise BakeError(path, "is not the bundle of a BRDF", "bake one by `bake brdf`, or name a lobe")
+    if is_anisotropic(bundle):
+        raise BakeError(path, "is anisotropic, and a swatch has no direction of its own", "name an isotropic one")
     sampler_of(bundle)
     filter: Any = require(require(bundle.material, "table", dict, path), "filter", str, path, choices=FILTERS)
     return bundle, TableSource(table_of(bundle), filter)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BakeError
-from .lobes import LOBES, PARAMETERS, Lobe
+from .lobes import PARAMETERS, Lobe
 
 # A lobe must come this much closer, in parts of the root mean square of the averages, to be preferred to one of fewer
 # parameters: what photographs of a swatch repeat at best.
@@ -24,6 +24,8 @@ _GRID = {
     "sheen": np.linspace(0.05, 1, 77),
     "phong": np.geomspace(1, 2000, 81),
 }
+# Names tried. Of Phong's curves cos^n alone: an arc of photographs does not tell them apart.
+FITTED = ("lambert", *_GRID)
 _ZOOMS, _ZOOM_POINTS = 3, 17
 
 
@@ -44,7 +46,7 @@ class LobeFit:
     ----------
     scale : averages ~ scale f_r cos(theta_i)
     residual : root mean square of what is left, in parts of that of the averages
-    candidates : best of each name in `lobes.LOBES`
+    candidates : best of each name in FITTED that there were photographs enough for
     """
 
     lobe: Lobe
@@ -78,7 +80,7 @@ def fit_lobe(elevations: ArrayLike, averages: ArrayLike) -> LobeFit:
     cosines, values = _checked(elevations, averages)
     wi = np.stack([np.sqrt((1 - cosines) * (1 + cosines)), np.zeros_like(cosines), cosines], -1)
     candidates = {}
-    for name in LOBES:
+    for name in FITTED:
         unknowns = 1 + len(PARAMETERS[name])
         if name == "lambert" or len(np.unique(cosines)) > unknowns:
             candidates[name] = _best_of(name, wi, values)

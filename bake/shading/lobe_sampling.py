@@ -6,7 +6,7 @@ glossy lobe shares its draws with the cosine, and the pdf returned is that of th
 lambert, oren_nayar   cosine
 ggx                   normals visible to the viewer (Heitz 2018, as spherical caps: Dupuy & Benyoub 2023) and cosine
 sheen                 uniform: its light comes from near the horizon, where the cosine has next to none
-phong                 the lobe about the mirror direction, and cosine
+phong, phong_*        the lobe about the mirror direction, or one like it, and cosine
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from .. import xp_numpy
+from ..cosine_lobes import draw_lobe, lobe_density
 from ..source import Array
-from .lobes import Lobe, cos_power, ggx_ndf, ggx_stretched
+from .lobes import PHONG, Lobe, ggx_ndf, ggx_stretched, mirror_distance
 
 # Share of a glossy lobe's draws that follow the cosine.
 COSINE_SHARE = 0.2
@@ -35,7 +36,7 @@ def sample_lobe(
     wo : unit vector above the horizon
     u1, u2, u_choice : independent random numbers in [0, 1], both ends included
     p1, p2 : the lobe's parameters
-    cosine_share : least share of draws that follow the cosine, for "ggx" and "phong"
+    cosine_share : least share of draws that follow the cosine, for "ggx" and Phong's
 
     Returns
     -------
@@ -44,10 +45,11 @@ def sample_lobe(
     """
     angle = u1 * (2 * math.pi)
     turn = xp.cos(angle), xp.sin(angle)
-    if name in ("ggx", "phong"):
-        share = _share(xp, name, p2, cosine_share)
-        draw = _draw_ggx if name == "ggx" else _draw_phong
-        wi = draw(xp, wo, turn, u2, u_choice < share, p1)
+    if name == "ggx":
+        wi = _draw_ggx(xp, wo, turn, u2, u_choice < cosine_share, p1)
+    elif name in PHONG:
+        by_cosine = u_choice < _share(xp, name, p2, cosine_share)
+        wi = _draw_phong(xp, wo, turn, u2, by_cosine, p1, PHONG[name])
     else:
         wi = _around(xp, turn, 1 - u2 if name == "sheen" else xp.sqrt(1 - u2))
     return wi, lobe_pdf(xp, name, wi, wo, p1, p2, cosine_share)
@@ -58,7 +60,7 @@ def lobe_pdf(xp: Any, name: str, wi: Any, wo: Any, p1: Any, p2: Any, cosine_shar
     cosine = xp.maximum(xp.components(wi)[2], 0.0) * (1 / math.pi)
     if name == "sheen":
         return 1 / (2 * math.pi)
-    if name not in ("ggx", "phong"):
+    if name != "ggx" and name not in PHONG:
         return cosine
     share = _share(xp, name, p2, cosine_share)
     if name == "ggx":
@@ -66,7 +68,7 @@ def lobe_pdf(xp: Any, name: str, wi: Any, wo: Any, p1: Any, p2: Any, cosine_shar
         visible = 2 * (xp.components(wo)[2] + ggx_stretched(xp, wo, p1))
         lobe = ggx_ndf(xp, wi, wo, p1) / visible
     else:
-        lobe = (p1 + 1) * (0.5 / math.pi) * cos_power(xp, wi, wo, p1)
+        lobe = lobe_density(xp, PHONG[name], mirror_distance(xp, wi, wo), p1)
     return share * cosine + (1 - share) * lobe
 
 
@@ -79,7 +81,7 @@ def sample(lobe: Lobe, wo: Array, random: Array, cosine_share: float = COSINE_SH
 
 def _share(xp: Any, name: str, p2: Any, cosine_share: float) -> Any:
     """Of the draws that follow the cosine; Phong's diffuse part asks for its own."""
-    return xp.maximum(p2, cosine_share) if name == "phong" else cosine_share
+    return xp.maximum(p2, cosine_share) if name in PHONG else cosine_share
 
 
 def _around(xp: Any, turn: tuple[Any, Any], cosine: Any) -> Any:
@@ -99,9 +101,11 @@ def _draw_ggx(xp: Any, wo: Any, turn: tuple[Any, Any], u: Any, by_cosine: Any, a
     return xp.where_vector(by_cosine, point, mirrored)
 
 
-def _draw_phong(xp: Any, wo: Any, turn: tuple[Any, Any], u: Any, by_cosine: Any, exponent: Any) -> Any:
+def _draw_phong(xp: Any, wo: Any, turn: tuple[Any, Any], u: Any, by_cosine: Any, exponent: Any, curve: str) -> Any:
     """About z, then turned half a circle about the direction midway between z and the axis, which moves z there."""
-    local = _around(xp, turn, xp.where(by_cosine, xp.sqrt(1 - u), xp.power(u, 1 / (exponent + 1))))
+    away = xp.where(by_cosine, 1 - xp.sqrt(1 - u), draw_lobe(xp, curve, u, exponent))
+    sine = xp.sqrt(away * (2 - away))
+    local = xp.vec(sine * turn[0], sine * turn[1], 1 - away)
     normal = xp.vec(0.0, 0.0, 1.0)
     axis = wo * xp.vec(-1.0, -1.0, 1.0)
     midway = xp.normalize(xp.where_vector(by_cosine, normal, axis) + normal)

@@ -15,6 +15,8 @@ sheen       Inverse Gaussian D with the V-cavity G (Ashikhmin, Premoze & Shirley
             Ashikhmin, node roughness sigma.
 phong       kd / pi + (1 - kd) (n + 2) / (2 pi) cos^n of the angle between wo and the mirrored wi (Lewis 1994, as in
             KSS04). Diffuse BSDF times kd is its native part, a lower bound.
+phong_*     The same with another curve for cos^n, of unit albedo at normal incidence as that is: "schlick", "lyon",
+            "cosine" and "cubic" of `bake.cosine_lobes`.
 """
 
 from __future__ import annotations
@@ -22,12 +24,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import xp_numpy
+from ..cosine_lobes import COSINE_LOBES, cosine_lobe, half_chord_square, lobe_norm, steepest
 from ..errors import BakeError
 from ..material_json import require
 from ..source import Array
@@ -42,13 +46,16 @@ class Parameter(NamedTuple):
     default: float
 
 
+_PHONG = (Parameter("exponent", 1.0, 1e4, 30.0), Parameter("diffuse", 0.0, 1.0, 0.2))
+# Phong's model by the curve of its highlight.
+PHONG: dict[str, str] = {"phong": "power"} | {f"phong_{name}": name for name in COSINE_LOBES if name != "power"}
 PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     "lambert": (),
     "oren_nayar": (Parameter("roughness", 0.0, 1.0, 0.5),),
     # Cycles takes a GGX of alpha below 7e-4 for a perfect mirror; float32 directions end at about the same place.
     "ggx": (Parameter("alpha", 1e-3, 1.0, 0.3),),
     "sheen": (Parameter("sigma", 0.05, 1.0, 0.5),),
-    "phong": (Parameter("exponent", 1.0, 1e4, 30.0), Parameter("diffuse", 0.0, 1.0, 0.2)),
+    **dict.fromkeys(PHONG, _PHONG),
 }
 LOBES: tuple[str, ...] = tuple(PARAMETERS)
 
@@ -87,8 +94,8 @@ class Lobe:
 
     @property
     def native_share(self) -> float:
-        """Part of the lobe that its closure carries; with "phong", Lambert's."""
-        return self.p2 if self.name == "phong" else 1.0
+        """Part of the lobe that its closure carries; of Phong's, Lambert's."""
+        return self.p2 if self.name in PHONG else 1.0
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready: name and parameters; `lobe_from_facts` reads it back."""
@@ -151,20 +158,15 @@ def lobe_value(xp: Any, name: str, wi: Any, wo: Any, p1: Any, p2: Any) -> Any:
 def lobe_peak(xp: Any, name: str, wo: Any, p1: Any, p2: Any) -> Any:
     """Upper bound over wi of f_r cos(theta_i), in 1/sr, seen from wo.
 
-    Exact or nearly so at the normal. Elsewhere too high by at most a factor of 1.01 (oren_nayar), 1.25 (ggx), 2 (sheen)
-    and 1.15 (phong), see `tests/test_shading_lobes.py`.
+    Exact or nearly so at the normal. Elsewhere too high by at most a factor of 1.01 (oren_nayar), 1.25 (ggx),
+    2 (sheen), 1.15 (phong) and 2 (phong_*), see `tests/test_shading_lobes.py`.
     """
     return _PEAKS[name](xp, wo, p1, p2)
 
 
-def cos_power(xp: Any, wi: Any, wo: Any, exponent: Any) -> Any:
-    """cos^n of the angle between wo and the mirrored wi, 0 beyond 90 degrees.
-
-    1 - cos is half the squared chord, which carries no rounding of the cosine's; what is left in float32 is that of
-    the base just below 1, n 3e-8 of the value.
-    """
-    chord = wi * xp.vec(-1.0, -1.0, 1.0) - wo
-    return xp.power(xp.maximum(1 - 0.5 * xp.dot(chord, chord), 0.0), exponent)
+def mirror_distance(xp: Any, wi: Any, wo: Any) -> Any:
+    """u = 1 - cos of the angle between wo and the mirrored wi."""
+    return half_chord_square(xp, wi * xp.vec(-1.0, -1.0, 1.0), wo)
 
 
 def ggx_ndf(xp: Any, wi: Any, wo: Any, alpha: Any) -> Any:
@@ -234,9 +236,9 @@ def _sheen_ndf(xp: Any, x: Any, sigma: Any) -> Any:
     return xp.exp((1 - 1 / x) / square) / (math.pi * square * (x * x))
 
 
-def _phong(xp: Any, wi: Any, wo: Any, exponent: Any, diffuse: Any) -> Any:
-    lobe = (exponent + 2) * (1 - diffuse) * (0.5 / math.pi)
-    return diffuse * (1 / math.pi) + lobe * cos_power(xp, wi, wo, exponent)
+def _phong(xp: Any, wi: Any, wo: Any, exponent: Any, diffuse: Any, curve: str = "power") -> Any:
+    highlight = cosine_lobe(xp, curve, mirror_distance(xp, wi, wo), exponent) * lobe_norm(xp, curve, exponent)
+    return diffuse * (1 / math.pi) + highlight * (1 - diffuse)
 
 
 def _lambert_peak(xp: Any, wo: Any, p1: Any, p2: Any) -> Any:
@@ -290,18 +292,27 @@ def _phong_peak(xp: Any, wo: Any, exponent: Any, diffuse: Any) -> Any:
     return diffuse * (1 / math.pi) + lobe * highest
 
 
+def _other_phong_peak(xp: Any, wo: Any, exponent: Any, diffuse: Any, curve: str) -> Any:
+    """cos_i <= cos_o cos x + sin_o sin x at the angle x from the mirror direction; either part at its largest."""
+    cos_o = xp.minimum(xp.maximum(xp.components(wo)[2], 0.0), 1.0)
+    sin_o = xp.sqrt((1 - cos_o) * (1 + cos_o))
+    highest = xp.minimum(cos_o + sin_o * steepest(xp, curve, exponent), 1.0)
+    return diffuse * (1 / math.pi) + highest * lobe_norm(xp, curve, exponent) * (1 - diffuse)
+
+
 _Formula = Callable[..., Any]
 _VALUES: dict[str, _Formula] = {
     "lambert": _lambert,
     "oren_nayar": _oren_nayar,
     "ggx": _ggx,
     "sheen": _sheen,
-    "phong": _phong,
+    **{name: partial(_phong, curve=curve) for name, curve in PHONG.items()},
 }
 _PEAKS: dict[str, _Formula] = {
     "lambert": _lambert_peak,
     "oren_nayar": _oren_nayar_peak,
     "ggx": _ggx_peak,
     "sheen": _sheen_peak,
+    **{name: partial(_other_phong_peak, curve=curve) for name, curve in PHONG.items()},
     "phong": _phong_peak,
 }

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from .. import xp_numpy
+from ..cosine_lobes import COSINE_LOBES, cosine_lobe, half_vector_norm, lobe_norm
 from ..errors import BakeError
 from ..metallic_paint import metallic_paint
 from ..source import Array
@@ -48,14 +49,14 @@ class Analytic(ABC):
             value = self._checked(field.name, getattr(self, field.name))
             object.__setattr__(self, field.name, value)
         facts = {"format": "analytic", "model": self.LABEL, **dataclasses.asdict(self)}  # type: ignore[call-overload]
-        isotropic = facts.get("alpha_y") in (None, facts.get("alpha"))
+        isotropic = all(facts.get(f"{key}_y") in (None, facts.get(key)) for key in ("alpha", "exponent"))
         for key, value in (("name", self.LABEL), ("isotropic", isotropic), ("bilateral", isotropic)):
             object.__setattr__(self, key, value)
         object.__setattr__(self, "facts", facts)
 
     def _checked(self, key: str, value: Any) -> Any:
         """The parameter as number or colour, within the range of RANGES."""
-        if key not in RANGES or (key == "alpha_y" and value is None):
+        if key not in RANGES or (key in ("alpha_y", "exponent_y") and value is None):
             choices = CHOICES.get(key)
             if choices and value not in choices:
                 raise _bad(self.LABEL, f"{key} = {value!r}", f"choose one of {', '.join(choices)}")
@@ -93,6 +94,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "f0": (0, 1, True),
     "flake": (0, 1, True),
     "exponent": (0, 1e8, False),
+    "exponent_y": (0, 1e8, False),
     "alpha": (1e-5, 10, False),
     "alpha_y": (1e-5, 10, False),
     "coat_alpha": (1e-5, 10, False),
@@ -102,7 +104,11 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "k": (0, 100, True),
     "coat_eta": (1, 10, False),
 }
-CHOICES = {"variant": ("ward", "duer", "bounded"), "fresnel": ("schlick", "dielectric", "conductor")}
+CHOICES = {
+    "lobe": COSINE_LOBES,
+    "variant": ("ward", "duer", "bounded"),
+    "fresnel": ("schlick", "dielectric", "conductor"),
+}
 
 
 @dataclass(frozen=True)
@@ -120,18 +126,21 @@ class Lambert(Analytic):
 class ModifiedPhong(Analytic):
     """diffuse / pi + specular (n + 2) / (2 pi) cos^n of the angle to the mirror direction (Lewis 1994).
 
-    The albedo of the lobe is `specular` at normal incidence and less elsewhere.
+    The albedo of the lobe is `specular` at normal incidence and less elsewhere. `lobe` is another curve for cos^n, of
+    `bake.cosine_lobes`, with the factor that keeps this albedo.
     """
 
     diffuse: Rgb = (0.2, 0.2, 0.2)
     specular: Rgb = (0.3, 0.3, 0.3)
     exponent: float = 50.0
+    lobe: str = "power"
     LABEL = "phong"
 
     def _value(self, wi: Array, wo: Array) -> Array:
         away = (wi + wo) ** 2
         one_minus_cos = 0.5 * (away[:, 0] + away[:, 1] + (wi[:, 2] - wo[:, 2]) ** 2)
-        lobe = (self.exponent + 2) / (2 * math.pi) * _power(one_minus_cos, self.exponent)
+        factor = lobe_norm(xp_numpy, self.lobe, np.float64(_least(self.exponent)))
+        lobe = factor * _curve(self.lobe, one_minus_cos, self.exponent)
         return np.array(self.diffuse) / math.pi + np.array(self.specular) * lobe[:, None]
 
 
@@ -139,20 +148,56 @@ class ModifiedPhong(Analytic):
 class BlinnPhong(Analytic):
     """diffuse / pi + specular (n + 2)(n + 4) / (8 pi (2^(-n/2) + n)) cos^n theta_h (Blinn 1977).
 
-    The factor makes the albedo of the lobe exactly `specular` at normal incidence.
+    The factor makes the albedo of the lobe exactly `specular` at normal incidence, also with another `lobe` for cos^n,
+    of `bake.cosine_lobes`.
     """
 
     diffuse: Rgb = (0.2, 0.2, 0.2)
     specular: Rgb = (0.3, 0.3, 0.3)
     exponent: float = 50.0
+    lobe: str = "power"
     LABEL = "blinn-phong"
 
     def _value(self, wi: Array, wo: Array) -> Array:
         n = self.exponent
         half = _half(wi, wo)
         one_minus_cos = 0.5 * (half[:, 0] ** 2 + half[:, 1] ** 2 + (1 - half[:, 2]) ** 2)
-        lobe = (n + 2) * (n + 4) / (8 * math.pi * (2 ** (-n / 2) + n)) * _power(one_minus_cos, n)
+        if self.lobe == "power":
+            factor = (n + 2) * (n + 4) / (8 * math.pi * (2 ** (-n / 2) + n))
+        else:
+            factor = half_vector_norm(self.lobe, _least(n))
+        lobe = factor * _curve(self.lobe, one_minus_cos, n)
         return np.array(self.diffuse) / math.pi + np.array(self.specular) * lobe[:, None]
+
+
+@dataclass(frozen=True)
+class AshikhminShirley(Analytic):
+    """Phong-like lobe with an exponent along each tangent, Schlick's Fresnel, and a base lit by what it lets through.
+
+    Ashikhmin & Shirley 2000, "An anisotropic Phong BRDF model", equations 4 and 5: reciprocal, and never more than 1 in
+    albedo. `exponent` holds along x, `exponent_y` along y.
+    """
+
+    diffuse: Rgb = (0.2, 0.2, 0.2)
+    specular: Rgb = (0.3, 0.3, 0.3)
+    exponent: float = 50.0
+    exponent_y: float | None = None
+    LABEL = "ashikhmin-shirley"
+
+    def _value(self, wi: Array, wo: Array) -> Array:
+        n_x = self.exponent
+        n_y = n_x if self.exponent_y is None else self.exponent_y
+        square = (wi + wo) ** 2
+        across = square[:, 0] + square[:, 1]
+        exponent = (n_x * square[:, 0] + n_y * square[:, 1]) / np.where(across > 0, across, 1)
+        # cos^n theta_h through log cos = log(1 - sin^2) / 2, exact at the peak.
+        power = np.exp(0.5 * exponent * np.log1p(-across / np.maximum(square.sum(-1), across * (1 + 1e-15))))
+        cos_d, higher = _cos_difference(wi, wo), np.maximum(wi[:, 2:], wo[:, 2:])
+        lobe = math.sqrt((n_x + 1) * (n_y + 1)) / (8 * math.pi) * power[:, None] / (cos_d * higher)
+        through = (1 - (1 - wi[:, 2:] / 2) ** 5) * (1 - (1 - wo[:, 2:] / 2) ** 5)
+        specular = np.array(self.specular)
+        base = 28 / (23 * math.pi) * np.array(self.diffuse) * (1 - specular) * through
+        return base + lobe * schlick(cos_d, specular)
 
 
 @dataclass(frozen=True)
@@ -312,17 +357,22 @@ def _half(wi: Array, wo: Array) -> Array:
     return s / np.linalg.norm(s, axis=-1, keepdims=True)
 
 
-def _power(one_minus_cos: Array, exponent: float) -> Array:
-    """cos^exponent from 1 - cos, exact for huge exponents near cos = 1; 0 where cos <= 0."""
-    below_one = np.minimum(one_minus_cos, np.nextafter(1, 0))
-    return np.where(one_minus_cos < 1, np.exp(exponent * np.log1p(-below_one)), 0)
+def _curve(name: str, one_minus_cos: Array, exponent: float) -> Array:
+    """The lobe of 1 - cos, exact for huge exponents near cos = 1; 0 where cos <= 0, also for an exponent of 0."""
+    value = cosine_lobe(xp_numpy, name, one_minus_cos, np.float64(_least(exponent)))
+    return np.where(one_minus_cos < 1, value, 0)
+
+
+def _least(exponent: float) -> float:
+    """In place of 0, where some curves are known as a limit only."""
+    return max(exponent, 1e-12)
 
 
 def _bad(model: str, cause: str, remedy: str) -> BakeError:
     return BakeError(f"analytic {model}", cause, remedy)
 
 
-_MODELS = (Lambert, ModifiedPhong, BlinnPhong, Ward, Ggx, OrenNayar, MetallicPaint)
+_MODELS = (Lambert, ModifiedPhong, BlinnPhong, AshikhminShirley, Ward, Ggx, OrenNayar, MetallicPaint)
 ANALYTIC: dict[str, Callable[..., Analytic]] = {model.LABEL: model for model in _MODELS}
 
 

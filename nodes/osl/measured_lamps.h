@@ -124,6 +124,36 @@ float mm_expected_world_light(vector toward, float flux, vector n)
   return max(dot(toward, n) + flux, 0.1 * flux);
 }
 
+// bake/envelope/lamp_share.py: ShareLayout
+#define MM_SHARE_H 16
+#define MM_SHARE_D 16
+#define MM_SHARE_O 8
+#define MM_BOUNCED 0.1
+
+// bake/envelope/lamp_share.py and nodes/lamp_share_group.py: the mirror's probability, by the residual's share of light
+// from `centre`, whose irradiance at distance 1 is `strength`, and by the usual share of all other, with `lamps` as
+// bright as this one and `sky` beside.
+float mm_lamp_probability(
+    string image, float usual, vector wo, vector incoming, normal n, point position, vector centre, float lamps,
+    float strength, float sky)
+{
+  vector to_centre = centre - vector(position);
+  vector to_lamp = normalize(to_centre);
+  float arriving = strength / dot(to_centre, to_centre);
+  if (arriving <= 0)
+    return usual;
+  vector half_vector = normalize(to_lamp + incoming);
+  float along = sqrt(length(half_vector - vector(n)) * M_SQRT1_2);
+  float slice = floor(mm_chord(wo, vector(0, 0, 1)) * (MM_SHARE_O * 0.99999));
+  float width = MM_SHARE_O * MM_SHARE_H;
+  float s = slice / MM_SHARE_O + (along * (MM_SHARE_H - 1) + 0.5) / width;
+  float t = 1 - (dot(half_vector, to_lamp) * (MM_SHARE_D - 1) + 0.5) / MM_SHARE_D;
+  float alpha;
+  color seen = mm_tap(image, s, t, "linear", alpha);
+  float light = arriving * seen[1];
+  return mix(usual, seen[0], light / (light * lamps + arriving * MM_BOUNCED + sky));
+}
+
 // Exchange wi for a direction towards a lamp, now and then. Of a sampler of density p, the whole density of the
 // direction returned is aimed + rest p. Sky is the irradiance of what is neither lamp nor structure of the world, the
 // largest share of aimed draws, and the structure's flux; toward is where that comes from. It is left to chance.

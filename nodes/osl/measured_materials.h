@@ -18,6 +18,7 @@
 struct MMTable {
   string image;
   float scale;
+  float offset;
   int slices;
   int slice_rows;
   int slice_columns;
@@ -201,7 +202,7 @@ color mm_lookup(MMTable table, MMGrid grid, vector wi, vector wo, float random)
     else
       value = (1 - t) * mm_slice(table, base, u[1], u[2]) + t * mm_slice(table, base + 1, u[1], u[2]);
   }
-  return value * table.scale;
+  return (value - table.offset) * table.scale;
 }
 
 color mm_sampler_texel(MMSampler sampler, float bin, float cell, output float alpha)

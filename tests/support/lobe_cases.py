@@ -6,7 +6,13 @@ import numpy as np
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.shading.lobes import Lobe
 
-NARROW = [Lobe("ggx", 1e-3), Lobe("ggx", 0.01), Lobe("phong", 1e4, 0.0), Lobe("sheen", 0.05)]
+NARROW = [
+    Lobe("ggx", 1e-3),
+    Lobe("ggx", 0.01),
+    Lobe("phong", 1e4, 0.0),
+    Lobe("sheen", 0.05),
+    Lobe("phong_cubic", 1e4, 0.0),
+]
 WIDE = [
     Lobe("lambert"),
     Lobe("oren_nayar", 0.1),
@@ -19,6 +25,12 @@ WIDE = [
     Lobe("phong", 1.0, 0.2),
     Lobe("phong", 60.0, 0.3),
     Lobe("phong", 60.0, 0.0),
+    Lobe("phong_schlick", 60.0, 0.0),
+    Lobe("phong_schlick", 1.0, 0.3),
+    Lobe("phong_lyon", 60.0, 0.0),
+    Lobe("phong_cosine", 60.0, 0.3),
+    Lobe("phong_cubic", 60.0, 0.0),
+    Lobe("phong_cubic", 1.0, 0.2),
 ]
 
 

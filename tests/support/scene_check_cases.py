@@ -119,6 +119,10 @@ def moved(scene: TestScene) -> None:
     lamp_of(scene).matrix_world.translation = (1, 1, 4)
 
 
+def shadow_linked(scene: TestScene) -> None:
+    lamp_of(scene).light_linking.blocker_collection = bpy.data.collections.new("blockers")
+
+
 def far(scene: TestScene) -> None:
     scene.sphere.matrix_world.translation = (2e4, 0, 0)
     update_scene(scene.scene)
@@ -158,7 +162,8 @@ CASES = [
     Case("world_sampling", SLOW, image_world),
     Case("lamp_glossy", WRONG, lambda s: setattr(lamp_of(s), "visible_glossy", False)),
     Case("lamp_diffuse", WRONG, lambda s: setattr(lamp_of(s), "visible_diffuse", False), False),
-    Case("lamp_shadow", NOTE, lamp("use_shadow", False), False),
+    Case("lamp_shadow", WRONG, lamp("use_shadow", False), False),
+    Case("shadow_linking", WRONG, shadow_linked, False),
     Case("lamp_mis", WRONG, lambda s: setattr(lamp_of(s).data.cycles, "use_multiple_importance_sampling", False)),
     Case("lamp_size", WRONG, lamp("size", 0.0)),
     Case("lamp_size", WRONG, another_lamp("SUN", energy=2, angle=0.0)),

@@ -1,0 +1,203 @@
+"""From an anisotropic source to a bundle; `bake.bake_brdf.bake_source` hands those that are not isotropic over."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from .. import VERSION
+from ..accuracy import DirectionPairs
+from ..albedo import directional_albedo, white_sky_albedo
+from ..bundle import StoredImage, write_bundle
+from ..errors import BakeError
+from ..preview import preview_sphere
+from ..source import Array, BrdfSource
+from ..storage import Storage, offset_for, quantize, scale_for
+from ..table import FILTERS, Filter
+from .accuracy import turned_pairs
+from .atlas import SliceLayout, pack
+from .choice import Symmetry, choose_grid, measured_symmetry
+from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview
+from .envelope_texture import guarded_share, pack_weights
+from .grid import Grid, HalfGrid
+from .sampler import SlopeLayout, build_slope_sampler
+from .table import AnisotropicTable, TreatedAnisotropic, tabulate
+from .views import ViewerGrid
+
+if TYPE_CHECKING:
+    from ..bake_brdf import BakeResult, BakeSettings, Progress
+
+_ERROR_PAIRS = 16384
+_DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
+_AZIMUTHS = 8
+# Cells follow the lobe more closely than samples, which have to serve its tail too.
+_CELL_WIDTH = 0.5
+
+
+def bake_anisotropic(
+    source: BrdfSource,
+    out: str | Path,
+    settings: BakeSettings,
+    progress: Progress | None = None,
+    origin: dict[str, str] | None = None,
+    *,
+    basis: str = "auto",
+    viewers: tuple[int, int] = (24, 8),
+) -> BakeResult:
+    """Bake an anisotropic source to the bundle `out`.
+
+    Parameters
+    ----------
+    settings : of the resolution n see `choice.half_shape`; the parameterisation is the basis' own, its shape chosen by
+        measured error, and a spline takes the samples as they are
+    basis : "half", "normal" or "auto"
+    viewers : nodes of the envelope's weights in elevation, and in half a turn of the azimuth
+    progress : called with the stage's name and its share done
+
+    Raises
+    ------
+    BakeError : the source is all zero or not finite, its table would be too large, or the bundle cannot be written
+    """
+    from ..bake_brdf import BakeResult
+
+    say = progress or (lambda stage, share: None)
+    started = time.perf_counter()
+    treated = TreatedAnisotropic(source)
+    pairs = turned_pairs(_ERROR_PAIRS)
+    truth = treated.evaluate(pairs.wi, pairs.wo)
+    treatment = treated.treatment()
+    if not np.isfinite(truth).all() or not truth.any():
+        raise BakeError(source.name, "reflects nothing, or holds values that are not finite", "check the file")
+    symmetry = measured_symmetry(treated, pairs, truth)
+    grid, search = choose_grid(
+        treated, settings.resolution, symmetry, basis, lambda share: say("choosing alpha", share)
+    )
+    SliceLayout.of(grid)
+    table, scale = quantized(
+        tabulate(treated, grid, lambda share: say("tabulating", share)), settings.storage, settings.filter
+    )
+    say("sampler", 0.0)
+    layout = sampler_layout(settings, grid, symmetry, search)
+    sampler = build_slope_sampler(table, layout)
+    say("measuring", 0.0)
+    simpler = cast("tuple[Filter, ...]", FILTERS[: FILTERS.index(settings.filter) + 1])
+    facts: dict[str, Any] = {
+        "generator": f"measured_materials {VERSION}",
+        "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": treatment},
+        "settings": {"resolution": settings.resolution, "storage": str(settings.storage), "filter": settings.filter},
+        "table": {
+            "anisotropic": True,
+            **grid.facts(),
+            "filter": settings.filter,
+            "spline": "plain" if settings.filter == "bspline" else "none",
+            "storage": str(settings.storage),
+            "scale": scale,
+            "offset": offset_for(settings.storage),
+            **symmetry.facts(),
+        },
+        "search": search,
+        "sampler": asdict(layout),
+        "errors": table_errors(table, settings.filter, pairs, truth),
+        "rms_by_filter": {name: table_errors(table, name, pairs, truth)["rms"] for name in simpler},
+        "albedo": mean_albedo(treated),
+    }
+    images = {
+        "table": StoredImage(_texels(table, scale, settings.storage), settings.storage),
+        "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+    }
+    if settings.envelope:
+        say("envelope", 0.0)
+        extra, further = _envelope(treated, table, layout, viewers, settings, pairs, truth)
+        facts, images = facts | extra, images | further
+    say("writing", 0.0)
+    path = write_bundle(out, facts, images, preview_sphere(table, settings.filter))  # type: ignore[arg-type]
+    say("writing", 1.0)
+    return BakeResult(path, facts, round(time.perf_counter() - started, 2))
+
+
+def _envelope(
+    treated: TreatedAnisotropic,
+    table: AnisotropicTable,
+    layout: SlopeLayout,
+    viewers: tuple[int, int],
+    settings: BakeSettings,
+    pairs: DirectionPairs,
+    truth: Array,
+) -> tuple[dict[str, Any], dict[str, StoredImage]]:
+    """Facts and images of the envelope, of the residual, whose table has the grid of the whole one, and of Preview."""
+    nodes = ViewerGrid(viewers[0], viewers[1] * (1 if layout.folded else 2), layout.folded)
+    widths = layout.width_x, layout.width_y
+    fit = fit_anisotropic_envelope(treated, nodes, widths)
+    preview = fit_anisotropic_preview(treated, fit, widths)
+    residual, scale = quantized(
+        tabulate(AnisotropicResidual(treated, fit), table.grid), settings.storage, settings.filter
+    )
+    sampler = build_slope_sampler(residual, layout)
+    together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
+    errors = {
+        "rms": pairs.rms(together - truth),
+        "relative": pairs.relative_error(together - truth, truth),
+    }
+    plain = {key: fit.facts()[key] for key in ("closures", "n_theta", "n_phi", "folded")}
+    facts = {"scale": scale, "offset": offset_for(settings.storage), "errors": errors}
+    images = {
+        "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
+        "residual": StoredImage(_texels(residual, scale, settings.storage), settings.storage),
+        "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+        "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
+    }
+    return {"envelope": fit.facts(), "preview": plain, "residual": facts}, images
+
+
+def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, search: dict[str, Any]) -> SlopeLayout:
+    """Bins and cells of the sizes that the settings have for isotropic materials, shared between two axes each."""
+    wanted = settings.sampler
+    bins, cells = max(4, wanted.n_o // 4), max(8, round((wanted.n_h * wanted.n_phi) ** 0.5) * 2 // 3)
+    if isinstance(grid, HalfGrid):
+        widths = grid.width_x, grid.width_y
+    else:
+        # The normal basis knows no slopes.
+        widths = 0.3, 0.3
+    return SlopeLayout(bins, bins, cells, cells, _CELL_WIDTH * widths[0], _CELL_WIDTH * widths[1], symmetry.half_turn)
+
+
+def quantized(table: AnisotropicTable, storage: Storage, filter: Filter) -> tuple[AnisotropicTable, float]:
+    """The table as it will come back from the file, and what its values are multiplied by there."""
+    scale = scale_for(table.values, storage)
+    offset = np.float32(offset_for(storage))
+    stored = quantize(table.values * np.float32(scale) + offset, storage) - offset
+    return AnisotropicTable(table.grid, stored * np.float32(1 / scale), filter), scale
+
+
+def _texels(table: AnisotropicTable, scale: float, storage: Storage) -> Array:
+    return pack(table.grid, table.values * np.float32(scale)) + np.float32(offset_for(storage))
+
+
+def table_errors(table: AnisotropicTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
+    """Cosine-weighted RMS in 1/sr and energy-relative error at directions the table was not built from."""
+    difference = table.evaluate(pairs.wi, pairs.wo, filter) - truth
+    return {
+        "rms": pairs.rms(difference),
+        "rms_uncertainty": pairs.rms_uncertainty(difference),
+        "relative": pairs.relative_error(difference, truth),
+        "rms_of_signal": pairs.rms(truth),
+        "directions": len(truth),
+    }
+
+
+def mean_albedo(source: BrdfSource) -> dict[str, Any]:
+    """As `bake.albedo.albedo_facts`, by elevation the mean over the viewer's azimuth; "largest" is that of any."""
+    azimuths = np.arange(_AZIMUTHS) * (2 * np.pi / _AZIMUTHS) + 0.1
+    rows = np.array([directional_albedo(source, np.radians(_DEGREES), 48, float(phi)) for phi in azimuths])
+    degrees = np.array(_DEGREES)
+    return {
+        "theta_o_deg": degrees.tolist(),
+        "directional": rows.mean(0).round(6).tolist(),
+        "white_sky": white_sky_albedo(source, 48).round(6).tolist(),
+        "largest": round(float(rows.max()), 6),
+        "above_one_deg": degrees[rows.max((0, 2)) > 1.001].tolist(),
+    }

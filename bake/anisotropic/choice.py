@@ -1,0 +1,141 @@
+"""Which grid serves an anisotropic source: its symmetries, its basis, and the basis' shape, all by measurement."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..accuracy import DirectionPairs
+from ..errors import BakeError
+from ..source import Array, BrdfSource
+from .accuracy import quadrilinear_estimate, turned_pairs
+from .grid import Grid, HalfGrid, NormalGrid
+
+# Relative L1 difference up to which a symmetry is taken as exact, and half of the samples are saved.
+SYMMETRIC = 1e-3
+BASES = ("auto", "half", "normal")
+_WIDTHS = (0.03, 0.1, 0.3, 1.0)
+_RATIOS = (2.0, 1.4)
+_NARROWEST, _WIDEST = 2e-3, 8.0
+_ALPHAS_THETA, _ALPHAS_PHI = (0.0, 0.25, 0.5, 0.75), (0.05, 0.15, 0.3, 0.5)
+_RANKING = 4096
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Relative L1 differences of f(wi, wo) to f(wo, wi), and to f after half a turn about the normal."""
+
+    reciprocity_error: float
+    half_turn_error: float
+
+    @property
+    def reciprocal(self) -> bool:
+        """Whether light and viewer may be exchanged."""
+        return self.reciprocity_error <= SYMMETRIC
+
+    @property
+    def half_turn(self) -> bool:
+        """Whether half a turn of the surface changes nothing, as of all brushed metals and most weaves."""
+        return self.half_turn_error <= SYMMETRIC
+
+    def facts(self) -> dict[str, float]:
+        """JSON-ready."""
+        return {"reciprocity_error": self.reciprocity_error, "half_turn_error": self.half_turn_error}
+
+
+def measured_symmetry(source: BrdfSource, pairs: DirectionPairs, truth: Array) -> Symmetry:
+    """Of values `truth` (P, 3) at the pairs."""
+    turn = np.array([-1.0, -1.0, 1.0])
+
+    def error(value: Array) -> float:
+        return pairs.relative_error(value - truth, truth)
+
+    return Symmetry(
+        error(source.evaluate(pairs.wo, pairs.wi)), error(source.evaluate(pairs.wi * turn, pairs.wo * turn))
+    )
+
+
+def half_shape(n: int, folded: bool) -> tuple[int, int, int, int]:
+    """Samples of the half basis at resolution n: n along each slope, n / 4 in theta_d, and as many in half of phi_d."""
+    quarter = max(4, round(n / 4))
+    return (1 if folded else 2) * quarter, quarter, n, n
+
+
+def normal_shape(n: int, folded: bool) -> tuple[int, int, int, int]:
+    """Samples [2 N, N, N, 4 N] of the normal basis, phi_o halved where folded, of as many texels as `half_shape`'s.
+
+    phi_delta takes 4 N: 2 N on either side of the viewer, what the isotropic table has for the one side it needs.
+    """
+    texels = np.prod([float(x) for x in half_shape(n, True)])
+    size = max(4, round((texels / (4 if folded else 8)) ** 0.25))
+    return (1 if folded else 2) * size, size, size, 4 * size
+
+
+def choose_grid(
+    source: BrdfSource,
+    n: int,
+    symmetry: Symmetry,
+    basis: str = "auto",
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Grid, dict[str, Any]]:
+    """The grid of least cosine-weighted RMS at directions of no table, and a JSON-ready account of both bases.
+
+    Parameters
+    ----------
+    n : resolution, see `half_shape`; the normal basis gets about as many texels
+    basis : "half", "normal", or "auto" for the one whose best grid has the smaller error
+
+    Raises
+    ------
+    BakeError : an unknown basis
+    """
+    if basis not in BASES:
+        raise BakeError("basis", f"cannot be {basis!r}", f"choose from {', '.join(BASES)}")
+    say = progress or (lambda share: None)
+    ranking = turned_pairs(_RANKING, offset=0.25)
+    truth = source.evaluate(ranking.wi, ranking.wo)
+    tried: dict[Grid, float] = {}
+
+    def rms(grid: Grid) -> float:
+        if grid not in tried:
+            tried[grid] = ranking.rms(quadrilinear_estimate(source, grid, ranking) - truth)
+        return tried[grid]
+
+    best: dict[str, Grid] = {}
+    if basis != "normal":
+        best["half"] = _best_half(HalfGrid(half_shape(n, symmetry.reciprocal), folded=symmetry.reciprocal), rms)
+    say(0.6)
+    if basis != "half":
+        start = NormalGrid(normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn)
+        alphas = itertools.product(_ALPHAS_THETA, _ALPHAS_PHI)
+        best["normal"] = min((replace(start, alpha_theta=t, alpha_phi=p) for t, p in alphas), key=rms)
+    say(1.0)
+    chosen = min(best.values(), key=rms)
+    account = {name: {**grid.facts(), "rms": rms(grid)} for name, grid in best.items()}
+    return chosen, {"trials": len(tried), "chosen": chosen.basis, "best": account}
+
+
+def _best_half(start: HalfGrid, rms: Callable[[Grid], float]) -> HalfGrid:
+    """Widths by a coarse square of trials, then steps in either width for as long as one pays."""
+    coarse = (replace(start, width_x=x, width_y=y) for x, y in itertools.product(_WIDTHS, _WIDTHS))
+    best = min(coarse, key=rms)
+    for ratio in _RATIOS:
+        while True:
+            steps = ((ratio, 1.0), (1 / ratio, 1.0), (1.0, ratio), (1.0, 1 / ratio), (ratio, ratio), (1 / ratio,) * 2)
+            moved = [
+                replace(
+                    best,
+                    width_x=float(np.clip(best.width_x * x, _NARROWEST, _WIDEST)),
+                    width_y=float(np.clip(best.width_y * y, _NARROWEST, _WIDEST)),
+                )
+                for x, y in steps
+            ]
+            found = min(moved, key=rms)
+            if rms(found) >= rms(best) * 0.995:
+                break
+            best = found
+    return best

@@ -1,0 +1,105 @@
+"""The parts of an anisotropic bundle's material.json: read back with every number checked."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from ..bundle import Bundle, require
+from ..errors import BakeError
+from ..table import FILTERS, Filter
+from ..table_facts import offset_of
+from .atlas import SliceLayout, unpack
+from .envelope import AnisotropicFit
+from .envelope_texture import fit_from_image
+from .grid import Grid, HalfGrid, NormalGrid
+from .sampler import SlopeLayout, SlopeSampler
+from .table import AnisotropicTable
+
+
+def is_anisotropic(bundle: Bundle) -> bool:
+    """Whether the bundle holds a four-dimensional table."""
+    table = bundle.material.get("table")
+    return isinstance(table, dict) and table.get("anisotropic") is True
+
+
+def grid_of(bundle: Bundle, name: str = "table") -> Grid:
+    """The grid of "table" or "residual". Raises BakeError where it is not described, or the image has another size."""
+    where = bundle.path / "material.json"
+    table = require(bundle.material, "table", dict, where)
+    basis = require(table, "basis", str, where, choices=("half", "normal"))
+    sizes = require(table, "shape", list, where, 4, 4)
+    if not all(isinstance(n, int) and not isinstance(n, bool) and 4 <= n <= 1024 for n in sizes):
+        raise BakeError(where, "'table.shape' does not hold four sizes", "bake it again")
+    shape = cast("tuple[int, int, int, int]", tuple(sizes))
+    folded = require(table, "folded", bool, where)
+    grid: Grid
+    if basis == "half":
+        x, y = (float(require(table, f"width_{k}", float, where, minimum=1e-4, maximum=1e3)) for k in "xy")
+        grid = HalfGrid(shape, x, y, folded)
+    else:
+        theta, phi = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
+        grid = NormalGrid(shape, theta, phi, folded)
+        # Beyond the pole azimuths go on half a turn further, which has to be a sample.
+        if shape[3] % 2 or (not folded and shape[0] % 2):
+            raise BakeError(where, "'table.shape' has an odd azimuth", "bake it again")
+    _check_size(bundle, name, SliceLayout.of(grid).size)
+    return grid
+
+
+def filter_of(bundle: Bundle) -> Filter:
+    """What the table was baked for."""
+    where = bundle.path / "material.json"
+    table = require(bundle.material, "table", dict, where)
+    return cast(Filter, require(table, "filter", str, where, choices=FILTERS))
+
+
+def scale_of(bundle: Bundle, name: str = "table") -> float:
+    """What stored values of "table" or "residual" were multiplied by."""
+    where = bundle.path / "material.json"
+    part = require(bundle.material, name, dict, where)
+    return float(require(part, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
+
+
+def table_of(bundle: Bundle, name: str = "table") -> AnisotropicTable:
+    """The stored values of "table" or "residual", unscaled."""
+    grid = grid_of(bundle, name)
+    values = unpack(grid, bundle.load(name)) - offset_of(bundle, name)
+    return AnisotropicTable(grid, values / scale_of(bundle, name), filter_of(bundle))
+
+
+def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SlopeLayout:
+    """The sizes of "sampler" or "residual_sampler". Raises BakeError."""
+    where = bundle.path / "material.json"
+    facts = require(bundle.material, "sampler", dict, where)
+    values: dict[str, Any] = {
+        key: require(facts, key, int, where, minimum=1, maximum=1024) for key in ("n_theta", "n_phi", "n_x", "n_y")
+    }
+    for key in ("width_x", "width_y"):
+        values[key] = float(require(facts, key, float, where, minimum=1e-4, maximum=1e3))
+    values["folded"] = require(facts, "folded", bool, where)
+    layout = SlopeLayout(**values)
+    _check_size(bundle, name, (layout.cells, layout.bins))
+    return layout
+
+
+def sampler_of(bundle: Bundle, name: str = "sampler") -> SlopeSampler:
+    """The stored alias tables. Raises BakeError where a number would lead out of them."""
+    layout, texels = sampler_layout_of(bundle, name), bundle.load(name)
+    if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= layout.cells).any():
+        raise BakeError(bundle.image_path(name), "is no alias table", "bake it again")
+    return SlopeSampler(layout, texels)
+
+
+def closures_of(bundle: Bundle, name: str = "envelope") -> AnisotropicFit:
+    """The stored "envelope", or the closures of mode Preview, "preview_weights". Raises BakeError."""
+    where = bundle.path / "material.json"
+    key = "envelope" if name == "envelope" else "preview"
+    return fit_from_image(require(bundle.material, key, dict, where), bundle.load(name), where)
+
+
+def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:
+    where = bundle.path / "material.json"
+    entry = require(require(bundle.material, "images", dict, where), name, dict, where)
+    found = (entry.get("width"), entry.get("height"))
+    if found != size:
+        raise BakeError(where, f"{name} is {found[0]} x {found[1]} texels, not {size[0]} x {size[1]}", "bake it again")

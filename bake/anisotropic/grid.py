@@ -1,0 +1,221 @@
+"""Where the samples of a four-dimensional table lie, in the normal-vector and in the half-vector basis.
+
+Every grid has the axes [azimuth a, polar angle b, row r, column c]. The azimuth is periodic, the last sample of the
+polar angle is the pole, and (r, c) is a slice that a texture filter reads; a and b choose the slice.
+
+normal  a phi_o, b theta_o, r theta_i, c phi_delta (Mallett & Yuksel 2016, section 4.1; they take phi_i for a, here the
+        viewer is known first). phi_o is even. phi_delta takes the full circle, since an anisotropic material is not its
+        own mirror image: the odd warp of [0, pi] serves both sides.
+half    The half vector h by its slopes (x, y) = h_xy / h_z, each warped by u = x / (width + |x|): r is y, c is x. What
+        brushing draws out is a ridge along one axis, and each axis has a width of its own; a polar theta_h, phi_h would
+        have to resolve the ridge's angle (trial: `./run bench anisotropic`). There is no pole to mend, and no half
+        vector is stored twice. The difference vector d is wi, turned by the shortest arc that takes h to the normal:
+        a phi_d, b theta_d. Rusinkiewicz' frame spins at h = n, this one does not. Stored is f (cos theta_i +
+        cos theta_o) / 2, which stays bounded at grazing where f of any microfacet grows as one over it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import xp_numpy
+from ..parameterization import chord_to_theta, forward, phi_nodes, theta_nodes
+from ..source import Array
+
+# The sample at the horizon is taken short of it, at this share of its neighbour's cosine (see bake.table).
+_HORIZON_SHARE = 1 / 3
+_POLE_CHORD = 1e-5
+# Pairs of which one lies below the horizon hold the value at this share of the way to it.
+_WITHIN = 0.98
+# Below this sum of cosines, of pairs within a twentieth of a degree of the horizon, the stored value is held.
+LEAST_SUM = 1e-3
+
+Shape = tuple[int, int, int, int]
+Coordinates = tuple[Any, Any, Any, Any]
+
+
+@dataclass(frozen=True)
+class NormalGrid:
+    """Axes [phi_o, theta_o, theta_i, phi_delta].
+
+    Parameters
+    ----------
+    shape : samples of each; the columns even
+    alpha_theta, alpha_phi : Bezier shapes
+    folded : phi_o runs over half a turn; the source looks the same after half a turn about the normal
+    """
+
+    shape: Shape
+    alpha_theta: float = 0.5
+    alpha_phi: float = 0.5
+    folded: bool = False
+    basis = "normal"
+    periodic_columns = True
+
+    def coordinates(self, xp: Any, wi: Any, wo: Any) -> Coordinates:
+        """Fractional indices (a, b, r, c) of direction pairs; `xp` is the namespace."""
+        n_a, n_b, n_r, n_c = self.shape
+        normal = xp.vec(0.0, 0.0, 1.0)
+        u_o = forward(xp, "bezier", _chord(xp, wo, normal), self.alpha_theta)
+        u_i = forward(xp, "bezier", _chord(xp, wi, normal), self.alpha_theta)
+        xi, yi, _ = xp.components(wi)
+        xo, yo, _ = xp.components(wo)
+        ti, to = xp.normalize(xp.vec(xi, yi, 0.0)), xp.normalize(xp.vec(xo, yo, 0.0))
+        near, far = xp.length(ti - to), xp.length(ti + to)
+        s = forward(xp, "bezier", xp.minimum(xp.minimum(near, far) * (1 / np.sqrt(2)), 1.0), self.alpha_phi)
+        # From 0 at phi_delta = 0 to 1 at pi, and on to 2 on the other side.
+        turn = xp.where(near > far, 0.5 + 0.5 * s, 0.5 - 0.5 * s)
+        turn = xp.where(xo * yi < xi * yo, 2 - turn, turn)
+        return azimuth_index(xp, xo, yo, n_a, self.folded), u_o * (n_b - 1), u_i * (n_r - 1), turn * (n_c // 2)
+
+    def directions(self, a: Array, b: Array, r: Array, c: Array) -> tuple[Array, Array]:
+        """(wi, wo), each (..., 3), at whole indices that broadcast."""
+        n_a, n_b, n_r, n_c = self.shape
+        half = n_c // 2
+        cos_phi, sin_phi = (w[::-1] for w in phi_nodes("bezier", half + 1, self.alpha_phi))
+        cos_phi = np.concatenate([cos_phi, cos_phi[-2:0:-1]])
+        sin_phi = np.concatenate([sin_phi, -sin_phi[-2:0:-1]])
+        phi = node_azimuth(a, n_a, self.folded)
+        cosine, sine = np.cos(phi), np.sin(phi)
+        wo = _polar(self._chords(n_b)[b], cosine, sine)
+        turned = _polar(self._chords(n_r)[r], cos_phi[c], sin_phi[c])
+        x, y, z = (turned[..., k] for k in range(3))
+        wi = np.stack(np.broadcast_arrays(cosine * x - sine * y, sine * x + cosine * y, z), -1)
+        return wi, np.broadcast_to(wo, wi.shape)
+
+    def factor(self, xp: Any, wi: Any, wo: Any) -> Any:
+        """What values are multiplied by to be stored."""
+        return 1.0
+
+    def _chords(self, n: int) -> Array:
+        v = theta_nodes("bezier", n, self.alpha_theta)
+        return np.clip(v, _POLE_CHORD, np.sqrt(1 - _HORIZON_SHARE * (1 - v[1] ** 2)))
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready description."""
+        return {
+            "basis": "normal",
+            "shape": list(self.shape),
+            "alpha_theta": self.alpha_theta,
+            "alpha_phi": self.alpha_phi,
+            "folded": self.folded,
+        }
+
+
+@dataclass(frozen=True)
+class HalfGrid:
+    """Axes [phi_d, theta_d, slope y, slope x].
+
+    Parameters
+    ----------
+    shape : samples of each
+    width_x, width_y : slopes at half of the way from the middle to the edge
+    folded : phi_d runs over half a turn; the source is reciprocal
+    """
+
+    shape: Shape
+    width_x: float = 0.3
+    width_y: float = 0.3
+    folded: bool = True
+    basis = "half"
+    periodic_columns = False
+
+    def coordinates(self, xp: Any, wi: Any, wo: Any) -> Coordinates:
+        """Fractional indices (a, b, r, c) of direction pairs above the horizon; `xp` is the namespace."""
+        n_a, n_b, n_r, n_c = self.shape
+        total = wi + wo
+        xs, ys, zs = xp.components(total)
+        zs = xp.maximum(zs, 2 * LEAST_SUM)
+        half = xp.normalize(xp.vec(xs, ys, zs))
+        hx, hy, hz = xp.components(half)
+        xi, yi, zi = xp.components(wi)
+        lift = xp.divide(xp.dot(wi, half) + zi, 1 + hz)
+        dx, dy = xi - hx * lift, yi - hy * lift
+        chord = xp.minimum(xp.length(wi - half) * (1 / np.sqrt(2)), 1.0)
+        return (
+            azimuth_index(xp, dx, dy, n_a, self.folded),
+            (1 - chord) * (n_b - 1),
+            _slope_index(xp, xp.divide(ys, zs), self.width_y, n_r),
+            _slope_index(xp, xp.divide(xs, zs), self.width_x, n_c),
+        )
+
+    def directions(self, a: Array, b: Array, r: Array, c: Array) -> tuple[Array, Array]:
+        """(wi, wo), each (..., 3), at whole indices that broadcast; both above the horizon."""
+        n_a, n_b, n_r, n_c = self.shape
+        a, b, r, c = np.broadcast_arrays(a, b, r, c)
+        x, y = _slopes(n_c, self.width_x)[c], _slopes(n_r, self.width_y)[r]
+        h = np.stack([x, y, np.ones_like(x)], -1)
+        h /= np.linalg.norm(h, axis=-1, keepdims=True)
+        phi = node_azimuth(a, n_a, self.folded)
+        e = np.stack([np.cos(phi), np.sin(phi)], -1)
+        chord = np.clip(1 - np.arange(n_b) / (n_b - 1), _POLE_CHORD, 1 - _HORIZON_SHARE / (n_b - 1))
+        towards = (e * h[..., :2]).sum(-1)
+        # wi_z and wo_z are cos theta_d h_z -+ sin theta_d (e . h).
+        highest = np.arctan2(_WITHIN * h[..., 2], np.abs(towards))
+        theta = np.minimum(chord_to_theta(xp_numpy, chord)[b], highest)
+        d = np.concatenate([np.sin(theta)[..., None] * e, np.cos(theta)[..., None]], -1)
+        middle = h + np.array([0.0, 0.0, 1.0])
+        wi = d - (d * middle).sum(-1, keepdims=True) / middle[..., 2:] * middle + 2 * d[..., 2:] * h
+        return wi, 2 * d[..., 2:] * h - wi
+
+    def factor(self, xp: Any, wi: Any, wo: Any) -> Any:
+        """What values are multiplied by to be stored."""
+        return xp.maximum(0.5 * (xp.components(wi)[2] + xp.components(wo)[2]), LEAST_SUM)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready description."""
+        return {
+            "basis": "half",
+            "shape": list(self.shape),
+            "width_x": self.width_x,
+            "width_y": self.width_y,
+            "folded": self.folded,
+        }
+
+
+Grid = NormalGrid | HalfGrid
+
+
+def azimuth_index(xp: Any, x: Any, y: Any, n: int, folded: bool) -> Any:
+    """Fractional index in [0, n] of the azimuth of (x, y), counted over half a turn if folded."""
+    turns = xp.arctan2(y, x) * ((1 if folded else 0.5) / np.pi)
+    return xp.where(turns < 0, turns + 1, turns) * n
+
+
+def node_azimuth(a: Array, n: int, folded: bool) -> Array:
+    """Azimuth in radians of whole indices."""
+    return np.asarray(a) * ((1 if folded else 2) * np.pi / n)
+
+
+def slope_warp(xp: Any, x: Any, width: Any) -> Any:
+    """u in (-1, 1) of a slope, odd: half of the way at the width."""
+    return xp.divide(x, width + xp.maximum(x, -x))
+
+
+def slope_unwarp(xp: Any, u: Any, width: Any) -> Any:
+    """Slope of u in (-1, 1)."""
+    return xp.divide(width * u, 1 - xp.maximum(u, -u))
+
+
+def _slope_index(xp: Any, slope: Any, width: float, n: int) -> Any:
+    return (0.5 + 0.5 * slope_warp(xp, slope, width)) * (n - 1)
+
+
+def _slopes(n: int, width: float) -> Array:
+    """Slopes (n,) of the samples; the last ones, which would be infinite, short of it as elevations at the horizon."""
+    u = np.linspace(-1, 1, n)
+    most = 1 - 2 * _HORIZON_SHARE / (n - 1)
+    return np.asarray(slope_unwarp(xp_numpy, np.clip(u, -most, most), width))
+
+
+def _chord(xp: Any, w: Any, normal: Any) -> Any:
+    return xp.minimum(xp.length(w - normal) * (1 / np.sqrt(2)), 1.0)
+
+
+def _polar(v: Array, cos_phi: Array, sin_phi: Array) -> Array:
+    """Unit vectors from the chord of the polar angle and the azimuth."""
+    sine = v * np.sqrt(2 - v * v)
+    return np.stack(np.broadcast_arrays(sine * cos_phi, sine * sin_phi, (1 - v) * (1 + v)), -1)

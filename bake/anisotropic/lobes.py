@@ -1,0 +1,84 @@
+"""The closures of an anisotropic envelope, native to Cycles: Diffuse BSDF, and GGX of a width along each tangent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..envelope.closures import NARROWEST
+from ..errors import BakeError
+from ..material_json import require
+from ..source import Array
+from ..sources.analytic import ggx_lobe
+
+WIDEST = 1.0
+# Cycles holds the Anisotropy of Glossy BSDF at 0.99 of 1, and alpha_x / alpha_y is (1 - a)^2.
+_LARGEST_RATIO = 1e4
+_GRAZING = 1e-6
+
+
+@dataclass(frozen=True, order=True)
+class AnisotropicLobe:
+    """ "lambert", or "ggx" of slope widths `alpha_x` along the tangent and `alpha_y` across it."""
+
+    name: str
+    alpha_x: float = 0.0
+    alpha_y: float = 0.0
+
+    def value(self, wi: Array, wo: Array) -> Array:
+        """BRDF (...) in 1/sr of unit directions (..., 3); 0 for wi on or below the horizon."""
+        wi, wo = np.broadcast_arrays(wi, wo)
+        result = np.zeros(wi.shape[:-1])
+        above = wi[..., 2] > 0
+        if self.name == "lambert":
+            result[above] = 1 / np.pi
+            return result
+        lit, seen = wi[above].astype(np.float64), wo[above].astype(np.float64)
+        lit[:, 2], seen[:, 2] = np.maximum(lit[:, 2], _GRAZING), np.maximum(seen[:, 2], _GRAZING)
+        result[above] = ggx_lobe(lit, seen, self.alpha_x, self.alpha_y)
+        return result
+
+    @property
+    def roughness(self) -> float:
+        """Of Glossy BSDF: its square is the geometric mean of the widths."""
+        return float((self.alpha_x * self.alpha_y) ** 0.25)
+
+    @property
+    def anisotropy(self) -> float:
+        """Of Glossy BSDF: above 0 the lobe is narrower along the tangent."""
+        if self.alpha_x <= self.alpha_y:
+            return float(1 - (self.alpha_x / self.alpha_y) ** 0.5)
+        return float((self.alpha_y / self.alpha_x) ** 0.5 - 1)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready; `lobe_from_facts` reads it back."""
+        widths = {} if self.name == "lambert" else {"alpha_x": self.alpha_x, "alpha_y": self.alpha_y}
+        return {"name": self.name, **widths}
+
+    def neighbours(self, ratio: float) -> list[AnisotropicLobe]:
+        """The same closure with one width, or both, times or over `ratio`; three digits."""
+        if self.name == "lambert":
+            return []
+        moves = ((ratio, 1.0), (1.0, ratio), (ratio, ratio), (ratio, 1 / ratio))
+        found = set()
+        for x, y in (*moves, *((1 / x, 1 / y) for x, y in moves)):
+            widths = (float(f"{np.clip(a, NARROWEST, WIDEST):.3g}") for a in (self.alpha_x * x, self.alpha_y * y))
+            found.add(AnisotropicLobe("ggx", *widths))
+        return sorted(found - {self})
+
+
+def lobe_from_facts(facts: Mapping[str, Any], where: str | Path) -> AnisotropicLobe:
+    """From what `AnisotropicLobe.facts` gave, read from an untrusted file. Raises BakeError."""
+    if not isinstance(facts, Mapping):
+        raise BakeError(where, "lists a closure that is no object", "bake it again")
+    name = require(facts, "name", str, where, choices=("lambert", "ggx"))
+    if name == "lambert":
+        return AnisotropicLobe(name)
+    widths = [float(require(facts, key, float, where, NARROWEST, WIDEST)) for key in ("alpha_x", "alpha_y")]
+    if max(widths) > _LARGEST_RATIO * min(widths):
+        raise BakeError(where, "lists a closure too anisotropic for Cycles", "bake it again")
+    return AnisotropicLobe(name, *widths)

@@ -1,0 +1,166 @@
+"""The mirror's probability under one lamp: what share of the lamp's light the residual carries (DESIGN.md section 5).
+
+The share of all light at one theta_o, which `texture.guarded_share` stores, is another than that of one direction: most
+of a highlight may be residual where little of the rest is. The image is (n_d, n_o n_h, 3) float32: n_o slices of
+theta_o side by side, in each sqrt(v) of the half vector to the right and cos theta_d upwards, v and the slices even in
+sqrt(1 - cos). Red is the probability; green how much more light of that direction is reflected than of an even sky of
+the same irradiance, pi f cos(theta_i) / albedo; blue is 0. Read it Non-Color, linear, extended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BakeError
+from ..source import Array
+from ..table import BrdfTable
+from .fit import EnvelopeFit
+from .texture import LEAST_SHARE, guarded_share
+from .views import interpolated, light_directions
+
+# Of the usual probability, at least: the light of everything but the lamp is found by it too.
+_LEAST_OF_USUAL = 0.25
+_SUBSAMPLES, _AZIMUTHS = 6, 48
+_CHUNK = 1 << 17
+_ALBEDO_H, _ALBEDO_PHI = 40, 20
+_MOST_REFLECTED = 1e4
+# Of the lamp's irradiance: what its surroundings throw back, and only the usual probability knows of.
+_BOUNCED = 0.1
+
+
+@dataclass(frozen=True)
+class ShareLayout:
+    """Nodes in theta_h and theta_d, and slices in theta_o."""
+
+    n_h: int = 16
+    n_d: int = 16
+    n_o: int = 8
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in texels."""
+        return self.n_o * self.n_h, self.n_d
+
+
+LAYOUT = ShareLayout()
+
+
+def lamp_shares(fit: EnvelopeFit, residual: BrdfTable, layout: ShareLayout = LAYOUT) -> NDArray[np.float32]:
+    """Image of the probability of least variance: P / (1 - P) = sqrt(<R^2> / <E^2>) around each node.
+
+    E / (1 - P) or R / P has the second moment E^2 / (1 - P) + R^2 / P. Means of squares, not of values, give ridges of
+    R that are narrower than a cell their due.
+    """
+    # R^2, E^2, R + E, and the weights of their means.
+    sums = np.zeros((4, layout.n_o, layout.n_d, layout.n_h))
+    wi, wo, place = _directions(layout)
+    for start in range(0, len(wi), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        mirror, native = (_light(brdf, wi[part], wo[part]) for brdf in (residual.evaluate, fit.evaluate))
+        for k, values in enumerate((mirror**2, native**2, mirror + native, np.ones_like(mirror))):
+            _gather(sums[k], tuple(p[part] for p in place), values)
+    mirror, native = np.sqrt(sums[:2])
+    chords = (np.arange(layout.n_o) + 0.5) / layout.n_o
+    usual = interpolated(guarded_share(fit), chords)[:, None, None]
+    found = np.where(mirror + native > 0, mirror / np.maximum(mirror + native, 1e-300), usual)
+    found = np.clip(np.maximum(found, _LEAST_OF_USUAL * usual), LEAST_SHARE, 1 - LEAST_SHARE)
+    towards, seen_from, areas = light_directions(chords, _ALBEDO_H, _ALBEDO_PHI)
+    from_there = np.broadcast_to(seen_from, towards.shape)
+    albedo = sum((_light(brdf, towards, from_there) * areas).sum(1) for brdf in (residual.evaluate, fit.evaluate))
+    reflected = np.pi * sums[2] / np.maximum(sums[3], 1e-300) / np.maximum(albedo, 1e-30)[:, None, None]
+    channels = np.stack([found, np.minimum(reflected, _MOST_REFLECTED), np.zeros_like(found)], -1)
+    image = channels[:, ::-1].transpose(1, 0, 2, 3).reshape(layout.n_d, -1, 3)
+    return image.astype(np.float32)
+
+
+def _light(brdf: Callable[[Array, Array], Array], wi: Array, wo: Array) -> Array:
+    """f cos(theta_i) (...), summed over the channels."""
+    return np.asarray((brdf(wi, wo) * wi[..., 2:]).sum(-1, dtype=np.float64))
+
+
+def checked_shares(image: Array, where: str | Path = "residual_share") -> NDArray[np.float32]:
+    """The image as read from an untrusted bundle. Raises BakeError."""
+    texels = np.asarray(image, np.float32)
+    if texels.shape != (*LAYOUT.size[::-1], 3):
+        sizes = " x ".join(map(str, texels.shape))
+        raise BakeError(where, f"is {sizes}, no table of shares", "bake it again")
+    # Rounded, the limits may lie just outside.
+    if not (np.abs(texels[..., 0] - 0.5) <= 0.5 - LEAST_SHARE + 1e-6).all():
+        raise BakeError(where, "holds probabilities that would lose light", "bake it again")
+    if not ((texels[..., 1] >= 0) & (texels[..., 1] <= _MOST_REFLECTED)).all():
+        raise BakeError(where, "holds reflected light out of its limits", "bake it again")
+    return texels
+
+
+def share_coordinates(
+    xp: Any, to_lamp: Any, incoming: Any, normal: Any, wo: Any, layout: ShareLayout = LAYOUT
+) -> tuple[Any, Any]:
+    """Where to read the image, v upwards.
+
+    Parameters
+    ----------
+    to_lamp, incoming, normal : unit vectors, in one frame
+    wo : `incoming` in the local frame
+    """
+    half = xp.normalize(to_lamp + incoming)
+    along_h = xp.sqrt(xp.length(half - normal) * (1 / np.sqrt(2)))
+    chord = xp.minimum(xp.length(wo - xp.vec(0.0, 0.0, 1.0)) * (1 / np.sqrt(2)), 1.0)
+    # A little less than the number of slices, so that the horizon lies in the last.
+    index = xp.floor(chord * (layout.n_o * 0.99999))
+    width, n_d = layout.size
+    u = index * (1 / layout.n_o) + along_h * ((layout.n_h - 1) / width) + 0.5 / width
+    return u, xp.dot(half, to_lamp) * ((n_d - 1) / n_d) + 0.5 / n_d
+
+
+def part_of_light(xp: Any, to_centre: Any, reflected: Any, strength: Any, lamps: Any, beside: Any) -> Any:
+    """About what part of the light that is reflected comes from the lamp, 0 to 1: so far its share decides.
+
+    Parameters
+    ----------
+    to_centre : to its middle
+    reflected : the image's green
+    strength : irradiance face to face at distance 1
+    lamps : how many there are, each taken to be as bright as this one
+    beside : irradiance of everything else
+    """
+    arriving = xp.divide(strength, xp.dot(to_centre, to_centre))
+    light = arriving * reflected
+    return xp.divide(light, light * lamps + arriving * _BOUNCED + beside)
+
+
+def _directions(layout: ShareLayout) -> tuple[Array, Array, tuple[Array, Array, Array]]:
+    """Local wi, wo (N, 3) and their places (N,): along theta_h and cos theta_d in nodes, and the slice of theta_o."""
+    n_h, n_o = ((n * _SUBSAMPLES) for n in (layout.n_h - 1, layout.n_o))
+    along = (np.arange(n_h) + 0.5) / n_h
+    # Azimuths gather where theta_d changes slowest with them, at the ends.
+    azimuth = 0.5 * np.pi * (1 - np.cos(np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS))
+    grid = np.meshgrid(along, (np.arange(n_o) + 0.5) / n_o, azimuth, indexing="ij")
+    s, chord, phi = (a.ravel() for a in grid)
+    half, wo = _direction(s * s, phi), _direction(chord, np.zeros_like(chord))
+    cos_d = (half * wo).sum(-1)
+    wi = 2 * cos_d[:, None] * half - wo
+    seen = (wi[:, 2] > 1e-3) & (cos_d > 0)
+    places = s * (layout.n_h - 1), cos_d * (layout.n_d - 1), np.floor(chord * layout.n_o)
+    return wi[seen], wo[seen], (places[0][seen], places[1][seen], places[2][seen].astype(np.intp))
+
+
+def _direction(chord: Array, phi: Array) -> Array:
+    """Unit vectors (N, 3) of sqrt(1 - cos theta) and azimuth."""
+    sine = chord * np.sqrt(2 - chord**2)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), (1 - chord) * (1 + chord)], -1)
+
+
+def _gather(sums: Array, place: tuple[Array, ...], values: Array) -> None:
+    """Add values to (n_o, n_d, n_h) at the four nodes around each place, by their weights of linear interpolation."""
+    h, d, o = place
+    low = [np.minimum(np.floor(a).astype(np.intp), n - 2) for a, n in ((h, sums.shape[2]), (d, sums.shape[1]))]
+    for i in (0, 1):
+        for j in (0, 1):
+            weight = np.abs(1 - i - (h - low[0])) * np.abs(1 - j - (d - low[1]))
+            np.add.at(sums, (o, low[1] + j, low[0] + i), weight * values)

@@ -1,0 +1,130 @@
+"""Node groups of a four-dimensional table: its lookup, its sampler, and that sampler's density."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from ..bake.anisotropic.atlas import SliceLayout, slice_uv
+from ..bake.anisotropic.grid import Grid
+from ..bake.anisotropic.sampler import SlopeLayout, find_texel, reflect_from_cell, viewer_bin
+from ..bake.table import bspline_weights
+from . import expr
+from .group import node_group
+
+_INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
+
+
+def anisotropic_lookup_group(
+    name: str,
+    image: bpy.types.Image,
+    grid: Grid,
+    filter: str,
+    scale: float = 1.0,
+    stochastic: bool = False,
+    offset: float = 0.0,
+) -> bpy.types.ShaderNodeTree:
+    """(wi, wo, random) to the BRDF in 1/sr without the cosine, of local directions.
+
+    Parameters
+    ----------
+    image : the atlas of `bake.anisotropic.atlas.pack`
+    filter : "nearest", "trilinear" (here of four axes) or "bspline"
+    scale, offset : what stored values are multiplied by, after the offset was subtracted
+    stochastic : choose one slice with the filter's weights by the random number instead of blending 4 or 16. Unbiased
+        where the value enters the picture linearly
+    """
+    layout = SliceLayout.of(grid)
+    count_a, last_b = grid.shape[0], layout.per_azimuth - 1
+
+    def lookup(wi: Any, wo: Any, random: Any) -> Any:
+        a, b, r, c = grid.coordinates(expr, wi, wo)
+
+        def tap(i_a: Any, i_b: Any) -> Any:
+            i_b = expr.minimum(expr.maximum(i_b, 0.0), float(last_b))
+            index = _around(i_a, count_a) * layout.per_azimuth + i_b
+            return expr.image_tap(image, *slice_uv(expr, layout, index, r, c), _INTERPOLATION[filter])[0]
+
+        value = _across_slices(tap, a, b, filter, random if stochastic else None)
+        value = value - expr.vec(offset, offset, offset) if offset else value
+        return expr.scale(value, expr.divide(scale, grid.factor(expr, wi, wo)))
+
+    return node_group(
+        name, {"wi": "vector", "wo": "vector", "Random": "float"}, {"BRDF": "vector"}, lookup, {"Random": 0.5}
+    )
+
+
+def _around(index: Any, count: int) -> Any:
+    """A whole index of a periodic axis, brought into it from at most two beyond either end."""
+    index = expr.where(index > count - 0.5, index - count, index)
+    return expr.where(index < -0.5, index + count, index)
+
+
+def _across_slices(tap: Callable[[Any, Any], Any], a: Any, b: Any, filter: str, random: Any) -> Any:
+    """Reconstruct along the two axes that choose slices: blend the filter's taps, or choose one by `random`."""
+    if filter == "nearest":
+        return tap(expr.floor(a + 0.5), expr.floor(b + 0.5))
+    base_a, base_b = expr.floor(a), expr.floor(b)
+    weights_a, weights_b = _weights(a - base_a, filter), _weights(b - base_b, filter)
+    first = 0 if filter == "trilinear" else -1
+    if random is not None:
+        step_b, random = _chosen(weights_b, random)
+        step_a, _ = _chosen(weights_a, random)
+        return tap(base_a + (step_a + first), base_b + (step_b + first))
+    total = None
+    for i, weight_a in enumerate(weights_a, first):
+        for j, weight_b in enumerate(weights_b, first):
+            part = expr.scale(tap(base_a + i, base_b + j), weight_a * weight_b)
+            total = part if total is None else total + part
+    return total
+
+
+def _weights(t: Any, filter: str) -> tuple[Any, ...]:
+    return (1 - t, t) if filter == "trilinear" else bspline_weights(expr, t)
+
+
+def _chosen(weights: tuple[Any, ...], random: Any) -> tuple[Any, Any]:
+    """Place of a weight chosen in proportion, and where in its share the number lies: again even in [0, 1]."""
+    below, place, start, share = weights[0], 0.0, 0.0, weights[0]
+    for weight in weights[1:]:
+        passed = random > below
+        place = passed + place
+        start, share = expr.where(passed, below, start), expr.where(passed, weight, share)
+        below = below + weight
+    # Rounding may lead past the last one, or to one of no weight.
+    rest = expr.minimum(expr.maximum(expr.divide(random - start, share), 0.0), 1.0)
+    return place, rest
+
+
+def slope_sampler_group(name: str, image: bpy.types.Image, layout: SlopeLayout) -> bpy.types.ShaderNodeTree:
+    """(wo, four random numbers) to (wi, pdf), local.
+
+    Parameters
+    ----------
+    image : the alias tables, one row per viewer bin from the top, one column per cell; RGBA as in `SlopeSampler`
+    """
+
+    def sample(wo: Any, u_cell: Any, u_alias: Any, u_x: Any, u_y: Any) -> tuple[Any, Any]:
+        cell = expr.minimum(expr.floor(u_cell * layout.cells), layout.cells - 1.0)
+        texel, alias_weight = _texel(image, layout, viewer_bin(expr, layout, wo), cell)
+        return reflect_from_cell(expr, layout, wo, cell, texel, alias_weight, u_alias, u_x, u_y)
+
+    numbers = dict.fromkeys(("Random Cell", "Random Alias", "Random X", "Random Y"), "float")
+    return node_group(name, {"wo": "vector", **numbers}, {"wi": "vector", "pdf": "float"}, sample)
+
+
+def slope_pdf_group(name: str, image: bpy.types.Image, layout: SlopeLayout) -> bpy.types.ShaderNodeTree:
+    """(wi, wo) to the density with which `slope_sampler_group` draws wi."""
+
+    def density(wi: Any, wo: Any) -> Any:
+        bin_index, cell, factor = find_texel(expr, layout, wi, wo)
+        return expr.components(_texel(image, layout, bin_index, cell)[0])[2] * factor
+
+    return node_group(name, {"wi": "vector", "wo": "vector"}, {"pdf": "float"}, density)
+
+
+def _texel(image: bpy.types.Image, layout: SlopeLayout, bin_index: Any, cell: Any) -> tuple[Any, Any]:
+    u, v = (cell + 0.5) * (1 / layout.cells), 1 - (bin_index + 0.5) * (1 / layout.bins)
+    return expr.image_tap(image, u, v, "Closest")

@@ -1,0 +1,135 @@
+"""Anisotropic envelopes: under the measurement, equal to Cycles' closures, and the same from their texture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.bake.anisotropic.accuracy import turned_pairs
+from measured_materials.bake.anisotropic.envelope import (
+    AnisotropicFit,
+    AnisotropicResidual,
+    fit_anisotropic_envelope,
+    fit_anisotropic_preview,
+)
+from measured_materials.bake.anisotropic.envelope_texture import fit_from_image, guarded_share, pack_weights
+from measured_materials.bake.anisotropic.lobes import AnisotropicLobe, lobe_from_facts
+from measured_materials.bake.anisotropic.views import ViewerGrid, slope_views
+from measured_materials.bake.directions import spherical
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sources import analytic
+from measured_materials.nodes import compat, expr
+from measured_materials.nodes.anisotropic_closures import AnisotropicClosures, anisotropic_native_closure
+from support.cards import card, data_image
+from test_native_closures import WEIGHT, Strips, weight
+
+SATIN = analytic.Ward(alpha=0.12, alpha_y=0.35, diffuse=(0.3, 0.1, 0.05), specular=0.4)
+WIDTHS = 0.12, 0.35
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Nothing of one test reaches the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.meshes, bpy.data.worlds):
+        for block in list(collection):
+            collection.remove(block)
+
+
+@pytest.fixture(scope="module")
+def fit() -> AnisotropicFit:
+    return fit_anisotropic_envelope(SATIN, ViewerGrid(10, 4, folded=True), WIDTHS)
+
+
+def test_envelope_carries_most_within_its_budget(fit: AnisotropicFit) -> None:
+    facts = fit.facts()
+    # A Gaussian lobe ends where a GGX goes on: the isotropic envelope of such a Ward carries 0.54.
+    assert facts["share"] > 0.45
+    assert facts["overshoot"] < 1e-3 and facts["overshoot_largest"] < 2e-3
+    # The same by directions of another kind.
+    pairs = turned_pairs(30_000, offset=0.3)
+    truth, envelope = SATIN.evaluate(pairs.wi, pairs.wo), fit.evaluate(pairs.wi, pairs.wo)
+    assert pairs.relative_error(np.maximum(envelope - truth, 0), truth) < 1.5e-3
+    rest = AnisotropicResidual(SATIN, fit).evaluate(pairs.wi, pairs.wo)
+    np.testing.assert_allclose(np.minimum(envelope, truth) + rest, truth, rtol=1e-9)
+
+
+def test_preview_reflects_the_albedo(fit: AnisotropicFit) -> None:
+    chords, phi = fit.grid.nodes()
+    weights = fit_anisotropic_preview(SATIN, fit, WIDTHS).reshape(len(chords), -1, 3)
+    views = slope_views(SATIN, chords, phi, WIDTHS, (64, 60))
+    albedo = np.stack([lobe.value(views.wi, views.wo) for lobe in fit.closures], -1) * views.wi[..., 2:]
+    reflected = np.einsum("vp,vpk,vkc->vc", views.areas, albedo, weights)
+    low = chords < 0.9
+    # Two quadratures; beyond 70 degrees the horizon cuts both.
+    np.testing.assert_allclose(reflected[low], views.energy[low], rtol=0.02)
+
+
+def test_texture_round_trip(fit: AnisotropicFit) -> None:
+    back = fit_from_image(fit.facts(), pack_weights(fit.weights, fit.share), "here")
+    np.testing.assert_array_equal(back.weights, fit.weights)
+    np.testing.assert_array_equal(back.share, fit.share)
+    assert back.facts() == fit.facts()
+    for spoiled in (pack_weights(fit.weights)[1:], -pack_weights(fit.weights), pack_weights(fit.weights) * np.nan):
+        with pytest.raises(BakeError):
+            fit_from_image(fit.facts(), spoiled, "here")
+
+
+def test_share_never_excludes_what_is_there(fit: AnisotropicFit) -> None:
+    share = guarded_share(fit)
+    assert share.min() >= 0.02 and share[(fit.weights > 0).any((2, 3))].max() <= 0.98
+
+
+def test_weights_on_cards(fit: AnisotropicFit) -> None:
+    """The texture's taps against numpy, across the azimuth's seam."""
+    image = data_image("anisotropic weights", pack_weights(fit.weights, fit.share))
+    closures = AnisotropicClosures(fit.closures, image, fit.grid)
+    rng = np.random.default_rng(3)
+    theta, phi = np.arccos(rng.uniform(0, 1, 3000)), rng.uniform(-np.pi, np.pi, 3000)
+    phi[:40], phi[40:80] = np.linspace(-1e-3, 1e-3, 40), np.pi - np.linspace(0, 1e-3, 40)
+    wo = spherical(theta, phi).astype(np.float32)
+    found = card(lambda w: tuple(colour for colour, _ in closures.weights(w)), wo)
+    truth = fit.weights_at(wo.astype(float))
+    for k, value in enumerate(found):
+        # The texture's place has 2^-24 of 24 rows; an azimuth beside the pole has fewer digits.
+        np.testing.assert_allclose(value, truth[:, k], atol=3e-5 * truth.max())
+
+
+LOBES = [AnisotropicLobe("ggx", x, y) for x, y in ((0.05, 0.3), (0.3, 0.05), (0.2, 0.2), (0.4, 0.9))]
+
+
+def test_closures_equal_cycles_own() -> None:
+    """Under a sun of no size, in all azimuths: widths, which of them lies along the tangent, and the colour."""
+    tangent = spherical(np.pi / 2, 0.7)
+
+    def material(lobe: AnisotropicLobe) -> bpy.types.Material:
+        made = compat.new_material("closure")
+        with expr.building(made.node_tree) as tree:
+            normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])
+            along = expr.Vector(expr.node("ShaderNodeCombineXYZ", {}, dict(enumerate(map(float, tangent)))).outputs[0])
+            output = tree.nodes.new("ShaderNodeOutputMaterial")
+            expr.feed(tree, output.inputs["Surface"], anisotropic_native_closure(lobe, weight(1.0), normal, along))
+        return made
+
+    axes = np.stack([tangent, np.cross([0, 0, 1], tangent), [0, 0, 1]], -1)
+    with Strips([material(lobe) for lobe in LOBES]) as strips:
+        for theta_o in np.radians([0, 40, 75]):
+            for theta_i, phi_i in ((0.1, 1.0), (0.6, 2.6), (0.7, 3.6), (1.2, 0.5), (1.3, 5.0)):
+                wo, wi = spherical(theta_o, 0.0), spherical(theta_i, phi_i)
+                shown = strips.radiance(wi, wo)
+                # x of the strips' frame is -y of the scene.
+                own_wi, own_wo = (np.array([w[1], -w[0], w[2]]) for w in (wi, wo))
+                for k, lobe in enumerate(LOBES):
+                    expected = lobe.value(own_wi @ axes, own_wo @ axes) * wi[2] * WEIGHT
+                    # Cycles' 1 - cos^2 theta_h is float32: D is uncertain by 5e-7 / alpha^2 in parts.
+                    np.testing.assert_allclose(shown[k], expected, rtol=2e-4 + 2e-6 / lobe.alpha_x / lobe.alpha_y)
+
+
+def test_facts_are_checked() -> None:
+    for lobe in (*LOBES, AnisotropicLobe("lambert")):
+        assert lobe_from_facts(lobe.facts(), "here") == lobe
+    for bad in ({"name": "sheen"}, {"name": "ggx", "alpha_x": 0.1}, {"name": "ggx", "alpha_x": 0, "alpha_y": 1}, 3):
+        with pytest.raises(BakeError):
+            lobe_from_facts(bad, "here")  # type: ignore[arg-type]

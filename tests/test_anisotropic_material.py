@@ -1,0 +1,211 @@
+"""Anisotropic materials in Cycles: against its own anisotropic closure, on transformed meshes too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+from measured_materials.addon import studio
+from measured_materials.addon.lamps import lamp_image, update_scene
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.anisotropic.bake import bake_anisotropic
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sources import analytic
+from measured_materials.nodes import compat, expr
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.native_closure import add_closures
+from support.monte_carlo import assert_agree, compare
+from support.scenes import TestScene
+
+EFFECT = 0.01
+ALPHA_X, ALPHA_Y = 0.2, 0.5
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    """Materials, groups and images of one test do not reach the next."""
+    yield
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
+        for block in list(collection):
+            collection.remove(block)
+
+
+@pytest.fixture(scope="module")
+def brushed(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """White GGX: what Cycles' closure is."""
+    source = analytic.Ggx(alpha=ALPHA_X, alpha_y=ALPHA_Y, f0=1)
+    settings = BakeSettings(56, envelope=False)
+    return read_bundle(bake_source(source, tmp_path_factory.mktemp("brushed") / "brushed", settings).path)
+
+
+@dataclass(frozen=True)
+class CrossBrushed:
+    """Brushed along the tangent, and more weakly at 45 degrees to it: no mirror image of itself."""
+
+    name: str = "crossed"
+    isotropic: bool = False
+    bilateral: bool = False
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def evaluate(self, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+        """BRDF (..., 3) in 1/sr."""
+        turn = np.array([[1, -1, 0], [1, 1, 0], [0, 0, 2**0.5]]) / 2**0.5  # rows of directions, by -45 degrees
+        straight = analytic.Ggx(alpha=ALPHA_X, alpha_y=ALPHA_Y, f0=1).evaluate(wi, wo)
+        return 0.5 * straight + 0.4 * analytic.Ggx(alpha=0.15, alpha_y=0.5, f0=1).evaluate(wi @ turn, wo @ turn)
+
+
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """With an envelope that cannot carry the second lobe."""
+    settings = BakeSettings(48, sampler=SamplerLayout(48, 48, 24))
+    out = tmp_path_factory.mktemp("crossed") / "crossed"
+    bundle = read_bundle(bake_anisotropic(CrossBrushed(), out, settings, basis="half", viewers=(12, 6)).path)
+    # The residual is real: a third of the light or so.
+    assert 0.4 < bundle.material["envelope"]["share"] < 0.9
+    return bundle
+
+
+def crossed_truth() -> bpy.types.Material:
+    """Two closures of Cycles, the second turned by its own Rotation."""
+    material = compat.new_material("crossed")
+    with expr.building(material.node_tree) as tree:
+        tangent = expr.Vector(expr.node("ShaderNodeTangent", {"direction_type": "UV_MAP"}, {}).outputs[0])
+        parts = []
+        for colour, x, y, turn in ((0.5, ALPHA_X, ALPHA_Y, 0.0), (0.4, 0.15, 0.5, 1 / 8)):
+            inputs = {"Roughness": (x * y) ** 0.25, "Anisotropy": 1 - (x / y) ** 0.5, "Rotation": turn}
+            grey = {"Color": expr.vec(colour, colour, colour), "Tangent": tangent}
+            made = expr.node("ShaderNodeBsdfAnisotropic", {"distribution": "GGX"}, inputs | grey)
+            parts.append(expr.Scalar(made.outputs[0]))
+        expr.feed(tree, tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"], add_closures(parts))
+    return material
+
+
+def truth_material() -> bpy.types.Material:
+    """Cycles' own closure of the same lobe, along the Tangent node."""
+    material = compat.new_material("truth")
+    tree = material.node_tree
+    closure, tangent = tree.nodes.new("ShaderNodeBsdfAnisotropic"), tree.nodes.new("ShaderNodeTangent")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tangent.direction_type = "UV_MAP"
+    closure.distribution = "GGX"
+    closure.inputs["Color"].default_value = (1, 1, 1, 1)
+    closure.inputs["Roughness"].default_value = (ALPHA_X * ALPHA_Y) ** 0.25
+    # alpha_x = alpha (1 - a), alpha_y = alpha / (1 - a).
+    closure.inputs["Anisotropy"].default_value = 1 - (ALPHA_X / ALPHA_Y) ** 0.5
+    tree.links.new(tangent.outputs[0], closure.inputs["Tangent"])
+    tree.links.new(closure.outputs[0], output.inputs["Surface"])
+    return material
+
+
+SHAPES = {
+    "still": Matrix.Identity(4),
+    "turned": Matrix.Rotation(0.7, 4, "Z"),
+    "mirrored": Matrix.Diagonal((-1, 1, 1, 1)) @ Matrix.Rotation(0.5, 4, "Z"),
+    "sheared": Matrix(((1, 0.8, 0, 0), (0, 0.7, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))),
+    "sheared out of its plane": Matrix(((1, 0.3, 0.4, 0), (0.1, 0.8, 0, 0), (0.3, -0.2, 1, 0), (0, 0, 0, 1))),
+}
+
+
+def slow(value: str) -> Any:
+    """A parameter of the long run only."""
+    return pytest.param(value, marks=pytest.mark.slow)
+
+
+def plane_scene(material: bpy.types.Material, matrix: Matrix, applied: bool, lamp: bool = False) -> TestScene:
+    """A plane under a sky that glows in one place; `applied` moves the vertices instead of the object.
+
+    UVs run at an angle to the edges, so that the tangent is nobody's axis.
+    """
+    compat.ensure_cycles()
+    scene = bpy.data.scenes.new("plane")
+    mesh = bpy.data.meshes.new("plane")
+    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    mesh.from_pydata([matrix @ Vector(c) for c in corners] if applied else corners, [], [(0, 1, 2, 3)])
+    layer = mesh.uv_layers.new()
+    for loop, (x, y, _) in zip(layer.data, corners, strict=True):
+        loop.uv = (0.8 * x + 0.3 * y, 0.9 * y - 0.2 * x)
+    mesh.materials.append(material)
+    plane = bpy.data.objects.new("plane", mesh)
+    scene.collection.objects.link(plane)
+    if not applied:
+        # Alone it would keep location, rotation and scale of a matrix, and no shear.
+        plane.parent = bpy.data.objects.new("parent", None)
+        scene.collection.objects.link(plane.parent)
+        plane.matrix_parent_inverse = matrix
+    scene.world, background = compat.new_world("glow")
+    tree = scene.world.node_tree
+    with expr.building(tree):
+        direction = expr.Vector(expr.node("ShaderNodeTexCoord", {}, {}).outputs["Generated"])
+        along = expr.dot(expr.normalize(direction), expr.vec(0.3, 0.8, 0.52))
+        expr.feed(tree, background.inputs["Strength"], expr.power(along, 4.0) * 2 + 0.2)
+    background.inputs["Color"].default_value = (1.0, 0.9, 0.8, 1)
+    scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 128
+    if lamp:
+        light = bpy.data.lights.new("lamp", "AREA")
+        light.energy, light.size = 40, 0.5
+        placed = bpy.data.objects.new("lamp", light)
+        placed.matrix_world = Matrix.Translation((0.5, 1.2, 1.5)) @ Matrix.Rotation(-0.7, 4, "X")
+        scene.collection.objects.link(placed)
+    camera = bpy.data.cameras.new("camera")
+    view = bpy.data.objects.new("camera", camera)
+    view.matrix_world = Matrix.Translation((0, -2.4, 2.0)) @ Matrix.Rotation(0.87, 4, "X")
+    camera.lens = 75
+    scene.collection.objects.link(view)
+    scene.camera = view
+    scene.render.resolution_x = scene.render.resolution_y = 24
+    studio.set_unbiased(scene, samples=64, seed=0)
+    return TestScene(scene, plane)
+
+
+@pytest.mark.parametrize("name", ["mirrored", "sheared out of its plane", *map(slow, ("still", "turned", "sheared"))])
+def test_reference_equals_cycles_own_closure(brushed: Bundle, name: str) -> None:
+    """The object transformed, against the same vertices in a mesh that is not: no tangent can go wrong there."""
+    with plane_scene(truth_material(), SHAPES[name], applied=True) as truth:
+        mask = truth.mask()
+        expected = truth.render(256, range(100, 108))
+    material = build_material(brushed, mode="reference", lamps=lamp_image())
+    with plane_scene(material, SHAPES[name], applied=False) as scene:
+        found = scene.render(512, 10)
+    # The table's own interpolation error, measured in `errors`, in the worst tile.
+    result = compare(expected, found, mask, tolerance=0.004)
+    print(result)
+    assert_agree(result, EFFECT)
+    assert not compare(expected, found * 1.02, mask, tolerance=0.004).passed
+
+
+@pytest.mark.parametrize("mode", ["exact", slow("reference")])
+@pytest.mark.parametrize("name", ["mirrored", slow("still")])
+def test_a_material_without_mirror_symmetry(crossed: Bundle, name: str, mode: str) -> None:
+    """Native closures and the residual's mirror, or the mirror alone; the second lobe tells left from right."""
+    with plane_scene(crossed_truth(), SHAPES[name], applied=True) as truth:
+        mask = truth.mask()
+        expected = truth.render(256, range(100, 108))
+    material = build_material(crossed, mode=mode, lamps=lamp_image())
+    with plane_scene(material, SHAPES[name], applied=False) as scene:
+        found = scene.render(512, 10)
+    result = compare(expected, found, mask, tolerance=0.005)
+    print(result)
+    assert_agree(result, EFFECT)
+    assert not compare(expected, found * 1.02, mask, tolerance=0.005).passed
+
+
+@pytest.mark.parametrize("mode", ["exact", slow("reference")])
+def test_aimed_at_a_lamp(crossed: Bundle, mode: str) -> None:
+    """A small lamp besides, most of the light: the density of the material's own draws counts in every weight."""
+    with plane_scene(crossed_truth(), SHAPES["turned"], applied=True, lamp=True) as truth:
+        mask = truth.mask()
+        expected = truth.render(256, range(100, 108))
+    material = build_material(crossed, mode=mode, lamps=lamp_image())
+    with plane_scene(material, SHAPES["turned"], applied=False, lamp=True) as scene:
+        assert update_scene(scene.scene).lamps
+        found = scene.render(512, 10)
+    result = compare(expected, found, mask, tolerance=0.005)
+    print(result)
+    assert_agree(result, EFFECT)
+    assert not compare(expected, found * 1.02, mask, tolerance=0.005).passed

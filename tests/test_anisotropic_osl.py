@@ -1,0 +1,112 @@
+"""The OSL twin of anisotropic materials: its functions on cards, and the whole material against that of nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_materials.bake import xp_numpy
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.anisotropic.atlas import SliceLayout, pack
+from measured_materials.bake.anisotropic.bake import bake_anisotropic
+from measured_materials.bake.anisotropic.grid import HalfGrid
+from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
+from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.directions import spherical
+from measured_materials.bake.image_io import write_image
+from measured_materials.bake.sources import analytic
+from measured_materials.bake.storage import Storage
+from measured_materials.bake.table import FILTERS
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.osl_material import build_osl_material
+from measured_materials.nodes.osl_script import use_osl
+from support.monte_carlo import assert_agree, compare
+from support.osl import header_card, skip_without_osl
+from test_anisotropic_cards import BRUSHED, GRIDS, away_from_borders, directions, random_table
+from test_anisotropic_material import SHAPES, plane_scene
+
+HEADER = "measured_anisotropic.h"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def osl() -> None:
+    skip_without_osl()
+
+
+@pytest.mark.parametrize("name", GRIDS)
+@pytest.mark.parametrize("filter", FILTERS)
+def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
+    grid = GRIDS[name]
+    table, layout, file = random_table(grid), SliceLayout.of(grid), tmp_path / "atlas.exr"
+    write_image(file, pack(grid, table.values), Storage.FLOAT32)
+    shape = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else (grid.alpha_theta, grid.alpha_phi)
+    sizes = ", ".join(map(str, grid.shape))
+    body = f"""
+      int sizes[4] = {{{sizes}}};
+      float shape[2] = {{{shape[0]}, {shape[1]}}};
+      MMTable4 table = {{"{file}", 1, 0, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, shape,
+                         {int(grid.folded)}, "{filter}", 0}};
+      value = vector(mm_lookup4(table, wi, wo, 0.5));"""
+    wi, wo = directions(3000)
+    (found,) = header_card(body, {"value": "vector"}, HEADER, wi=wi, wo=wo)
+    wi, wo = wi.astype(float), wo.astype(float)
+    factor = np.broadcast_to(grid.factor(xp_numpy, wi, wo), len(wi))
+    off = np.abs(found - table.evaluate(wi, wo, filter)).max(-1) * factor
+    position = np.stack(grid.coordinates(xp_numpy, wi, wo), -1)
+    if filter == "nearest":
+        off = off[(np.abs(position - np.floor(position) - 0.5) > 1e-3).all(-1)]
+    # As for the nodes, `test_anisotropic_cards.py`; OSL's arctangent, mended, keeps 1e-7 of a turn.
+    assert np.quantile(off, 0.99) < 3e-4 and np.median(off) < 3e-5
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_sampler(tmp_path: Path, folded: bool) -> None:
+    layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, folded)
+    sampler, file = build_slope_sampler(BRUSHED, layout), tmp_path / "slopes.exr"
+    write_image(file, sampler.texels, Storage.FLOAT32)
+    facts = f'"{file}", 6, 8, 14, 12, 0.1, 0.4, {int(folded)}'
+    body = f"""
+      MMSlopes slopes = {{{facts}}};
+      wi = mm_draw4(slopes, wo, first[0], first[1], first[2], last, pdf);
+      density = mm_density4(slopes, wi, wo);"""
+    rng = np.random.default_rng(5)
+    count = 3000
+    wo = spherical(np.arccos(rng.random(count)), rng.uniform(-np.pi, np.pi, count)).astype(np.float32)
+    u = rng.random((count, 4)).astype(np.float32)
+    keep = away_from_borders(sampler, wo, u)
+    wo, u = wo[keep], u[keep]
+    outputs = {"wi": "vector", "pdf": "float", "density": "float"}
+    wi, pdf, density = header_card(body, outputs, HEADER, wo=wo, first=u[:, :3], last=u[:, 3])
+    expected, expected_pdf = sampler.sample(wo.astype(float), u.astype(float))
+    assert np.quantile(np.abs(wi - expected).max(-1), 0.98) < 4e-6
+    up = expected[:, 2] > 0.01
+    for found in (pdf, density):
+        off = np.abs(found / expected_pdf - 1)[up]
+        # At the edge of a cell either of two is right.
+        assert np.median(off) < 1e-6 and np.quantile(off, 0.98) < 1e-4
+
+
+@pytest.fixture(scope="module")
+def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """A coarse table, and few viewers: the twins share them."""
+    source = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
+    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16))
+    out = tmp_path_factory.mktemp("satin") / "satin"
+    return read_bundle(bake_anisotropic(source, out, settings, basis="half", viewers=(6, 3)).path)
+
+
+@pytest.mark.parametrize("mode", ["exact", "preview"])
+def test_material_equals_that_of_nodes(satin: Bundle, mode: str) -> None:
+    """Sample positions and random numbers are the same: only float32 and rare decisions on its last bits differ."""
+    pictures = []
+    for build in (build_material, build_osl_material):
+        with plane_scene(build(satin, mode=mode), SHAPES["turned"], applied=False) as scene:
+            if build is build_osl_material:
+                use_osl(scene.scene)
+            pictures.append(scene.render(256, 6))
+            mask = scene.mask()
+    result = compare(*pictures, mask)
+    print(result)
+    assert_agree(result, 0.01)
