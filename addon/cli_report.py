@@ -9,6 +9,7 @@ from typing import Any
 
 from ..bake.errors import BakeError
 from ..bake.report.journal import Journal
+from ..bake.report.lobes import lobes_section, measure_lobes
 from ..bake.report.machine import machine_facts
 from ..bake.report.page import Section, write_page
 from ..bake.report.tables import measure_tables, tables_section
@@ -59,6 +60,9 @@ def run(options: argparse.Namespace) -> Result:
                 section, found = part(source, options, journal, progress)
                 sections.append(section)
                 facts.setdefault(part.__name__.removeprefix("_"), {})[source.name] = found
+    costs = measure_lobes(journal)
+    sections.append(lobes_section(costs))
+    facts["lobes"] = [vars(cost) for cost in costs]
     said = (
         f"Measured on {machine['processor']}, {machine['cores']} cores, with version {machine['measured_materials']}."
     )

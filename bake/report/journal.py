@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..atomic import replacing_file
 from ..errors import BakeError
 
 
@@ -31,8 +32,10 @@ class Journal:
             self.found = dict(_entries(lines[1:]))
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            if not self.found:
-                path.write_text(head + "\n", encoding="utf-8")
+            # Without what was cut short: the next line would be appended to it.
+            whole = [head, *(json.dumps([key, value]) for key, value in self.found.items())]
+            with replacing_file(path) as temporary:
+                temporary.write_text("\n".join(whole) + "\n", encoding="utf-8")
         except OSError as error:
             raise BakeError(path, error.strerror or str(error), "choose another folder by --out") from error
 
