@@ -14,11 +14,13 @@ from .arc_relight import why_not_relightable
 from .bake_operator import MEASURED_MATERIALS_OT_bake_again, shown_material
 from .bake_properties import draw_settings
 from .brdf_build import asks_for_passes
+from .effects import plan_filter
+from .expectation import expectation
 from .fit_operator import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
 from .import_operator import MEASURED_MATERIALS_OT_import_brdf
 from .lighting_properties import draw_lighting
 from .measured_material import facts_of, is_measured, is_shading_map, why_not_bakeable
-from .quality_properties import draw_quality
+from .quality_properties import choices_of, draw_quality
 from .rebuild import effects_of, why_not_rebuildable
 
 _TITLE = "Measured Materials"
@@ -101,6 +103,8 @@ class _QualityPanel:
         column = layout.column()
         column.enabled = material.is_editable and not lost
         draw_quality(column, properties, shading_map=shading_map)
+        if not shading_map:
+            layout.label(text=_expected(material), icon="TIME")
         for effect in effects_of(material):
             layout.label(text=f"{effect.name}: {effect.why}", icon="CHECKMARK" if effect.kept else "REMOVE")
         row = layout.row(align=True)
@@ -137,6 +141,15 @@ class _BakePanel:
         row = self.layout.row(align=True)
         row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, icon="FILE_REFRESH")
         row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, text="", icon="FILE_FOLDER").choose = True
+
+
+def _expected(material: bpy.types.Material) -> str:
+    """Of the mode and filter that are set; empty where the facts are not what they should be."""
+    try:
+        facts, choices = facts_of(material), choices_of(material.measured_quality)
+        return expectation(facts, choices.mode, plan_filter(facts, choices, material.name)[0])
+    except BakeError:
+        return ""
 
 
 def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:

@@ -1,0 +1,46 @@
+"""What the panel says a mode and a filter cost and miss, before anything is rendered."""
+
+from __future__ import annotations
+
+import pytest
+from measured_materials.addon.expectation import expectation
+from measured_materials.addon.measured_material import material_from
+from measured_materials.addon.panel import _expected
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.modes import MODES
+from measured_materials.bake.sources import analytic
+from test_addon import registered  # noqa: F401
+
+FACTS = {
+    "table": {"filter": "trilinear"},
+    "errors": {"relative": 0.01},
+    "rms_by_filter": {"nearest": 0.4, "trilinear": 0.1},
+    "residual": {"errors": {"envelope_and_residual": {"relative": 0.004}}},
+    "preview": {"error": 0.2},
+}
+
+
+def test_words_of_every_mode() -> None:
+    assert expectation(FACTS, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
+    assert expectation(FACTS, "reference", "trilinear").startswith("About 2.0 times")
+    assert "; 4 % of" in expectation(FACTS, "reference", "nearest")
+    assert expectation(FACTS, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
+
+
+@pytest.mark.parametrize("facts", [{}, {"errors": 3, "table": None}, {"residual": {"errors": {}}, "preview": "x"}])
+@pytest.mark.parametrize("mode", MODES)
+def test_facts_of_another_kind_give_the_time_alone(facts: dict[str, object], mode: str) -> None:
+    assert "%" not in expectation(facts, mode, "trilinear")
+
+
+def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path_factory: pytest.TempPathFactory) -> None:  # noqa: F811
+    folder = tmp_path_factory.mktemp("expectation")
+    settings = BakeSettings(resolution=16, alpha=(0.5, 0.4), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8))
+    result = bake_source(analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), folder / "plastic", settings)
+    material = material_from(result, pack=True)
+    said = {}
+    for mode in MODES:
+        material.measured_quality.mode = mode
+        said[mode] = _expected(material)
+    assert len(set(said.values())) >= 3 and all("%" in words for words in said.values())
