@@ -24,7 +24,7 @@ Basis = Literal["normal", "half"]
 BASES: tuple[str, ...] = get_args(Basis)
 Measure = Callable[[Grid], float]
 
-_PAIRS = 8192
+_PAIRS, _RANKING_PAIRS = 8192, 32768
 _ENDS = (WIDEST_END, 0.4, 0.1, 0.03, 0.01, 0.003, 0.001, NARROWEST_END)
 _ALPHAS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 # What has to be gained for a step of the descent: less is chance.
@@ -127,6 +127,9 @@ class _Chooser:
         # A third of the directions leads the descent, which takes a hundred steps; all of them rank its results.
         few = slice(len(truth) // 3)
         self.leading = DirectionPairs(pairs.wi[few], pairs.wo[few], pairs.weight[few]), truth[few]
+        # The last word has more of them: candidates often lie within a tenth of each other.
+        many = direction_pairs(_RANKING_PAIRS, offset=0.75)
+        self.ranking = many, source.evaluate(many.wi, many.wo)
         self.found: list[Candidate] = []
         self.search: AlphaSearch | None = None
 
@@ -135,8 +138,8 @@ class _Chooser:
         return pairs.rms(trilinear_estimate(self.source, grid, pairs) - truth)
 
     def add(self, grid: Grid) -> None:
-        rms = self.pairs.rms(trilinear_estimate(self.source, grid, self.pairs) - self.truth)
-        self.found.append(Candidate(grid, rms))
+        pairs, truth = self.ranking
+        self.found.append(Candidate(grid, pairs.rms(trilinear_estimate(self.source, grid, pairs) - truth)))
 
     def add_normal(self, kind: Any, alpha: Any) -> None:
         grid: Any = TableGrid(self.n, kind)
