@@ -153,6 +153,12 @@ def test_images_are_left_to_others_when_dropped() -> None:
     assert arc_operator.MEASURED_MATERIALS_FH_arc.bl_import_operator == "measured_materials.import_arc"
 
 
+def _purge_groups() -> None:
+    while unused := [tree for tree in bpy.data.node_groups if not tree.users]:
+        for tree in unused:
+            bpy.data.node_groups.remove(tree)
+
+
 # --- another light ----------------------------------------------------------------------------------------
 
 
@@ -166,6 +172,7 @@ def test_a_change_of_light_rebuilds_at_once(
     bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), compression=compression)
     material = plate.active_material
     bundle = read_bundle(tmp_path / "felt.mmat")
+    _purge_groups()  # what earlier tests have left
     images, groups = set(bpy.data.images), len(bpy.data.node_groups)
     written = (bundle.path / "material.json").stat().st_mtime_ns
     mapping_of(material).inputs["Scale"].default_value = (5, 5, 1)
@@ -187,9 +194,7 @@ def test_a_change_of_light_rebuilds_at_once(
     assert (bundle.path / "material.json").stat().st_mtime_ns == written
     light.lobe = "lambert"
     light.technique, light.mode = "lookup", "exact"
-    for tree in list(bpy.data.node_groups):  # those of the materials that this test compared with
-        if not tree.users:
-            bpy.data.node_groups.remove(tree)
+    _purge_groups()  # those of the materials that this test compared with
     assert groups <= len(bpy.data.node_groups)
 
 

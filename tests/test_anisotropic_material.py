@@ -163,7 +163,7 @@ def plane_scene(material: bpy.types.Material, matrix: Matrix, applied: bool, lam
     return TestScene(scene, plane)
 
 
-@pytest.mark.parametrize("name", ["mirrored", "sheared out of its plane", *map(slow, ("still", "turned", "sheared"))])
+@pytest.mark.parametrize("name", ["sheared out of its plane", *map(slow, ("mirrored", "still", "turned", "sheared"))])
 def test_reference_equals_cycles_own_closure(brushed: Bundle, name: str) -> None:
     """The object transformed, against the same vertices in a mesh that is not: no tangent can go wrong there."""
     with plane_scene(truth_material(), SHAPES[name], applied=True) as truth:
@@ -171,7 +171,7 @@ def test_reference_equals_cycles_own_closure(brushed: Bundle, name: str) -> None
         expected = truth.render(256, range(100, 108))
     material = build_material(brushed, mode="reference", lamps=lamp_image())
     with plane_scene(material, SHAPES[name], applied=False) as scene:
-        found = scene.render(512, 10)
+        found = scene.render(512, 16)
     # The table's own interpolation error, measured in `errors`, in the worst tile.
     result = compare(expected, found, mask, tolerance=0.004)
     print(result)
