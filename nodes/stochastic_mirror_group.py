@@ -55,7 +55,7 @@ def more_random_numbers_group() -> bpy.types.ShaderNodeTree:
 # weight is 1: of most such mirrors a Mix Shader behind may then leave little, and nothing is lost.
 FAINT_WEIGHT = 1e-3
 # What no metal carries is raised to this by Russian roulette: hardly more, since each raise costs variance.
-LEAST_WEIGHT = 2e-5
+LEAST_WEIGHT = 1.05e-5
 # Of the F82 reflectance: (1 - c)^5 at the cosine c = 1/7, and what the tint there takes away at most.
 _F5 = (6 / 7) ** 5
 _MOST_TAKEN = 7 * _F5 / (6 / 7) ** 6
