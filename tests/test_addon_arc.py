@@ -28,6 +28,7 @@ from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import FAMILY_KEY
 from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.scenes import purge_groups
 from support.stacks import write_stack
 from test_addon import Stage, plate, registered  # noqa: F401
 
@@ -153,12 +154,6 @@ def test_images_are_left_to_others_when_dropped() -> None:
     assert arc_operator.MEASURED_MATERIALS_FH_arc.bl_import_operator == "measured_materials.import_arc"
 
 
-def _purge_groups() -> None:
-    while unused := [tree for tree in bpy.data.node_groups if not tree.users]:
-        for tree in unused:
-            bpy.data.node_groups.remove(tree)
-
-
 # --- another light ----------------------------------------------------------------------------------------
 
 
@@ -172,7 +167,7 @@ def test_a_change_of_light_rebuilds_at_once(
     bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), compression=compression)
     material = plate.active_material
     bundle = read_bundle(tmp_path / "felt.mmat")
-    _purge_groups()  # what earlier tests have left
+    purge_groups()  # what earlier tests have left
     images, groups = set(bpy.data.images), len(bpy.data.node_groups)
     written = (bundle.path / "material.json").stat().st_mtime_ns
     mapping_of(material).inputs["Scale"].default_value = (5, 5, 1)
@@ -194,7 +189,7 @@ def test_a_change_of_light_rebuilds_at_once(
     assert (bundle.path / "material.json").stat().st_mtime_ns == written
     light.lobe = "lambert"
     light.technique, light.mode = "lookup", "exact"
-    _purge_groups()  # those of the materials that this test compared with
+    purge_groups()  # those of the materials that this test compared with
     assert groups <= len(bpy.data.node_groups)
 
 

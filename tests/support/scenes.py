@@ -183,3 +183,10 @@ def _add(scene: bpy.types.Scene, data: Any, matrix: Matrix) -> bpy.types.Object:
     obj.matrix_world = matrix
     scene.collection.objects.link(obj)
     return obj
+
+
+def purge_groups() -> None:
+    """Remove every node group that nothing uses."""
+    while unused := [tree for tree in bpy.data.node_groups if not tree.users]:
+        for tree in unused:
+            bpy.data.node_groups.remove(tree)
