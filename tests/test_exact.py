@@ -33,7 +33,9 @@ def clean_blend() -> Iterator[None]:
             collection.remove(block)
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.parametrize(
+    "name", ["paint", *(pytest.param(name, marks=pytest.mark.slow) for name in SOURCES if name != "paint")]
+)
 def test_exact_is_reference(tmp_path: Path, name: str) -> None:
     """Sky, small lamp and bounce light, both modes aiming; with a planted 2 % that fails."""
     settings = BakeSettings(resolution=40, alpha=(0.5, 0.4), sampler=SAMPLER)

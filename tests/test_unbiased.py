@@ -324,7 +324,7 @@ DIAGONAL = [
 ]
 
 
-@pytest.mark.parametrize("mode", ["exact", "reference"])
+@pytest.mark.parametrize("mode", ["exact", pytest.param("reference", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("material, name", DIAGONAL)
 def test_mode_is_unbiased(stand_in: Bundles, material: str, name: str, mode: str) -> None:
     with stage(name) as lit:
