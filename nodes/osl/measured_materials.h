@@ -12,7 +12,7 @@
 
 #define MM_GUTTER 2          // bake/table.py
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py
-#define MM_LEAST_WEIGHT 2e-5 // nodes/stochastic_mirror_group.py
+#define MM_LEAST_WEIGHT 2e-5 // above that of nodes/stochastic_mirror_group.py, where a metal carries most of these
 
 // A tabulated BRDF: the atlas of bake/atlas.py, and what its values are multiplied by.
 struct MMTable {

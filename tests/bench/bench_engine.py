@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import csv
 import math
+import statistics
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
@@ -162,7 +163,19 @@ def report(rows: list[Row], sizes: Sizes) -> None:
         found = [by_key[material, light, variant] for variant in (PRINCIPLED, *VARIANTS)]
         table.add_row(material, light, *(f"{row.time:.2f}  {row.firefly:.0f}" for row in found))
     console.print(table)
+    _print_medians(rows, console)
     _print_goals([row for row in rows if row.variant == EXACT], by_key)
+
+
+def _print_medians(rows: list[Row], console: Console) -> None:
+    """The README's table, and the times that the panel tells before a render (`addon.expectation.MODE_TIME`)."""
+    lights = list(dict.fromkeys(row.light for row in rows))
+    table = Table("mode", *lights, "time of a sample", title="Noise in parts of Principled's, medians; geometric mean")
+    for variant in VARIANTS:
+        own = [row for row in rows if row.variant == variant]
+        medians = [statistics.median_high(row.noise for row in own if row.light == light) for light in lights]
+        table.add_row(variant, *(f"{m:.2g}" for m in medians), f"{_geometric([row.time for row in own]):.2f}")
+    console.print(table)
 
 
 def _print_goals(rows: list[Row], by_key: dict[tuple[str, str, str], Row]) -> None:

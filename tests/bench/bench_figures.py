@@ -16,7 +16,7 @@ from measured_materials.bake.image_io import read_image, write_image
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table_facts import grid_of, scale_of
+from measured_materials.bake.table_facts import grid_of, offset_of, scale_of
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.group import call
 from measured_materials.nodes.local_frame_group import viewer_frame_group
@@ -107,7 +107,8 @@ def _shade(bundle: Bundle, size: int) -> Array:
     facts = bundle.material["table"]
     half = facts["storage"] == "half"
     image = load_data_image(bundle.image_path("table"), "figure 7", half=half, pack=True)
-    lookup = table_lookup_group("Figure 7", image, grid_of(bundle), facts["filter"], 1 / scale_of(bundle))
+    scale, offset = 1 / scale_of(bundle), offset_of(bundle)
+    lookup = table_lookup_group("Figure 7", image, grid_of(bundle), facts["filter"], scale, offset=offset)
     with expr.building(material.node_tree) as tree:
         geometry = expr.node("ShaderNodeNewGeometry", {}, {})
         normal, incoming = (expr.Vector(geometry.outputs[name]) for name in ("Normal", "Incoming"))
