@@ -13,6 +13,7 @@ from ..nodes.shading_map_material import build_shading_map
 from .aim import what_to_aim_at
 from .effects import is_ready, plan_aim, plan_bounces, plan_detail
 from .footprint import texel_footprint
+from .lamp_survey import survey_scene
 from .lamps import lamp_image
 from .quality_properties import choices_of
 
@@ -37,7 +38,7 @@ def build_map(
     footprint = texel_footprint(material, scene, texels_per_uv(material, facts.layout.width, facts.layout.height))
     reduce, detail = plan_detail(choices, facts.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
-    aim = plan_aim(choices, what_to_aim_at(scene), ready=ready)
+    aim = plan_aim(choices, what_to_aim_at(survey_scene(scene, for_render=True)), ready=ready)
     if settings.mode != "preview":
         effects += [aim, plan_bounces(settings.mode)]
     lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None

@@ -12,6 +12,7 @@ from ..nodes.feature_passes import ALBEDO
 from ..nodes.material import build_material, usual_mode
 from .aim import lamps_are_alone, what_to_aim_at
 from .effects import BrdfPlan, Choices, plan_brdf
+from .lamp_survey import survey_scene
 from .lamps import lamp_image
 
 
@@ -36,7 +37,9 @@ def build_brdf(
     """
     choices = choices or usual_choices(bundle)
     ready, scene = scene is None, scene or bpy.context.scene
-    targets, passes = what_to_aim_at(scene), asks_for_passes(scene)
+    # Only once: of scenes with many instances it takes its time.
+    report, passes = survey_scene(scene, for_render=True), asks_for_passes(scene)
+    targets = what_to_aim_at(report)
     plan = plan_brdf(bundle.material, choices, str(bundle.path), targets, passes, ready=ready)
     material = build_material(
         bundle,
@@ -47,7 +50,7 @@ def build_brdf(
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
-        lamp_share=plan.aim and lamps_are_alone(scene),
+        lamp_share=plan.aim and lamps_are_alone(report),
     )
     return material, plan
 

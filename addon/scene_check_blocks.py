@@ -217,7 +217,7 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
 def not_aimed(subject: Subject) -> Iterator[Finding]:
     """Fitted to a scene that had no lamps yet."""
     unaimed = [m for m in subject.mirrors if is_measured(m) and not any(SLOTS_KEY in t for t in measured_trees(m))]
-    targets = aim.what_to_aim_at(subject.scene) if unaimed else ""
+    targets = aim.what_to_aim_at(lamps.survey_scene(subject.scene, for_render=True)) if unaimed else ""
     for material in unaimed if targets else ():
         if rebuild.current_choices(material).aim != AUTO or _is_scripted(material):
             continue

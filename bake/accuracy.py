@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from . import xp_numpy
 from .directions import normalize, spherical
 from .source import Array, BrdfSource
-from .table import Grid, TreatedSource
+from .table import Filter, Grid, TreatedSource
 
 # Exponent of the half-vector warp m = u^4: it resolves peaks of 0.02 degrees, see alias_sampler.
 _WARP = 4.0
@@ -51,6 +52,26 @@ class DirectionPairs:
         """Cosine-weighted L1 error as a share of the reflected energy."""
         weight = self.weight[:, None] * self.cosines
         return float((weight * np.abs(difference)).sum() / max(float((weight * truth).sum()), 1e-30))
+
+
+class Reconstructed(Protocol):
+    """A table of any number of dimensions."""
+
+    def evaluate(self, wi: Array, wo: Array, filter: Filter) -> Array:
+        """BRDF (..., 3) in 1/sr at direction pairs."""
+        ...
+
+
+def table_errors(table: Reconstructed, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
+    """Cosine-weighted RMS in 1/sr and energy-relative error at directions the table was not built from."""
+    difference = table.evaluate(pairs.wi, pairs.wo, filter) - truth
+    return {
+        "rms": pairs.rms(difference),
+        "rms_uncertainty": pairs.rms_uncertainty(difference),
+        "relative": pairs.relative_error(difference, truth),
+        "rms_of_signal": pairs.rms(truth),
+        "directions": len(truth),
+    }
 
 
 def direction_pairs(count: int, offset: float = 0.5) -> DirectionPairs:

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from . import VERSION
-from .accuracy import DirectionPairs, direction_pairs
+from .accuracy import DirectionPairs, direction_pairs, table_errors
 from .albedo import albedo_facts
 from .alias_sampler import SamplerLayout, build_sampler
 from .anisotropic.bake import bake_anisotropic
@@ -35,7 +35,7 @@ from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
 from .sources import read_source
-from .storage import Storage, offset_for, quantize, scale_for
+from .storage import Storage, as_stored, offset_for, raised, scale_for
 from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
 from .table_facts import MAX_RESOLUTION
 
@@ -321,25 +321,11 @@ def _store(
 def _quantized(table: BrdfTable, storage: Storage) -> tuple[BrdfTable, float]:
     # What continues a table beyond a pole may exceed every sample.
     scale = scale_for(pad_slices(table.values), storage)
-    offset = np.float32(offset_for(storage))
-    stored = quantize(table.values * np.float32(scale) + offset, storage) - offset
-    return BrdfTable(table.grid, stored * np.float32(1 / scale)), scale
+    return BrdfTable(table.grid, as_stored(table.values, scale, storage)), scale
 
 
 def _texels(table: BrdfTable, scale: float, storage: Storage) -> Array:
-    return pack(table.values * np.float32(scale)) + np.float32(offset_for(storage))
-
-
-def table_errors(table: BrdfTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
-    """Cosine-weighted RMS in 1/sr and energy-relative error at directions the table was not built from."""
-    difference = table.evaluate(pairs.wi, pairs.wo, filter) - truth
-    return {
-        "rms": pairs.rms(difference),
-        "rms_uncertainty": pairs.rms_uncertainty(difference),
-        "relative": pairs.relative_error(difference, truth),
-        "rms_of_signal": pairs.rms(truth),
-        "directions": len(truth),
-    }
+    return raised(pack(table.values), scale, storage)
 
 
 def _simpler_filters(

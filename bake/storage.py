@@ -97,6 +97,18 @@ def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
     return radiance.decode(radiance.encode(values)) if storage is Storage.RGBE else values
 
 
+def raised(values: NDArray[Any], scale: float, storage: Storage) -> NDArray[np.float32]:
+    """What the file of a table holds for its values: scaled, and raised by `offset_for`."""
+    texels: NDArray[np.float32] = values * np.float32(scale) + np.float32(offset_for(storage))
+    return texels
+
+
+def as_stored(values: NDArray[Any], scale: float, storage: Storage) -> NDArray[np.float32]:
+    """The values of a table as they come back from its file, scale and offset undone."""
+    back = quantize(raised(values, scale, storage), storage) - np.float32(offset_for(storage))
+    return back * np.float32(1 / scale)
+
+
 def to_bytes(values: NDArray[np.float32]) -> NDArray[np.uint8]:
     """The nearest of the bytes that stand for 0 to 1. Raises ValueError for values outside."""
     if (values < 0).any():

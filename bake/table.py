@@ -226,7 +226,7 @@ def bspline_weights(xp: Any, t: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
-def _taps(position: Array, filter: Filter) -> list[tuple[Array, Array]]:
+def filter_taps(position: Array, filter: Filter) -> list[tuple[Array, Array]]:
     """(index, weight) pairs of a one-dimensional filter."""
     if filter == "nearest":
         return [(np.floor(position + 0.5).astype(np.intp), np.ones_like(position))]
@@ -243,7 +243,7 @@ def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array], filter:
     n_slices, n_rows, n_columns = padded.shape[:3]
     flat = padded.reshape(-1, 3)
     out = np.zeros((len(coordinates[0]), 3))
-    o_taps, i_taps, phi_taps = (_taps(c, filter) for c in coordinates)
+    o_taps, i_taps, phi_taps = (filter_taps(c, filter) for c in coordinates)
     for o, w_o in o_taps:
         o = np.clip(o, 0, n_slices - 1)
         for i, w_i in i_taps:

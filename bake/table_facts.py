@@ -67,11 +67,11 @@ def _numbers(facts: dict[str, Any], key: str, count: int, kind: Any, low: float,
     return [kind(require({key: value}, key, kind, where, minimum=low, maximum=high)) for value in values]
 
 
-def scale_of(bundle: Bundle) -> float:
-    """What stored table values were multiplied by."""
+def scale_of(bundle: Bundle, part: str = "table") -> float:
+    """What values of the table or the "residual" were multiplied by before they were stored."""
     where = bundle.path / "material.json"
-    table = require(bundle.material, "table", dict, where)
-    return float(require(table, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
+    facts = require(bundle.material, part, dict, where)
+    return float(require(facts, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
 
 
 def offset_of(bundle: Bundle, part: str = "table") -> float:
@@ -91,14 +91,7 @@ def residual_table_of(bundle: Bundle) -> BrdfTable:
     """The stored values of the residual, unscaled."""
     grid = residual_grid_of(bundle)
     values = unpack(bundle.load("residual"), grid.shape) - offset_of(bundle, "residual")
-    return BrdfTable(grid, values / residual_scale_of(bundle))
-
-
-def residual_scale_of(bundle: Bundle) -> float:
-    """What stored values of the residual were multiplied by."""
-    where = bundle.path / "material.json"
-    residual = require(bundle.material, "residual", dict, where)
-    return float(require(residual, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
+    return BrdfTable(grid, values / scale_of(bundle, "residual"))
 
 
 def envelope_of(bundle: Bundle) -> EnvelopeFit:

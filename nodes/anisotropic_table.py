@@ -7,11 +7,11 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of, scale_of
+from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import NormalGrid
 from ..bake.bundle import Bundle
 from ..bake.storage import Storage
-from ..bake.table_facts import offset_of
+from ..bake.table_facts import offset_of, scale_of
 from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
 from .data_image import load_data_image
 from .drawn_direction import DrawnDirection, drawn_direction

@@ -22,7 +22,6 @@ from ..bake.table_facts import (
     offset_of,
     preview_of,
     residual_grid_of,
-    residual_scale_of,
     sampler_layout_of,
     sampler_of,
     scale_of,
@@ -174,7 +173,7 @@ def table_groups(
     sampler_of(bundle, sampler_image)
     grid = grid_of(bundle) if whole else residual_grid_of(bundle)
     layout = sampler_layout_of(bundle, sampler_image)
-    scale = 1 / (scale_of(bundle) if whole else residual_scale_of(bundle))
+    scale = 1 / scale_of(bundle, part)
     table = require(bundle.material, "table", dict, where)
     if filter is None:
         filter = require(table, "filter", str, where, choices=FILTERS)

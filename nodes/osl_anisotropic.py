@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from ..bake.anisotropic.atlas import SliceLayout
-from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of, scale_of
+from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import Grid, HalfGrid
 from ..bake.anisotropic.lobes import AnisotropicLobe
 from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.table import FILTERS
-from ..bake.table_facts import offset_of
+from ..bake.table_facts import offset_of, scale_of
 from .osl_script import texture_file
 
 

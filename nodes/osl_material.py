@@ -29,7 +29,6 @@ from ..bake.table_facts import (
     offset_of,
     preview_of,
     residual_grid_of,
-    residual_scale_of,
     sampler_of,
     scale_of,
 )
@@ -123,7 +122,7 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
         raise BakeError(where, f"filter cannot be {filter[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
         "Table": texture_file(bundle, part),
-        "Scale": 1 / (scale_of(bundle) if part == "table" else residual_scale_of(bundle)),
+        "Scale": 1 / scale_of(bundle, part),
         "Offset": offset_of(bundle, part),
         **grid_constants(grid),
         "Filter": filter,

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from .. import VERSION
-from ..accuracy import DirectionPairs
+from ..accuracy import DirectionPairs, table_errors
 from ..albedo import directional_albedo, white_sky_albedo
 from ..bundle import StoredImage, write_bundle
 from ..errors import BakeError
 from ..preview import preview_sphere
 from ..source import Array, BrdfSource
-from ..storage import Storage, offset_for, quantize, scale_for
+from ..storage import Storage, as_stored, offset_for, raised, scale_for
 from ..table import FILTERS, Filter
 from .accuracy import turned_pairs
 from .atlas import SliceLayout, pack
@@ -168,25 +168,11 @@ def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, searc
 def quantized(table: AnisotropicTable, storage: Storage, filter: Filter) -> tuple[AnisotropicTable, float]:
     """The table as it will come back from the file, and what its values are multiplied by there."""
     scale = scale_for(table.values, storage)
-    offset = np.float32(offset_for(storage))
-    stored = quantize(table.values * np.float32(scale) + offset, storage) - offset
-    return AnisotropicTable(table.grid, stored * np.float32(1 / scale), filter), scale
+    return AnisotropicTable(table.grid, as_stored(table.values, scale, storage), filter), scale
 
 
 def _texels(table: AnisotropicTable, scale: float, storage: Storage) -> Array:
-    return pack(table.grid, table.values * np.float32(scale)) + np.float32(offset_for(storage))
-
-
-def table_errors(table: AnisotropicTable, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
-    """Cosine-weighted RMS in 1/sr and energy-relative error at directions the table was not built from."""
-    difference = table.evaluate(pairs.wi, pairs.wo, filter) - truth
-    return {
-        "rms": pairs.rms(difference),
-        "rms_uncertainty": pairs.rms_uncertainty(difference),
-        "relative": pairs.relative_error(difference, truth),
-        "rms_of_signal": pairs.rms(truth),
-        "directions": len(truth),
-    }
+    return raised(pack(table.grid, table.values), scale, storage)
 
 
 def mean_albedo(source: BrdfSource) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envelope.closures import closure_values
+from ..envelope.closures import closure_sum, closure_values
 from ..envelope.fit import node_weights
 from ..envelope.linear_program import solve
 from ..envelope.preview import albedo_weights
@@ -60,12 +60,7 @@ class AnisotropicFit:
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """E / cos(theta_i) in 1/sr, (..., 3), of unit directions that broadcast; 0 on and below the horizon."""
         wi, wo = np.broadcast_arrays(np.asarray(wi, np.float64), np.asarray(wo, np.float64))
-        weights = self.weights_at(wo)
-        result = np.zeros(wi.shape)
-        for k, lobe in enumerate(self.closures):
-            result += lobe.value(wi, wo)[..., None] * weights[..., k, :]
-        result[wo[..., 2] <= 0] = 0
-        return result
+        return closure_sum(self.closures, self.weights_at(wo), wi, wo)
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""

@@ -7,7 +7,7 @@ from typing import Any, cast
 from ..bundle import Bundle, require
 from ..errors import BakeError
 from ..table import FILTERS, Filter
-from ..table_facts import offset_of
+from ..table_facts import offset_of, scale_of
 from .atlas import SliceLayout, unpack
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
@@ -51,13 +51,6 @@ def filter_of(bundle: Bundle) -> Filter:
     where = bundle.path / "material.json"
     table = require(bundle.material, "table", dict, where)
     return cast(Filter, require(table, "filter", str, where, choices=FILTERS))
-
-
-def scale_of(bundle: Bundle, name: str = "table") -> float:
-    """What stored values of "table" or "residual" were multiplied by."""
-    where = bundle.path / "material.json"
-    part = require(bundle.material, name, dict, where)
-    return float(require(part, "scale", float, where, minimum=2.0**-126, maximum=2.0**126))
 
 
 def table_of(bundle: Bundle, name: str = "table") -> AnisotropicTable:

@@ -17,7 +17,7 @@ import numpy as np
 from .. import xp_numpy
 from ..parameterization import phi_nodes
 from ..source import Array, BrdfSource
-from ..table import GUTTER, Filter, beyond_pole, bspline_weights
+from ..table import GUTTER, Filter, beyond_pole, filter_taps
 from .grid import Grid, NormalGrid
 
 _CHUNK = 1 << 17
@@ -125,18 +125,6 @@ def pad_slices(grid: Grid, values: Array) -> Array:
         values = np.pad(values, ((0, 0), (0, 0), (GUTTER, 0), (0, 0), (0, 0)), mode="edge")
         return np.pad(values, ((0, 0), (0, 0), (0, 0), (GUTTER, GUTTER), (0, 0)), mode="wrap")
     return np.pad(values, ((0, 0), (0, 0), (GUTTER, GUTTER), (GUTTER, GUTTER), (0, 0)), mode="edge")
-
-
-def filter_taps(position: Array, filter: Filter) -> list[tuple[Array, Array]]:
-    """(index, weight) pairs of a one-dimensional filter."""
-    if filter == "nearest":
-        return [(np.floor(position + 0.5).astype(np.intp), np.ones_like(position))]
-    base = np.floor(position)
-    t = position - base
-    index = base.astype(np.intp)
-    if filter == "trilinear":
-        return [(index, 1 - t), (index + 1, t)]
-    return [(index + k - 1, w) for k, w in enumerate(bspline_weights(xp_numpy, t))]
 
 
 def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array, Array], filter: Filter) -> Array:

@@ -14,12 +14,22 @@ part of a graph. Neither is in the basis.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import BakeError
 from ..shading.lobes import PARAMETERS, Lobe
 from ..source import Array
+
+
+class HasValue(Protocol):
+    """A closure, isotropic or not."""
+
+    def value(self, wi: Array, wo: Array) -> Array:
+        """BRDF (...) in 1/sr without the cosine."""
+        ...
+
 
 NARROWEST = 0.005
 _ALPHAS = (0.005, 0.007, 0.01, 0.014, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12, 0.17, 0.25, 0.35, 0.5, 0.7, 1.0)
@@ -45,6 +55,18 @@ def closure_values(closures: Sequence[Lobe], wi: Array, wo: Array) -> Array:
     """f cos(theta_i) of each closure in 1/sr, (..., K), at unit directions that broadcast to (..., 3)."""
     wi, wo = np.broadcast_arrays(wi, wo)
     return np.stack([lobe.value(wi, wo) for lobe in closures], -1) * np.maximum(wi[..., 2:], 0)
+
+
+def closure_sum(closures: Sequence[HasValue], weights: Array, wi: Array, wo: Array) -> Array:
+    """Sum over k of weights (..., K, 3) times closures, without the cosine, in 1/sr; 0 for a viewer below the horizon.
+
+    Finite at grazing light, since no closure is ever divided by the cosine.
+    """
+    result = np.zeros(np.broadcast_shapes(wi.shape, wo.shape))
+    for k, lobe in enumerate(closures):
+        result += lobe.value(wi, wo)[..., None] * weights[..., k, :]
+    result[wo[..., 2] <= 0] = 0
+    return result
 
 
 def neighbours(lobe: Lobe, ratio: float) -> list[Lobe]:

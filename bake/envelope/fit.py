@@ -22,7 +22,7 @@ from ..shading.lobes import Lobe
 from ..source import Array, BrdfSource
 from ..table import TreatedSource
 from .choice import Choice, choose
-from .closures import BASIS, check_basis, closure_values
+from .closures import BASIS, check_basis, closure_sum, closure_values
 from .linear_program import solve
 from .verification import lowered, measured, residual_shares
 from .views import Views, chord_of, interpolated, sample_views
@@ -96,17 +96,9 @@ class EnvelopeFit:
         return interpolated(self.weights, chords)
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
-        """E / cos(theta_i) in 1/sr, (..., 3), of unit directions that broadcast; 0 on and below the horizon.
-
-        Finite at grazing light, since no closure is ever divided by the cosine.
-        """
+        """E / cos(theta_i) in 1/sr, (..., 3), of unit directions that broadcast; 0 on and below the horizon."""
         wi, wo = np.broadcast_arrays(np.asarray(wi, np.float64), np.asarray(wo, np.float64))
-        weights = self.weights_at(chord_of(wo))
-        result = np.zeros(wi.shape)
-        for k, lobe in enumerate(self.closures):
-            result += lobe.value(wi, wo)[..., None] * weights[..., k, :]
-        result[wo[..., 2] <= 0] = 0
-        return result
+        return closure_sum(self.closures, self.weights_at(chord_of(wo)), wi, wo)
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""

@@ -16,7 +16,7 @@ from ..bspline_fit import fit_coefficients
 from ..grid_search import choose_grid
 from ..half_grid import HalfGrid
 from ..source import Array, BrdfSource
-from ..storage import Storage, quantize, scale_for
+from ..storage import Storage, as_stored, scale_for
 from ..table import BrdfTable, Filter, Grid, TreatedSource, tabulate
 from .chart import Chart, Point
 from .journal import Journal
@@ -99,7 +99,7 @@ def _measured(
     rows = []
     for values, filter, storage in _variants(table):
         scale = scale_for(values, storage)
-        stored = BrdfTable(grid, quantize(values * np.float32(scale), storage) / np.float32(scale))
+        stored = BrdfTable(grid, as_stored(values, scale, storage))
         difference = stored.evaluate(pairs.wi, pairs.wo, filter) - truth
         rows.append(
             {

@@ -10,10 +10,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from measured_materials.addon.demo import PAINT
-from measured_materials.bake.accuracy import direction_pairs
+from measured_materials.bake.accuracy import direction_pairs, table_errors
 from measured_materials.bake.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.atlas import AtlasLayout
-from measured_materials.bake.bake_brdf import table_errors
 from measured_materials.bake.bspline_fit import fit_coefficients
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import BrdfTable, TableGrid, tabulate
