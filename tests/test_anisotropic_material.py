@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,20 +19,12 @@ from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.native_closure import add_closures
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.scenes import TestScene
 
 EFFECT = 0.01
 ALPHA_X, ALPHA_Y = 0.2, 0.5
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,18 +26,10 @@ from measured_materials.nodes.feature_passes import (
     with_feature_outputs,
 )
 from measured_materials.nodes.material import build_material
+from support.clean_blend import clean_blend  # noqa: F401
 from support.scenes import TestScene, diffuse_material, lit_sphere
 
 PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.1)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
-import bpy
 import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake.alias_sampler import SamplerLayout
@@ -13,6 +11,7 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.scenes import lit_sphere
 
@@ -22,15 +21,6 @@ SOURCES = {
     "oren_nayar": analytic.OrenNayar(),
     "phong": analytic.by_name("phong"),
 }
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -20,6 +19,7 @@ from measured_materials.nodes.material import assemble, build_material
 from measured_materials.nodes.native_closure import add_closures, native_closure
 from measured_materials.nodes.stochastic_mirror_group import more_random_numbers_group, random_numbers_group
 from scipy import stats
+from support.clean_blend import clean_blend  # noqa: F401
 from support.hard_scenes import HARD, hard_scene, link_bump, link_normal_map
 from support.monte_carlo import assert_agree, compare
 from support.scenes import TestScene
@@ -76,15 +76,6 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     result = bake_source(TwoLobes(), tmp_path_factory.mktemp("hard") / "two", settings)
     assert 0.7 < result.facts["envelope"]["share"] < 0.9
     return read_bundle(result.path)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 def built(bundle: Bundle, mode: str, name: str) -> bpy.types.Material:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from measured_materials.nodes.material import build_material
 from scipy.ndimage import map_coordinates
 from support import bundles
 from support.cards import card, data_image
+from support.clean_blend import clean_blend  # noqa: F401
 from support.osl import header_card, skip_without_osl
 from support.scenes import TestScene, lit_sphere
 
@@ -38,15 +39,6 @@ SCENES = {
     "window and lamp": lamp_table([LAMP], 4, sky=0.5, world=((0.6, 0.0, 0.8), 2.0)),
     "nothing": lamp_table([], 4),
 }
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

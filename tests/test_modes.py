@@ -24,6 +24,7 @@ from measured_materials.bake.sources import analytic
 from measured_materials.nodes import brdf_group, compat, expr
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.material import build_material
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.scenes import furnace, lit_sphere
 from test_addon import registered  # noqa: F401
@@ -42,15 +43,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def bundle(folder: Path) -> Bundle:
     return read_bundle(folder / "paint.mmat")
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 def test_preview_has_the_measured_albedo(bundle: Bundle) -> None:

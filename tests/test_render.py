@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -19,20 +18,12 @@ from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.scenes import diffuse_material, furnace, lit_sphere
 
 EFFECT = 0.01
 LIGHT_SAMPLER = SamplerLayout(n_o=16, n_h=16, n_phi=16, warp_power=1)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.scenes import TestScene, diffuse_material, furnace, lit_sphere
 from support.swatches import identity_map, map_bundle, rough_map
@@ -30,15 +30,6 @@ EFFECT = 0.01
 COLOUR = (1.3, 1.0, 0.7)
 # Modes whose noise differs: samples for the same detectable effect.
 SAMPLES = {"reference": 128, "exact": 64}
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
-            collection.remove(block)
 
 
 def tinted(material: bpy.types.Material, factor: float) -> bpy.types.Material:
