@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
@@ -23,6 +23,7 @@ from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 from support.monte_carlo import assert_agree, compare
 from support.osl import skip_without_osl
+from support.planes import SHAPES, plane_scene
 from support.scenes import furnace, lit_sphere
 
 EFFECT = 0.01
@@ -47,10 +48,13 @@ def clean_blend() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def bundles(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bundle, Bundle]:
-    """A fine table in the normal-vector basis, and a coarser one in the half-vector basis."""
+    """A fine table in the normal-vector basis, and a coarser one in the half-vector basis.
+
+    At 24 a single grazing view saw 0.7 % too much red, the mean over all views being right; at 40 it is within noise.
+    """
     folder = tmp_path_factory.mktemp("half")
     fine = BakeSettings(resolution=48, basis="normal", parameterization="fitted", sampler=SAMPLER, envelope=False)
-    half = BakeSettings(resolution=24, basis="half", parameterization="fitted", sampler=SAMPLER)
+    half = BakeSettings(resolution=40, basis="half", parameterization="fitted", sampler=SAMPLER)
     first, second = (
         read_bundle(bake_source(SOURCE, folder / name, settings).path)
         for name, settings in (("fine", fine), ("half", half))
@@ -88,6 +92,38 @@ def test_half_vector_material_is_the_fine_one(bundles: tuple[Bundle, Bundle], mo
         node.inputs["Tint"].default_value = (1.02,) * 3
         planted = compare(pictures, scene.render(128, range(200, 208)), scene.mask(), tolerance=0.002)
         assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
+
+
+@pytest.mark.parametrize(
+    "name, mode, language",
+    [
+        ("sheared out of its plane", "exact", "nodes"),
+        pytest.param("mirrored", "reference", "nodes", marks=pytest.mark.slow),
+        pytest.param("turned", "exact", "osl", marks=pytest.mark.slow),
+        pytest.param("sheared", "reference", "osl", marks=pytest.mark.slow),
+    ],
+)
+def test_half_vectors_on_a_transformed_object(
+    bundles: tuple[Bundle, Bundle], name: str, mode: str, language: str
+) -> None:
+    """Against the fine table on a mesh whose vertices lie where the object's transform brings them."""
+    if language == "osl":
+        skip_without_osl()
+    fine, half = bundles
+    with plane_scene(build(fine, "reference", "nodes"), SHAPES[name], applied=True, lamp=True) as truth:
+        mask = truth.mask()
+        assert update_scene(truth.scene).lamps
+        expected = truth.render(640, range(100, 110))
+    with plane_scene(build(half, mode, language), SHAPES[name], applied=False, lamp=True) as scene:
+        if language == "osl":
+            use_osl(scene.scene)
+        assert update_scene(scene.scene).lamps
+        found = scene.render(640, 10)
+    # As in the test above.
+    result = compare(expected, found, mask, tolerance=0.002)
+    print(result)
+    assert_agree(result, EFFECT)
+    assert not compare(expected, found * 1.02, mask, tolerance=0.002).passed
 
 
 def test_half_floats_make_no_light(tmp_path: Path) -> None:
