@@ -22,6 +22,7 @@ from .lighting_properties import draw_lighting
 from .measured_material import facts_of, is_measured, is_shading_map, why_not_bakeable
 from .quality_properties import choices_of, draw_quality
 from .rebuild import effects_of, why_not_rebuildable
+from .tangent_rows import draw_tangent
 
 _TITLE = "Measured Materials"
 _BRDF_ROWS = (
@@ -103,6 +104,7 @@ class _QualityPanel:
         column = layout.column()
         column.enabled = material.is_editable and not lost
         draw_quality(column, properties, shading_map=shading_map)
+        draw_tangent(layout, material, context)
         if not shading_map:
             layout.label(text=_expected(material), icon="TIME")
         for effect in effects_of(material):

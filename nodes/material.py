@@ -321,7 +321,7 @@ def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> Non
 
 
 def _connect_tangent(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
-    """The direction in which UVs run; an artist may choose Radial in the same node, or link another vector."""
+    """The direction in which UVs run; an artist may choose Radial, turn it, or link another vector."""
     made = tree.nodes.new("ShaderNodeTangent")
     made.direction_type, made.location = "UV_MAP", (-420, 40)
     on_surface = tree.nodes.new("ShaderNodeGroup")

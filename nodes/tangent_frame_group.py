@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
@@ -35,20 +36,24 @@ def tangent_frame_group() -> bpy.types.ShaderNodeTree:
 
 
 def surface_tangent_group() -> bpy.types.ShaderNodeTree:
-    """(Normal, Tangent) of Cycles' Tangent node to the direction in which the coordinate runs on the surface.
+    """(Normal, Tangent, Rotation) of Cycles' Tangent node to the direction in which the coordinate runs on the surface.
 
-    Cycles takes its tangents to the world by the transform of normals: under shear and unequal scale they leave the
-    direction that a texture runs in. Here they are taken back by it, and to the world as the directions they are.
+    Rotation turns it about the normal, in whole turns as Cycles' own anisotropic closures take it. Cycles takes its
+    tangents to the world by the transform of normals: under shear and unequal scale they leave the direction that a
+    texture runs in. Here they are taken back by it, and to the world as the directions they are.
     """
 
-    def build(normal: Any, tangent: Any) -> Any:
+    def build(normal: Any, tangent: Any, rotation: Any) -> Any:
         own_normal = _transformed(normal, "NORMAL", "WORLD", "OBJECT")
         own = _transformed(tangent, "NORMAL", "WORLD", "OBJECT")
         # What Cycles has taken off along the world's normal comes back along the object's.
         own = own - expr.scale(own_normal, expr.dot(own, own_normal))
-        return expr.normalize(_transformed(own, "VECTOR", "OBJECT", "WORLD"))
+        along = expr.normalize(_transformed(own, "VECTOR", "OBJECT", "WORLD"))
+        turn = {"Vector": along, "Axis": normal, "Angle": rotation * (2 * math.pi)}
+        return expr.Vector(expr.node("ShaderNodeVectorRotate", {"rotation_type": "AXIS_ANGLE"}, turn).outputs[0])
 
-    return node_group("MM Surface Tangent", {"Normal": "vector", "Tangent": "vector"}, {"Tangent": "vector"}, build)
+    inputs = {"Normal": "vector", "Tangent": "vector", "Rotation": "float"}
+    return node_group("MM Surface Tangent", inputs, {"Tangent": "vector"}, build)
 
 
 def _transformed(value: Any, kind: str, source: str, target: str) -> Any:

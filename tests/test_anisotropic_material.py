@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image, update_scene
+from measured_materials.addon.tangent_rows import tangent_nodes
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
@@ -75,7 +76,7 @@ def crossed_truth() -> bpy.types.Material:
     return material
 
 
-def truth_material() -> bpy.types.Material:
+def truth_material(rotation: float = 0.0) -> bpy.types.Material:
     """Cycles' own closure of the same lobe, along the Tangent node."""
     material = compat.new_material("truth")
     tree = material.node_tree
@@ -87,6 +88,7 @@ def truth_material() -> bpy.types.Material:
     closure.inputs["Roughness"].default_value = (ALPHA_X * ALPHA_Y) ** 0.25
     # alpha_x = alpha (1 - a), alpha_y = alpha / (1 - a).
     closure.inputs["Anisotropy"].default_value = 1 - (ALPHA_X / ALPHA_Y) ** 0.5
+    closure.inputs["Rotation"].default_value = rotation
     tree.links.new(tangent.outputs[0], closure.inputs["Tangent"])
     tree.links.new(closure.outputs[0], output.inputs["Surface"])
     return material
@@ -111,6 +113,22 @@ def test_reference_equals_cycles_own_closure(brushed: Bundle, name: str) -> None
     print(result)
     assert_agree(result, EFFECT)
     assert not compare(expected, found * 1.02, mask, tolerance=0.004).passed
+
+
+@pytest.mark.slow
+def test_rotation_is_that_of_cycles_own_closure(brushed: Bundle) -> None:
+    """On a mirrored object too, where a turn of the wrong sign would show."""
+    with plane_scene(truth_material(0.1), SHAPES["mirrored"], applied=False) as truth:
+        mask = truth.mask()
+        expected = truth.render(256, range(100, 108))
+    material = build_material(brushed, mode="reference", lamps=lamp_image())
+    tangent_nodes(material)[1].inputs["Rotation"].default_value = 0.1
+    with plane_scene(material, SHAPES["mirrored"], applied=False) as scene:
+        found = scene.render(512, 16)
+        tangent_nodes(material)[1].inputs["Rotation"].default_value = -0.1
+        wrong = scene.render(512, 4)
+    assert_agree(compare(expected, found, mask, tolerance=0.004), EFFECT)
+    assert not compare(expected, wrong, mask, tolerance=0.004).passed
 
 
 @pytest.mark.parametrize("mode", ["exact", slow("reference")])
