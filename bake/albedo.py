@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .directions import spherical
+from .quadrature import gauss_legendre
 from .source import Array, BrdfSource
 
 _PEAK = 1e-4  # theta_h in radians below which the nodes are spaced evenly
@@ -42,7 +43,7 @@ def directional_albedo(source: BrdfSource, theta_o: Array | float, n: int = 96, 
 
 def white_sky_albedo(source: BrdfSource, n: int = 64) -> Array:
     """Share of a uniform sky's light reflected in all, (3,) float64; mean of 8 azimuths if anisotropic."""
-    nodes, weights = np.polynomial.legendre.leggauss(24)
+    nodes, weights = gauss_legendre(24)
     theta_o = np.arcsin(np.sqrt(0.5 * (nodes + 1)))  # sin^2 uniform: d(sin^2) is the cosine-weighted measure
     azimuths = [0.0] if source.isotropic else list(np.arange(8) * (math.pi / 4) + 0.1)
     rings = [directional_albedo(source, theta_o, n, phi_o) for phi_o in azimuths]
@@ -92,7 +93,7 @@ def _half_vectors(theta_o: float, n: int) -> tuple[Array, Array]:
     phi_h: where the viewer is near grazing, the horizon bends sharply at phi_h = pi / 2, within about
     cos theta_o; a sinh spacing gathers the nodes there by just that much.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(n)
+    nodes, weights = gauss_legendre(n)
     cos_o, sin_o = math.cos(theta_o), math.sin(theta_o)
     steepness = math.asinh(math.pi / 2 / cos_o)
     phi = math.pi / 2 + cos_o * np.sinh(steepness * nodes)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import BakeError
+from ..quadrature import gauss_legendre
 from ..source import Array, BrdfSource
 from ..table import TreatedSource
 
@@ -74,8 +75,8 @@ def light_directions(chords: Array, n_h: int, n_phi: int) -> tuple[Array, Array,
     """
     v = np.clip(chords, *_CHORDS)[:, None, None]
     cos_o, sin_o = (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
-    x_h, weight_h = np.polynomial.legendre.leggauss(n_h)
-    x_phi, weight_phi = (a[:, None] for a in np.polynomial.legendre.leggauss(n_phi))
+    x_h, weight_h = gauss_legendre(n_h)
+    x_phi, weight_phi = (a[:, None] for a in gauss_legendre(n_phi))
     steepness = np.arcsinh(np.pi / 2 / cos_o)
     phi = np.pi / 2 + cos_o * np.sinh(steepness * x_phi)
     horizon = 0.5 * np.arctan2(cos_o, -sin_o * np.cos(phi))
@@ -96,7 +97,7 @@ def light_directions(chords: Array, n_h: int, n_phi: int) -> tuple[Array, Array,
 
 def gauss_chords(n: int) -> tuple[Array, Array]:
     """Chords (n,) and weights that sum to 1 of the cosine-weighted mean over theta_o, d(sin^2) = 4 v (1 - v^2) dv."""
-    x, weight = np.polynomial.legendre.leggauss(n)
+    x, weight = gauss_legendre(n)
     v = 0.5 * (x + 1)
     return v, 2 * weight * v * (1 - v * v)
 
