@@ -75,6 +75,8 @@ def _anisotropic_rows(table: Mapping[str, Any], where: str | Path) -> Rows:
     if basis == "half":
         x, y = (require(table, f"width_{k}", float, where) for k in "xy")
         return [*rows, ("Slope width", f"{x:.3g} along the tangent, {y:.3g} across")]
+    if table.get("parameterization", "bezier") != "bezier":
+        return [*rows, ("Spacing", require(table, "parameterization", str, where))]
     theta, phi = (require(table, f"alpha_{g}", float, where) for g in ("theta", "phi"))
     return [*rows, ("Alpha", f"theta {theta:.4g}, phi {phi:.4g}")]
 

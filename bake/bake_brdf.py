@@ -165,7 +165,8 @@ def bake_source(
     say = progress or _silent
     started = time.perf_counter()
     if not source.isotropic:
-        return bake_anisotropic(source, out, settings, progress, origin, basis=settings.basis)
+        basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
+        return bake_anisotropic(source, out, settings, progress, origin, basis=basis)
     treated = TreatedSource(source)
     pairs = direction_pairs(_ERROR_PAIRS)
     truth = treated.evaluate(pairs.wi, pairs.wo)

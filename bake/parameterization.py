@@ -151,6 +151,11 @@ def inverse(xp: Any, kind: str, s: Any, shape: Shape = None) -> Any:
     return _PLAIN[kind][1](xp, s)
 
 
+def shape_constants(shape: Shape) -> tuple[float, float, float]:
+    """The numbers from which `forward` computes, for a shader that is given them as a vector."""
+    return shape.constants if isinstance(shape, LogWarp) else (float(shape), 0.0, 0.0)
+
+
 def chord_to_theta(xp: Any, v: Any) -> Any:
     """Angle in radians from its chord."""
     return 2 * xp.arcsin(v * (1 / np.sqrt(2)))

@@ -42,7 +42,7 @@ def _grid(facts: dict[str, Any], where: Path) -> Grid:
     basis = require(facts, "basis", str, where, choices=("normal", "half"))
     kind: Any = require(facts, "parameterization", str, where, choices=PARAMETERIZATIONS)
     horizon = float(require(facts, "horizon_share", float, where, minimum=0, maximum=1))
-    warps: Any = _warps(facts, 2 if basis == "normal" else 3, where) if kind == "fitted" else None
+    warps: Any = warps_of(facts, 2 if basis == "normal" else 3, where) if kind == "fitted" else None
     if basis == "normal":
         n = require(facts, "n", int, where, minimum=4, maximum=MAX_RESOLUTION)
         theta, phi = (float(require(facts, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
@@ -56,7 +56,8 @@ def _grid(facts: dict[str, Any], where: Path) -> Grid:
     return replace(half, warps=warps) if warps else half
 
 
-def _warps(facts: dict[str, Any], count: int, where: Path) -> tuple[LogWarp, ...]:
+def warps_of(facts: dict[str, Any], count: int, where: Path) -> tuple[LogWarp, ...]:
+    """The fitted warps of a table's axes. Raises BakeError."""
     rows = require(facts, "warps", list, where, minimum=count, maximum=count)
     ends = [_numbers({"warps": row}, "warps", 2, float, NARROWEST_END, WIDEST_END, where) for row in rows]
     return tuple(LogWarp(near, far) for near, far in ends)

@@ -11,6 +11,7 @@ from ..bake.anisotropic.lobes import AnisotropicLobe
 from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
+from ..bake.parameterization import shape_constants
 from ..bake.table import FILTERS
 from ..bake.table_facts import offset_of, scale_of
 from .osl_script import texture_file
@@ -48,15 +49,15 @@ def anisotropic_constants(
 def grid_constants(grid: Grid) -> dict[str, Any]:
     """Of a table's grid and its atlas."""
     layout = SliceLayout.of(grid)
-    shape = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else (grid.alpha_theta, grid.alpha_phi)
+    shapes = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else grid.axis_shapes
     sizes = {f"Size{name}": size for name, size in zip("ABRC", grid.shape)}
     return {
         "Basis": grid.basis,
         **sizes,
         "Columns": layout.columns,
         "Rows": layout.rows,
-        "Shape1": shape[0],
-        "Shape2": shape[1],
+        "Parameterization": "" if isinstance(grid, HalfGrid) else grid.parameterization,
+        **{f"Shape{k}": shape_constants(shape) for k, shape in zip((1, 2), shapes)},
         "Folded": int(grid.folded),
     }
 

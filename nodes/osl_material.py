@@ -19,7 +19,7 @@ from ..bake.errors import BakeError
 from ..bake.half_grid import HalfGrid
 from ..bake.light_sampling import TEXELS
 from ..bake.modes import MODES
-from ..bake.parameterization import LogWarp
+from ..bake.parameterization import shape_constants
 from ..bake.shading.lobes import Lobe
 from ..bake.table import FILTERS, Grid
 from ..bake.table_facts import (
@@ -146,7 +146,7 @@ def grid_constants(grid: Grid) -> dict[str, Any]:
     # In the normal-vector basis both elevations share a shape.
     shapes = grid.shapes if isinstance(grid, HalfGrid) else (grid.shapes[0], *grid.shapes)
     for name, shape in zip(("ShapeSlice", "ShapeRow", "ShapePhi"), shapes, strict=True):
-        constants[name] = shape.constants if isinstance(shape, LogWarp) else (float(shape), 0.0, 0.0)
+        constants[name] = shape_constants(shape)
     return constants
 
 

@@ -10,6 +10,7 @@ from measured_materials.bake.anisotropic.grid import Grid, HalfGrid, NormalGrid
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler, viewer_bin
 from measured_materials.bake.anisotropic.table import AnisotropicTable
 from measured_materials.bake.directions import normalize, spherical
+from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS
 from measured_materials.nodes.anisotropic_groups import (
@@ -21,9 +22,12 @@ from measured_materials.nodes.group import call
 from measured_materials.nodes.tangent_frame_group import tangent_frame_group
 from support.cards import card, data_image
 
+WARPS = LogWarp(0.1, 0.03), LogWarp(0.4, 0.01)
 GRIDS: dict[str, Grid] = {
     "normal": NormalGrid((12, 7, 8, 20), 0.4, 0.3),
     "normal, folded": NormalGrid((6, 7, 8, 20), 0.4, 0.3, folded=True),
+    "uniform": NormalGrid((12, 7, 8, 20), parameterization="uniform"),
+    "fitted": NormalGrid((6, 7, 8, 20), folded=True, parameterization="fitted", warps=WARPS),
     "half": HalfGrid((12, 6, 15, 17), 0.2, 0.6, folded=False),
     "half, folded": HalfGrid((6, 6, 15, 17), 0.2, 0.6),
 }

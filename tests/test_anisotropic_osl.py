@@ -16,6 +16,7 @@ from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
+from measured_materials.bake.parameterization import shape_constants
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS
@@ -24,8 +25,8 @@ from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 from support.monte_carlo import assert_agree, compare
 from support.osl import header_card, skip_without_osl
+from support.planes import SHAPES, plane_scene
 from test_anisotropic_cards import BRUSHED, GRIDS, away_from_borders, directions, random_table
-from test_anisotropic_material import SHAPES, plane_scene
 
 HEADER = "measured_anisotropic.h"
 
@@ -41,12 +42,14 @@ def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
     grid = GRIDS[name]
     table, layout, file = random_table(grid), SliceLayout.of(grid), tmp_path / "atlas.exr"
     write_image(file, pack(grid, table.values), Storage.FLOAT32)
-    shape = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else (grid.alpha_theta, grid.alpha_phi)
+    shapes = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else grid.axis_shapes
+    first, second = ("vector({}, {}, {})".format(*shape_constants(shape)) for shape in shapes)
     sizes = ", ".join(map(str, grid.shape))
     body = f"""
       int sizes[4] = {{{sizes}}};
-      float shape[2] = {{{shape[0]}, {shape[1]}}};
-      MMTable4 table = {{"{file}", 1, 0, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, shape,
+      vector shape[2] = {{{first}, {second}}};
+      MMTable4 table = {{"{file}", 1, 0, "{grid.basis}", sizes, {layout.columns}, {layout.rows},
+                         "{"" if isinstance(grid, HalfGrid) else grid.parameterization}", shape,
                          {int(grid.folded)}, "{filter}", 0}};
       value = vector(mm_lookup4(table, wi, wo, 0.5));"""
     wi, wo = directions(3000)

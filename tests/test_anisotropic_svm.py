@@ -30,11 +30,13 @@ def clean_blend() -> Iterator[None]:
         bpy.data.materials.remove(material)
 
 
-@pytest.fixture(scope="module", params=["half", "normal"])
+@pytest.fixture(scope="module", params=["half auto", "normal bezier", "normal fitted"])
 def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    settings = BakeSettings(8, filter="bspline", sampler=SamplerLayout(16, 16, 16))
-    out = tmp_path_factory.mktemp(request.param) / "satin"
-    bundle = read_bundle(bake_anisotropic(SATIN, out, settings, basis=request.param, viewers=(5, 3)).path)
+    basis, kind = request.param.split()
+    sampler = SamplerLayout(16, 16, 16)
+    settings = BakeSettings(8, parameterization=kind, filter="bspline", sampler=sampler)
+    out = tmp_path_factory.mktemp(kind) / "satin"
+    bundle = read_bundle(bake_anisotropic(SATIN, out, settings, basis=basis, viewers=(5, 3)).path)
     assert len(bundle.material["envelope"]["closures"]) >= 2
     return bundle
 

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
 from measured_materials.bake.anisotropic.atlas import SliceLayout, pack, unpack
-from measured_materials.bake.anisotropic.grid import Grid, HalfGrid, NormalGrid, slope_unwarp
+from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry, total_intensity
+from measured_materials.bake.anisotropic.grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid, slope_unwarp
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler, find_texel, turned, viewer_bin
 from measured_materials.bake.anisotropic.table import AnisotropicTable, tabulate
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS
 from scipy import stats
 
 BRUSHED = analytic.Ggx(alpha=0.1, alpha_y=0.4, f0=(0.9, 0.7, 0.4))
+WARPS = LogWarp(0.1, 0.03), LogWarp(0.4, 0.01)
 GRIDS: dict[str, Grid] = {
     "normal": NormalGrid((16, 10, 10, 24), 0.4, 0.2),
     "normal, folded": NormalGrid((8, 10, 10, 24), 0.4, 0.2, folded=True),
+    "identity": NormalGrid((8, 10, 10, 24), folded=True, parameterization="identity"),
+    "uniform": NormalGrid((16, 10, 10, 24), parameterization="uniform"),
+    "fitted": NormalGrid((8, 10, 10, 24), folded=True, parameterization="fitted", warps=WARPS),
     "half": HalfGrid((16, 9, 20, 24), 0.2, 0.6, folded=False),
     "half, folded": HalfGrid((8, 9, 20, 24), 0.2, 0.6),
 }
@@ -257,3 +265,38 @@ def test_sampler_lowers_the_variance() -> None:
     flat = BRUSHED.evaluate(matte, wo)[:, 0] * np.pi
     assert abs(weight.mean() / flat.mean() - 1) < 0.05  # 40 000 draws by the cosine are good to 2 %
     assert weight.var() < 0.02 * flat.var()
+
+
+# --- choice -----------------------------------------------------------------------------------------------
+
+
+def chosen(basis: str, kind: str, **options: object) -> Grid:
+    pairs = turned_pairs(2000)
+    symmetry = measured_symmetry(BRUSHED, pairs, BRUSHED.evaluate(pairs.wi, pairs.wo))
+    return choose_grid(BRUSHED, 24, symmetry, basis, parameterization=kind, **options)[0]  # type: ignore[arg-type]
+
+
+def test_a_named_parameterization_is_taken() -> None:
+    pairs = turned_pairs(4000)
+    truth, rms = BRUSHED.evaluate(pairs.wi, pairs.wo), {}
+    for kind in NORMAL_KINDS:
+        grid = chosen("auto" if kind in ("identity", "uniform") else "normal", kind)
+        assert isinstance(grid, NormalGrid) and grid.parameterization == kind
+        rms[kind] = pairs.rms(quadrilinear_estimate(BRUSHED, grid, pairs) - truth)
+    assert rms["fitted"] < rms["bezier"] < rms["uniform"] < rms["identity"]
+    assert isinstance(chosen("auto", "auto"), HalfGrid)
+
+
+def test_alpha_given_or_of_largest_intensity() -> None:
+    given = chosen("normal", "bezier", alpha=(0.3, 0.6))
+    assert isinstance(given, NormalGrid) and (given.alpha_theta, given.alpha_phi) == (0.3, 0.6)
+    by_intensity = chosen("normal", "bezier", alpha="intensity")
+    assert isinstance(by_intensity, NormalGrid)
+    # More of the table lies in the highlight, at every resolution that is summed.
+    assert total_intensity(BRUSHED, by_intensity, 24) > total_intensity(BRUSHED, replace(given, alpha_phi=0.9), 24)
+
+
+@pytest.mark.parametrize("basis, kind", [("half", "bezier"), ("auto", "squared"), ("normal", "squared")])
+def test_what_a_basis_does_not_have_is_refused(basis: str, kind: str) -> None:
+    with pytest.raises(BakeError, match="parameterization: cannot be"):
+        chosen(basis, kind)

@@ -52,8 +52,8 @@ def bake_anisotropic(
 
     Parameters
     ----------
-    settings : of the resolution n see `choice.half_shape`; the parameterisation is the basis' own, its shape chosen by
-        measured error, and a spline takes the samples as they are
+    settings : of the resolution n see `choice.half_shape`, of the parameterisation `choice.choose_grid`; a spline takes
+        the samples as they are
     basis : "half", "normal" or "auto"
     viewers : nodes of the envelope's weights in elevation, and in half a turn of the azimuth
     progress : called with the stage's name and its share done
@@ -74,7 +74,13 @@ def bake_anisotropic(
         raise BakeError(source.name, "reflects nothing, or holds values that are not finite", "check the file")
     symmetry = measured_symmetry(treated, pairs, truth)
     grid, search = choose_grid(
-        treated, settings.resolution, symmetry, basis, lambda share: say("choosing alpha", share)
+        treated,
+        settings.resolution,
+        symmetry,
+        basis,
+        lambda share: say("choosing alpha", share),
+        parameterization=settings.spacing,
+        alpha=settings.alpha,
     )
     SliceLayout.of(grid)
     table, scale = quantized(

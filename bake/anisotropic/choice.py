@@ -11,9 +11,10 @@ import numpy as np
 
 from ..accuracy import DirectionPairs
 from ..errors import BakeError
+from ..grid_search import fit_warps
 from ..source import Array, BrdfSource
 from .accuracy import quadrilinear_estimate, turned_pairs
-from .grid import Grid, HalfGrid, NormalGrid
+from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
 
 # Relative L1 difference up to which a symmetry is taken as exact, and half of the samples are saved.
 SYMMETRIC = 1e-3
@@ -23,6 +24,9 @@ _RATIOS = (2.0, 1.4)
 _NARROWEST, _WIDEST = 2e-3, 8.0
 _ALPHAS_THETA, _ALPHAS_PHI = (0.0, 0.25, 0.5, 0.75), (0.05, 0.15, 0.3, 0.5)
 _RANKING = 4096
+# Of "auto" in the normal basis.
+_AUTO = ("bezier", "fitted")
+_INTENSITY_N = 12
 
 
 @dataclass(frozen=True)
@@ -81,20 +85,27 @@ def choose_grid(
     symmetry: Symmetry,
     basis: str = "auto",
     progress: Callable[[float], None] | None = None,
+    *,
+    parameterization: str = "auto",
+    alpha: str | tuple[float, float] = "error",
 ) -> tuple[Grid, dict[str, Any]]:
-    """The grid of least cosine-weighted RMS at directions of no table, and a JSON-ready account of both bases.
+    """The grid of least cosine-weighted RMS at directions of no table, and a JSON-ready account of all kinds.
 
     Parameters
     ----------
     n : resolution, see `half_shape`; the normal basis gets about as many texels
     basis : "half", "normal", or "auto" for the one whose best grid has the smaller error
+    parameterization : of the normal basis, "auto" for the best; the half basis has slope widths of its own, which are
+        fitted, and is left out where another parameterisation is named
+    alpha : for "bezier", as of `bake.grid_search.choose_grid`
 
     Raises
     ------
-    BakeError : an unknown basis
+    BakeError : an unknown basis, or a parameterisation that the basis does not have
     """
     if basis not in BASES:
         raise BakeError("basis", f"cannot be {basis!r}", f"choose from {', '.join(BASES)}")
+    kinds = _kinds(basis, parameterization)
     say = progress or (lambda share: None)
     ranking = turned_pairs(_RANKING, offset=0.25)
     truth = source.evaluate(ranking.wi, ranking.wo)
@@ -106,17 +117,57 @@ def choose_grid(
         return tried[grid]
 
     best: dict[str, Grid] = {}
-    if basis != "normal":
-        best["half"] = _best_half(HalfGrid(half_shape(n, symmetry.reciprocal), folded=symmetry.reciprocal), rms)
-    say(0.6)
-    if basis != "half":
-        start = NormalGrid(normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn)
-        alphas = itertools.product(_ALPHAS_THETA, _ALPHAS_PHI)
-        best["normal"] = min((replace(start, alpha_theta=t, alpha_phi=p) for t, p in alphas), key=rms)
+    for done, (which, kind) in enumerate(kinds):
+        say(done / len(kinds))
+        if which == "half":
+            best["half"] = _best_half(HalfGrid(half_shape(n, symmetry.reciprocal), folded=symmetry.reciprocal), rms)
+            continue
+        start = NormalGrid(normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn, parameterization=kind)
+        best[f"normal {kind}"] = _best_normal(source, start, alpha, rms)
     say(1.0)
     chosen = min(best.values(), key=rms)
     account = {name: {**grid.facts(), "rms": rms(grid)} for name, grid in best.items()}
     return chosen, {"trials": len(tried), "chosen": chosen.basis, "best": account}
+
+
+def _kinds(basis: str, parameterization: str) -> list[tuple[str, str]]:
+    """Basis and parameterisation of what is to be tried."""
+    if parameterization not in ("auto", *NORMAL_KINDS):
+        choices = ", ".join(("auto", *NORMAL_KINDS))
+        raise BakeError(
+            "parameterization", f"cannot be {parameterization!r} of an anisotropic table", f"choose {choices}"
+        )
+    own = parameterization in ("auto", "fitted")
+    if basis == "half" and not own:
+        cause = f"cannot be {parameterization!r} in the half basis of an anisotropic table, whose slopes are fitted"
+        raise BakeError("parameterization", cause, "choose auto, or the normal basis")
+    normal = _AUTO if parameterization == "auto" else (parameterization,)
+    wanted = [("half", "slopes")] if basis != "normal" and own else []
+    return wanted + ([("normal", kind) for kind in normal] if basis != "half" else [])
+
+
+def _best_normal(
+    source: BrdfSource, start: NormalGrid, alpha: str | tuple[float, float], rms: Callable[[Grid], float]
+) -> Grid:
+    if start.parameterization == "fitted":
+        return fit_warps(start, rms)  # type: ignore[arg-type, return-value]
+    if start.parameterization != "bezier":
+        return start
+    if not isinstance(alpha, str):
+        return replace(start, alpha_theta=float(alpha[0]), alpha_phi=float(alpha[1]))
+    trials = [replace(start, alpha_theta=t, alpha_phi=p) for t, p in itertools.product(_ALPHAS_THETA, _ALPHAS_PHI)]
+    if alpha == "intensity":
+        return max(trials, key=lambda grid: total_intensity(source, grid))
+    return min(trials, key=rms)
+
+
+def total_intensity(source: BrdfSource, grid: NormalGrid, most: int = _INTENSITY_N) -> float:
+    """Sum of all samples of the table (MY16 section 4.2), or of one of at most `most` elevations of its proportions."""
+    share = min(1.0, most / grid.shape[1])
+    azimuth, columns = (max(4, 2 * round(n * share / 2)) for n in (grid.shape[0], grid.shape[3]))
+    small = replace(grid, shape=(azimuth, *(max(4, round(n * share)) for n in grid.shape[1:3]), columns))
+    values = source.evaluate(*small.directions(*np.meshgrid(*map(np.arange, small.shape), indexing="ij")))
+    return float(values.sum(dtype=np.float64))
 
 
 def _best_half(start: HalfGrid, rms: Callable[[Grid], float]) -> HalfGrid:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, cast
 
 from ..bundle import Bundle, require
 from ..errors import BakeError
 from ..table import FILTERS, Filter
-from ..table_facts import offset_of, scale_of
+from ..table_facts import offset_of, scale_of, warps_of
 from .atlas import SliceLayout, unpack
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
-from .grid import Grid, HalfGrid, NormalGrid
+from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
 from .sampler import SlopeLayout, SlopeSampler
 from .table import AnisotropicTable
 
@@ -37,13 +38,26 @@ def grid_of(bundle: Bundle, name: str = "table") -> Grid:
         x, y = (float(require(table, f"width_{k}", float, where, minimum=1e-4, maximum=1e3)) for k in "xy")
         grid = HalfGrid(shape, x, y, folded)
     else:
-        theta, phi = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
-        grid = NormalGrid(shape, theta, phi, folded)
+        grid = _normal_grid(table, shape, folded, where)
         # Beyond the pole azimuths go on half a turn further, which has to be a sample.
         if shape[3] % 2 or (not folded and shape[0] % 2):
             raise BakeError(where, "'table.shape' has an odd azimuth", "bake it again")
     _check_size(bundle, name, SliceLayout.of(grid).size)
     return grid
+
+
+def _normal_grid(table: dict[str, Any], shape: tuple[int, int, int, int], folded: bool, where: Path) -> NormalGrid:
+    """Bundles of before version 2 do not name their parameterisation: it is Bezier."""
+    kind = "bezier"
+    if "parameterization" in table:
+        kind = require(table, "parameterization", str, where, choices=NORMAL_KINDS)
+    if kind == "fitted":
+        near, far = warps_of(table, 2, where)
+        return NormalGrid(shape, folded=folded, parameterization=kind, warps=(near, far))
+    if kind != "bezier":
+        return NormalGrid(shape, folded=folded, parameterization=kind)
+    theta, phi = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
+    return NormalGrid(shape, theta, phi, folded)
 
 
 def filter_of(bundle: Bundle) -> Filter:

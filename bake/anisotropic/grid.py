@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from .. import xp_numpy
-from ..parameterization import chord_to_theta, forward, phi_nodes, theta_nodes
+from ..parameterization import LogWarp, chord_to_theta, forward, phi_nodes, theta_nodes
 from ..source import Array
 
 # The sample at the horizon is taken short of it, at this share of its neighbour's cosine (see bake.table).
@@ -32,6 +32,9 @@ _POLE_CHORD = 1e-5
 _WITHIN = 0.98
 # Below this sum of cosines, of pairs within a twentieth of a degree of the horizon, the stored value is held.
 LEAST_SUM = 1e-3
+
+# Of the normal basis. "squared" is a spacing of theta_h.
+NORMAL_KINDS = ("identity", "uniform", "bezier", "fitted")
 
 Shape = tuple[int, int, int, int]
 Coordinates = tuple[Any, Any, Any, Any]
@@ -44,28 +47,39 @@ class NormalGrid:
     Parameters
     ----------
     shape : samples of each; the columns even
-    alpha_theta, alpha_phi : Bezier shapes
+    alpha_theta, alpha_phi : Bezier shapes of both elevations, and of phi_delta
     folded : phi_o runs over half a turn; the source looks the same after half a turn about the normal
+    parameterization : of the elevations and of phi_delta; phi_o is even (MY16 has phi_i there, but the viewer is known
+        first)
+    warps : their fitted warps
     """
 
     shape: Shape
     alpha_theta: float = 0.5
     alpha_phi: float = 0.5
     folded: bool = False
+    parameterization: str = "bezier"
+    warps: tuple[LogWarp, LogWarp] = (LogWarp(), LogWarp())
     basis = "normal"
     periodic_columns = True
+
+    @property
+    def axis_shapes(self) -> tuple[Any, Any]:
+        """Of the elevations and of phi_delta, as `parameterization.forward` takes them."""
+        return self.warps if self.parameterization == "fitted" else (self.alpha_theta, self.alpha_phi)
 
     def coordinates(self, xp: Any, wi: Any, wo: Any) -> Coordinates:
         """Fractional indices (a, b, r, c) of direction pairs; `xp` is the namespace."""
         n_a, n_b, n_r, n_c = self.shape
+        kind, (theta, phi) = self.parameterization, self.axis_shapes
         normal = xp.vec(0.0, 0.0, 1.0)
-        u_o = forward(xp, "bezier", _chord(xp, wo, normal), self.alpha_theta)
-        u_i = forward(xp, "bezier", _chord(xp, wi, normal), self.alpha_theta)
+        u_o = forward(xp, kind, _chord(xp, wo, normal), theta)
+        u_i = forward(xp, kind, _chord(xp, wi, normal), theta)
         xi, yi, _ = xp.components(wi)
         xo, yo, _ = xp.components(wo)
         ti, to = xp.normalize(xp.vec(xi, yi, 0.0)), xp.normalize(xp.vec(xo, yo, 0.0))
         near, far = xp.length(ti - to), xp.length(ti + to)
-        s = forward(xp, "bezier", xp.minimum(xp.minimum(near, far) * (1 / np.sqrt(2)), 1.0), self.alpha_phi)
+        s = forward(xp, kind, xp.minimum(xp.minimum(near, far) * (1 / np.sqrt(2)), 1.0), phi)
         # From 0 at phi_delta = 0 to 1 at pi, and on to 2 on the other side.
         turn = xp.where(near > far, 0.5 + 0.5 * s, 0.5 - 0.5 * s)
         turn = xp.where(xo * yi < xi * yo, 2 - turn, turn)
@@ -73,9 +87,8 @@ class NormalGrid:
 
     def directions(self, a: Array, b: Array, r: Array, c: Array) -> tuple[Array, Array]:
         """(wi, wo), each (..., 3), at whole indices that broadcast."""
-        n_a, n_b, n_r, n_c = self.shape
-        half = n_c // 2
-        cos_phi, sin_phi = (w[::-1] for w in phi_nodes("bezier", half + 1, self.alpha_phi))
+        n_a, n_b, n_r, _ = self.shape
+        cos_phi, sin_phi = (w[::-1] for w in self.phi_delta())
         cos_phi = np.concatenate([cos_phi, cos_phi[-2:0:-1]])
         sin_phi = np.concatenate([sin_phi, -sin_phi[-2:0:-1]])
         phi = node_azimuth(a, n_a, self.folded)
@@ -90,17 +103,26 @@ class NormalGrid:
         """What values are multiplied by to be stored."""
         return 1.0
 
+    def phi_delta(self) -> tuple[Array, Array]:
+        """Cosine and sine of the samples from pi to 0, one more than half of the columns."""
+        return phi_nodes(self.parameterization, self.shape[3] // 2 + 1, self.axis_shapes[1])
+
     def _chords(self, n: int) -> Array:
-        v = theta_nodes("bezier", n, self.alpha_theta)
+        v = theta_nodes(self.parameterization, n, self.axis_shapes[0])
         return np.clip(v, _POLE_CHORD, np.sqrt(1 - _HORIZON_SHARE * (1 - v[1] ** 2)))
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready description."""
+        shapes: dict[str, Any] = {}
+        if self.parameterization == "bezier":
+            shapes = {"alpha_theta": self.alpha_theta, "alpha_phi": self.alpha_phi}
+        elif self.parameterization == "fitted":
+            shapes = {"warps": [[warp.near, warp.far] for warp in self.warps]}
         return {
             "basis": "normal",
             "shape": list(self.shape),
-            "alpha_theta": self.alpha_theta,
-            "alpha_phi": self.alpha_phi,
+            "parameterization": self.parameterization,
+            **shapes,
             "folded": self.folded,
         }
 

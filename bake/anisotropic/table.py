@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 
 from .. import xp_numpy
-from ..parameterization import phi_nodes
 from ..source import Array, BrdfSource
 from ..table import GUTTER, Filter, beyond_pole, filter_taps
 from .grid import Grid, NormalGrid
@@ -99,8 +98,7 @@ def tabulate(source: BrdfSource, grid: Grid, progress: Callable[[float], None] |
 
 def _column_weights(grid: NormalGrid) -> Array:
     """Weights (C,) of the mean over phi_delta, whose samples crowd where it matters."""
-    half = grid.shape[3] // 2
-    cosine, sine = phi_nodes("bezier", half + 1, grid.alpha_phi)
+    cosine, sine = grid.phi_delta()
     steps = np.abs(np.diff(np.arctan2(sine, cosine)))[::-1] / np.pi
     around = np.concatenate([steps, steps[::-1]])
     weights: Array = 0.25 * (around + np.roll(around, 1))

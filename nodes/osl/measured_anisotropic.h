@@ -8,8 +8,9 @@
 #define MM_LEAST_SUM 1e-3       // bake/anisotropic/grid.py
 #define MM_CELL_EDGE 0.999999   // bake/anisotropic/sampler.py
 
-// A four-dimensional table: the atlas of bake/anisotropic/atlas.py, its grid's sizes [a, b, r, c], and the grid's
-// shape: slope widths along x and y in the half basis, alpha_theta and alpha_phi in the normal one.
+// A four-dimensional table: the atlas of bake/anisotropic/atlas.py, its grid's sizes [a, b, r, c], and the shapes of
+// two kinds of axes: in the half basis the slope widths along x and y, first of each; in the normal one what mm_forward
+// takes for the elevations and for phi_delta.
 struct MMTable4 {
   string image;
   float scale;
@@ -18,7 +19,8 @@ struct MMTable4 {
   int sizes[4];
   int columns;
   int rows;
-  float shape[2];
+  string parameterization;
+  vector shape[2];
   int folded;
   string filter;
   int stochastic;
@@ -56,8 +58,7 @@ float mm_slope_unwarp(float u, float width)
 // NormalGrid.coordinates
 void mm_normal_coordinates4(MMTable4 table, vector wi, vector wo, output float at[4])
 {
-  vector theta = table.shape[0];
-  MMGrid grid = {"normal", "bezier", theta, theta, vector(table.shape[1]), 0};
+  MMGrid grid = {"normal", table.parameterization, table.shape[0], table.shape[0], table.shape[1], 0};
   vector u = mm_coordinates(grid, wi, wo);
   float turn = wo[0] * wi[1] < wi[0] * wo[1] ? 1 + u[2] : 1 - u[2];
   at[0] = mm_azimuth_index(wo[0], wo[1], table.sizes[0], table.folded);
@@ -75,8 +76,8 @@ void mm_half_coordinates4(MMTable4 table, vector wi, vector wo, output float at[
   float lift = (dot(wi, h) + wi[2]) / (1 + h[2]);
   at[0] = mm_azimuth_index(wi[0] - h[0] * lift, wi[1] - h[1] * lift, table.sizes[0], table.folded);
   at[1] = (1 - min(length(wi - h) * M_SQRT1_2, 1.0)) * (table.sizes[1] - 1);
-  at[2] = (0.5 + 0.5 * mm_slope_warp(total[1] / total[2], table.shape[1])) * (table.sizes[2] - 1);
-  at[3] = (0.5 + 0.5 * mm_slope_warp(total[0] / total[2], table.shape[0])) * (table.sizes[3] - 1);
+  at[2] = (0.5 + 0.5 * mm_slope_warp(total[1] / total[2], table.shape[1][0])) * (table.sizes[2] - 1);
+  at[3] = (0.5 + 0.5 * mm_slope_warp(total[0] / total[2], table.shape[0][0])) * (table.sizes[3] - 1);
 }
 
 // slice_uv, and the texture there; a and b whole, a at most two beyond its ends

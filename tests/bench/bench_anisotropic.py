@@ -14,6 +14,7 @@ from measured_materials.addon.studio import remove_studio, render_linear, set_un
 from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
 from measured_materials.bake.anisotropic.atlas import SliceLayout
 from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry
+from measured_materials.bake.anisotropic.grid import NORMAL_KINDS
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.image_io import write_png
@@ -55,18 +56,20 @@ def run(out: Path, quick: bool) -> None:
 
 def _errors(resolutions: tuple[int, ...]) -> None:
     pairs = turned_pairs(8192)
-    print(f"{'material':20s} {'basis':8s} {'samples':>20s} {'MB (half)':>9s} {'RMS 1/sr':>9s} {'energy off':>10s}")
+    print(
+        f"{'material':20s} {'basis':6s} {'spacing':8s} {'samples':>20s} {'MB (half)':>9s} {'RMS 1/sr':>9s} {'energy off':>10s}"
+    )
     for name, source in SOURCES.items():
         truth = source.evaluate(pairs.wi, pairs.wo)
         symmetry = measured_symmetry(source, pairs, truth)
         for n in resolutions:
-            for basis in ("half", "normal"):
-                grid, _ = choose_grid(source, n, symmetry, basis)
+            for basis, kind in (("half", "auto"), *(("normal", kind) for kind in NORMAL_KINDS)):
+                grid, _ = choose_grid(source, n, symmetry, basis, parameterization=kind)
                 error = quadrilinear_estimate(source, grid, pairs) - truth
                 width, height = SliceLayout.of(grid).size
                 memory = width * height * Storage.HALF.render_bytes(3) / 1e6
                 size = " x ".join(map(str, grid.shape))
-                row = f"{name:20s} {basis:8s} {size:>20s} {memory:9.2f} {pairs.rms(error):9.5f}"
+                row = f"{name:20s} {basis:6s} {'slopes' if kind == 'auto' else kind:8s} {size:>20s} {memory:9.2f} {pairs.rms(error):9.5f}"
                 print(row + f" {pairs.relative_error(error, truth):10.2%}")
 
 
