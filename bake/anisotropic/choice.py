@@ -163,9 +163,10 @@ def _best_normal(
 
 def total_intensity(source: BrdfSource, grid: NormalGrid, most: int = _INTENSITY_N) -> float:
     """Sum of all samples of the table (MY16 section 4.2), or of one of at most `most` elevations of its proportions."""
-    share = min(1.0, most / grid.shape[1])
-    azimuth, columns = (max(4, 2 * round(n * share / 2)) for n in (grid.shape[0], grid.shape[3]))
-    small = replace(grid, shape=(azimuth, *(max(4, round(n * share)) for n in grid.shape[1:3]), columns))
+    n_a, n_b, n_r, n_c = grid.shape
+    share = min(1.0, most / n_b)
+    azimuth, columns = (max(4, 2 * round(n * share / 2)) for n in (n_a, n_c))
+    small = replace(grid, shape=(azimuth, max(4, round(n_b * share)), max(4, round(n_r * share)), columns))
     values = source.evaluate(*small.directions(*np.meshgrid(*map(np.arange, small.shape), indexing="ij")))
     return float(values.sum(dtype=np.float64))
 

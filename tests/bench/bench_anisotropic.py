@@ -56,9 +56,8 @@ def run(out: Path, quick: bool) -> None:
 
 def _errors(resolutions: tuple[int, ...]) -> None:
     pairs = turned_pairs(8192)
-    print(
-        f"{'material':20s} {'basis':6s} {'spacing':8s} {'samples':>20s} {'MB (half)':>9s} {'RMS 1/sr':>9s} {'energy off':>10s}"
-    )
+    heads = f"{'material':20s} {'basis':6s} {'spacing':8s} {'samples':>20s}"
+    print(f"{heads} {'MB (half)':>9s} {'RMS 1/sr':>9s} {'energy off':>10s}")
     for name, source in SOURCES.items():
         truth = source.evaluate(pairs.wi, pairs.wo)
         symmetry = measured_symmetry(source, pairs, truth)
@@ -69,8 +68,9 @@ def _errors(resolutions: tuple[int, ...]) -> None:
                 width, height = SliceLayout.of(grid).size
                 memory = width * height * Storage.HALF.render_bytes(3) / 1e6
                 size = " x ".join(map(str, grid.shape))
-                row = f"{name:20s} {basis:6s} {'slopes' if kind == 'auto' else kind:8s} {size:>20s} {memory:9.2f} {pairs.rms(error):9.5f}"
-                print(row + f" {pairs.relative_error(error, truth):10.2%}")
+                words = f"{name:20s} {basis:6s} {'slopes' if kind == 'auto' else kind:8s} {size:>20s}"
+                off = pairs.relative_error(error, truth)
+                print(f"{words} {memory:9.2f} {pairs.rms(error):9.5f} {off:10.2%}")
 
 
 def _truth() -> bpy.types.Material:
