@@ -10,7 +10,6 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 from measured_materials.bake import parameterization as par
-from measured_materials.bake import xp_numpy
 from measured_materials.bake.anisotropic.grid import HalfGrid as SlopeGrid
 from measured_materials.bake.anisotropic.grid import NormalGrid
 from measured_materials.bake.half_grid import HalfGrid
@@ -125,7 +124,9 @@ def _osl_coordinates(grid: Any, folder: Path) -> Osl:
     c = grid_constants(grid)
     shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
     body = f'MMGrid g = {{"{c["Basis"]}", "{c["Parameterization"]}", {shapes}, {c["Reciprocal"]}}};'
-    return Osl(body + "vector at = mm_coordinates(g, wi, wo); for (int k = 0; k < 3; ++k) y[k] = at[k];", 3, ("wi", "wo"))
+    return Osl(
+        body + "vector at = mm_coordinates(g, wi, wo); for (int k = 0; k < 3; ++k) y[k] = at[k];", 3, ("wi", "wo")
+    )
 
 
 def _coordinates(name: str, grid: Any, bounds: dict[str, float], reason: str, true: Any, weights: Any) -> Case:
@@ -143,7 +144,6 @@ def _coordinates(name: str, grid: Any, bounds: dict[str, float], reason: str, tr
         true,
         lambda xp, wi, wo: grid.unit_coordinates(xp, wi, wo),
         nodes=lambda folder, wi, wo: call(coordinates_group(grid), wi, wo),
-        numpy=lambda folder, wi, wo: tuple(grid.unit_coordinates(xp_numpy, wi, wo)),
         osl=partial(_osl_coordinates, grid),
         error=error,
         low=-4 * EPS,

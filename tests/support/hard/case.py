@@ -13,6 +13,7 @@ from measured_materials.nodes import expr
 
 from ..cards import card
 from ..osl import header_card
+from .formula import xp_float32
 
 Array = np.ndarray
 IMPLEMENTATIONS = ("float64", "float32", "nodes", "osl")
@@ -123,9 +124,11 @@ def _found(case: Case, implementation: str, folder: Path, inputs: tuple[Array, .
     dtype = np.float64 if implementation == "float64" else np.float32
     given = tuple(i.astype(dtype) for i in inputs)
     with np.errstate(under="ignore"):
-        result = case.numpy(folder, *given) if case.numpy else _formula(case)(xp_numpy, *given)
+        xp = xp_float32 if implementation == "float32" else xp_numpy
+        result = case.numpy(folder, *given) if case.numpy else _formula(case)(xp, *given)
     parts = result if isinstance(result, tuple) else (result,)
     count = len(inputs[0])
+    assert all(np.asarray(p).dtype == dtype for p in parts) or case.numpy, "not computed in this precision"
     columns = [np.reshape(np.broadcast_to(p, (count, *np.shape(p)[1:])), (count, -1)) for p in parts]
     found = np.concatenate(columns, -1).astype(np.float64)
     return found, bool(np.isfinite(found).all())

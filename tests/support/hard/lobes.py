@@ -102,8 +102,9 @@ def _draw(name: str) -> Case:
         draws,
         truth.each(_drawn(name)),
         lambda xp, random, n: draw_lobe(xp, name, random, n),
-        error=lambda found, true, random, n: np.abs(found - true)
-        / (1 if heavy else np.maximum(true, 1e-7 / (n[:, None] + 1))),
+        error=lambda found, true, random, n: (
+            np.abs(found - true) / (1 if heavy else np.maximum(true, 1e-7 / (n[:, None] + 1)))
+        ),
         low=0,
         high=1,
     )

@@ -29,7 +29,7 @@ def _exact(value: Any) -> Any:
 
 
 def parameter(kind: str, shape: Any, v: Any) -> Any:
-    """Table parameter s of the chord v, by cos g = F^-1(s): MY16 section 4; "squared" MERL's; "fitted" by its density."""
+    """Table parameter s of the chord v, by cos g = F^-1(s) (MY16 section 4); "fitted" by its density of samples."""
     if kind == "fitted":
         return 1 - _share(shape, v)
     x = 1 - v * v
