@@ -45,14 +45,14 @@ def test_what_is_wrong_is_found(implementation: str, planted: str, tmp_path: Pat
     if implementation == "osl":
         skip_without_osl()
     formula = {
-        "offset": lambda xp, v: (1 - v) * (1 + v) + (v > 0.9999) * 1e-5,
-        "infinite": lambda xp, v: xp.where(v > 0.9999, 1e30, v) * xp.where(v > 0.9999, 1e30, 1.0),
+        "offset": lambda xp, v: (1 - v) * (1 + v) + xp.where(v > 0.9999, v * 1e-5, v * 0),
+        "infinite": lambda xp, v: xp.where(v > 0.9999, v * 1e30, v) * xp.where(v > 0.9999, v * 1e30, v),
         "undefined": lambda xp, v: (v * 1e38) * 1e38 - (v * 1e38) * 1e38,
     }[planted]
     body = {
         "offset": "y[0] = (1 - x) * (1 + x) + (x > 0.9999) * 1e-5;",
         "infinite": "float a = x > 0.9999 ? 1e30 : x; y[0] = a * a;",
-        "undefined": "float a = x * 1e38 * 1e38; y[0] = a - a;",
+        "undefined": "float a = x * 1e38 * 1e38; float b = x * 2e38 * 2e38; y[0] = a - b;",
     }[planted]
     good = next(case for case in cases() if case.name == "parameter of a chord, identity")
     parts = {**vars(good), "name": f"planted {planted}", "formula": formula}
