@@ -45,6 +45,8 @@ def test_committed_table_of_cases() -> None:
     """It lists exactly the registry's cases, with their bounds; `./run bench hard` writes it."""
     now = [registry.case_row(case, dict.fromkeys(case.bounds, 0.0)) for case in registry.cases()]
     assert registry.promises(_table(registry.CASE_HEAD)) == registry.promises(now)
+    page = TABLES.read_text(encoding="utf-8")
+    assert all(f"{k}. {note}" in page for k, note in enumerate(registry.notes(), 1))
 
 
 def test_committed_table_of_outcomes() -> None:

@@ -20,11 +20,16 @@ CPU, one machine. A cell is *worst error / bound*; an empty one has no such impl
 
 `float64` and `float32` are numpy in that precision (tables are evaluated in float64 only), `nodes` the node group and
 `osl` the shader, both rendered on a card and read back as floats. Truths are computed in 40 digits (mpmath) from
-definitions, not from our formulas. Every value must also be finite and in range: never negative where light is meant.
+definitions, not from our formulas; those of lookups are the bright texel's tent at numpy's float64 coordinates, and for
+the B-spline numpy's own value. Every value must also be finite and in range: never negative where light is meant.
 
 ## Cases
 
 {cases}
+
+What is hard, and why this bound:
+
+{notes}
 
 ## Whole bakes
 
@@ -54,7 +59,8 @@ def run(out: Path, quick: bool) -> None:
     }
     for name, (head, rows) in tables.items():
         _write(out / f"hard_{name}.csv", head, rows)
-    page = TEXT.format(**{name: registry.markdown(*table) for name, table in tables.items()})
+    notes = "\n".join(f"{k}. {note}" for k, note in enumerate(registry.notes(), 1))
+    page = TEXT.format(notes=notes, **{name: registry.markdown(*table) for name, table in tables.items()})
     (out / "hard_cases.md").write_text(page, encoding="utf-8")
     print(f"page {out / 'hard_cases.md'}")
 

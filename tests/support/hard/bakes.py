@@ -66,10 +66,9 @@ def is_kept(outcome: Outcome, found: float | str) -> bool:
 class Constant:
     """A source of one value everywhere above the horizon; `spoilt` stands at one cell of directions."""
 
-    isotropic = bilateral = True
-
-    def __init__(self, value: float, spoilt: float | None = None) -> None:
+    def __init__(self, value: float, spoilt: float | None = None, isotropic: bool = True) -> None:
         self.value, self.spoilt, self.name = value, spoilt, "constant"
+        self.isotropic = self.bilateral = isotropic
         self.facts: dict[str, Any] = {}
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
@@ -173,6 +172,16 @@ def _sources() -> list[Outcome]:
         Outcome("bake", "all zero", "", partial(_refused_source, Constant(0)), cause="reflects nothing"),
         Outcome("bake", "one cell NaN", "", partial(_refused_source, Constant(0.1, np.nan)), cause="not finite"),
         Outcome("bake", "one cell infinite", "", partial(_refused_source, Constant(0.1, np.inf)), cause="not finite"),
+        Outcome(
+            "bake",
+            "anisotropic, one cell NaN",
+            "",
+            partial(_refused_source, Constant(0.1, np.nan, isotropic=False)),
+            cause="not finite",
+        ),
+        Outcome(
+            "bake", "anisotropic, all zero", "", partial(_refused_source, Constant(0, None, False)), cause="nothing"
+        ),
         Outcome("bake", "beyond float32, 1e39", "", partial(_refused_source, Constant(1e39)), cause="too large"),
     ]
 

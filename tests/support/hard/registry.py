@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from . import angles, bakes, formulas_angles, formulas_curves, lobes, lookups, maps, storages
+from . import angles, bakes, formulas_angles, formulas_curves, lobes, lookups, maps, reflectances, storages
 from .bakes import Outcome
 from .case import IMPLEMENTATIONS, Case
 from .formula import Formula
 
 FORMULAS: tuple[Formula, ...] = (*formulas_angles.FORMULAS, *formulas_curves.FORMULAS)
-CASE_HEAD = ("case", "what is hard", "error", *IMPLEMENTATIONS, "why this bound")
+CASE_HEAD = ("case", "error", *IMPLEMENTATIONS, "note")
 OUTCOME_HEAD = ("bake or call", "promised", "found")
 FORMULA_HEAD = (
     "paper",
@@ -29,7 +29,7 @@ FORMULA_HEAD = (
 @cache
 def cases() -> tuple[Case, ...]:
     """All cases with a truth."""
-    return tuple(case for module in (angles, lobes, lookups, maps, storages) for case in module.cases())
+    return tuple(case for module in (angles, lobes, reflectances, lookups, maps, storages) for case in module.cases())
 
 
 @cache
@@ -41,7 +41,17 @@ def outcomes() -> tuple[Outcome, ...]:
 def case_row(case: Case, worst: dict[str, float]) -> list[str]:
     """Cells of a case: worst error and bound of each implementation."""
     cells = [f"{worst[k]:.1e} / {case.bounds[k]:.1e}" if k in case.bounds else "" for k in IMPLEMENTATIONS]
-    return [str(case), case.points, case.unit, *cells, case.reason]
+    return [str(case), case.unit, *cells, str(notes().index(_note(case)) + 1)]
+
+
+@cache
+def notes() -> list[str]:
+    """What is hard in the cases, and why their bounds are what they are; each told once."""
+    return list(dict.fromkeys(_note(case) for case in cases()))
+
+
+def _note(case: Case) -> str:
+    return f"{case.points}. Bound: {case.reason}."
 
 
 def outcome_row(outcome: Outcome, found: float | str) -> list[str]:
