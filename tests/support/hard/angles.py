@@ -214,5 +214,5 @@ def _half() -> Case:
         return np.stack([f * a for f, a in zip(factors, arcs)], -1)
 
     bounds = {"float64": 6e-8, "float32": 5e-7, "nodes": 5e-7, "osl": 5e-7}
-    reason = "as above; h is moved by a rounding over |wi + wo|, theta_d counts as a share of its largest"
+    reason = "as in the other basis; h is moved by a rounding over |wi + wo|, theta_d is a share of its largest"
     return _coordinates("half-vector basis, fitted", grid, bounds, reason, truth.each(row), weights)

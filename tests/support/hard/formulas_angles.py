@@ -118,8 +118,7 @@ def _theta_d() -> tuple[float, float]:
     half = a + b
     half = half / np.sqrt(np.sum(half * half, -1, keepdims=True))
     printed = np.arccos(dot32(a, half)).astype(float)
-    apart, total = a - b, a + b
-    v = xp_float32.length(apart) / xp_float32.sqrt(xp_float32.length(total) * 2 + 4)
+    v = par.difference_chord(xp_float32, a + b, a - b)
     return worst(printed, theta / 2), worst(_angle_of_chord(v), theta / 2)
 
 
@@ -128,7 +127,7 @@ FORMULAS = (
         "MY16, section 4",
         "uniform parameter of an angle",
         "1 - (2 / pi) acos(a . b)",
-        "2 asin(v / sqrt 2), v = |a - b| / sqrt 2",
+        "1 - (4 / pi) asin(v / sqrt 2), v = |a - b| / sqrt 2",
         "angles from 1e-5 to 1 rad",
         "s",
         3e-7,

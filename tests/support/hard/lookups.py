@@ -31,7 +31,7 @@ from measured_materials.nodes.table_lookup_group import table_lookup_group
 from ..cards import data_image
 from .angles import AROUND, HALF, NORMAL, NORMAL_FITTED, SLOPES
 from .case import Array, Case, Osl
-from .points import pairs_above
+from .points import DIRECTIONS, pairs_above
 
 # The bright texel lies inside, where a tent of unit width is what linear reconstruction must give.
 BRIGHT = 1e4
@@ -210,7 +210,7 @@ def _reciprocal() -> Case:
     return Case(
         "lookups",
         "reciprocity, half-vector basis, GGX of alpha 0.1",
-        "as above",
+        DIRECTIONS,
         "1/sr, per value above 1",
         "the exchange changes no bit of any coordinate",
         {"float64": 0, "nodes": 1e-6, "osl": 1e-6},
@@ -290,7 +290,7 @@ def _slopes() -> Case:
 
     return _sampler_case(
         "alias tables of slopes, anisotropic",
-        _ENDS + "widths of 0.01 and 0.4",
+        _ENDS + "GGX of alpha 0.01 and 0.4",
         sampler.sample,
         lambda: slope_sampler_group("hard slopes", data_image("hard slopes", sampler.texels), layout),
         osl,
