@@ -202,7 +202,7 @@ def half_basis_coordinates(
     u = 1 at theta_d = 0, theta_h = 0 and phi_d = 0. theta_d counts as a share, in chords, of the largest for which
     wi and wo lie above the horizon, `largest_chord_d`: so every entry of the table can be met.
 
-    From s = wi + wo and d = wi - wo: theta_h is the angle of s, theta_d that between wi and s, and
+    From s = wi + wo and d = wi - wo: theta_h is the angle of s, |s| = 2 cos theta_d, |d| = 2 sin theta_d, and
     cos phi_d : sin phi_d = -|s| d_z : (s x d)_z, whose signs matter only without reciprocity. Where theta_h or
     theta_d is 0, phi_d is rounding noise, and the table is constant in phi_d there.
 
@@ -221,13 +221,18 @@ def half_basis_coordinates(
     cos_phi, _, _ = xp.components(phi)
     # Below the horizon there is no table; a lookup there must be finite all the same.
     most = largest_chord_d(xp, xp.maximum(z, 0.0), xp.length(xp.vec(x, y, 0.0)) * cos_phi)
-    v_d = xp.minimum(xp.divide(xp.length(wi - half) * (1 / np.sqrt(2)), most), 1.0)
+    v_d = xp.minimum(xp.divide(difference_chord(xp, total, apart), most), 1.0)
     u_d = forward(xp, kinds[0], v_d, shapes[0])
     u_h = forward(xp, kinds[1], chord(xp, half, xp.vec(0.0, 0.0, 1.0)), shapes[1])
     u_phi = forward(xp, kinds[2], chord(xp, phi, xp.vec(1.0, 0.0, 0.0)), shapes[2])
     if not reciprocal:
         u_phi = xp.where(dz > 0, 0.5 - 0.5 * u_phi, 0.5 + 0.5 * u_phi)
     return u_d, u_h, u_phi
+
+
+def difference_chord(xp: Any, total: Any, apart: Any) -> Any:
+    """Chord of theta_d from wi + wo and wi - wo: sin / sqrt(1 + cos), the same to the bit for wi and wo exchanged."""
+    return xp.length(apart) / xp.sqrt(xp.length(total) * 2 + 4)
 
 
 def largest_chord_d(xp: Any, up: Any, aside: Any) -> Any:

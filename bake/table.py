@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from . import xp_numpy
+from .errors import BakeError
 from .half_grid import HalfGrid
 from .parameterization import LogWarp, Parameterization, Shape, normal_basis_coordinates, phi_nodes, theta_nodes
 from .source import Array, BrdfSource
@@ -32,6 +33,8 @@ HORIZON_SHARES = (1 / 3, 1 / 50)
 # At the pole itself no azimuth is left: the mean over the azimuth is taken at this chord beside it.
 _POLE_CHORD = 1e-5
 _CHUNK = 1 << 17
+# Beyond this a number is damage; sums of a hundred of them are still float32 numbers.
+LARGEST = 1e36
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ class TreatedSource:
         self._values = self._negative = self._asymmetry = self._total = 0.0
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
-        """BRDF (..., 3) >= 0, symmetric in phi_delta."""
+        """BRDF (..., 3) >= 0, symmetric in phi_delta. Raises BakeError as `check_values`."""
         value = self.source.evaluate(wi, wo)
         if not self.source.bilateral:
             # Mirroring both directions in the x-z plane turns phi_delta to -phi_delta for any wo.
@@ -128,6 +131,7 @@ class TreatedSource:
             self._asymmetry += float(np.abs(value - other).sum()) / 2
             self._total += float(np.abs(value + other).sum()) / 2
             value = 0.5 * (value + other)
+        check_values(value, self.name)
         self._values += value.size
         self._negative += int((value < 0).sum())
         return np.maximum(value, 0)
@@ -138,6 +142,16 @@ class TreatedSource:
             "negative_share": self._negative / max(self._values, 1.0),
             "asymmetry": self._asymmetry / self._total if self._total else 0.0,
         }
+
+
+def check_values(values: Array, name: str) -> None:
+    """Raise BakeError where a source's values are not finite, or no table could hold them."""
+    if not values.size or -LARGEST <= values.min() <= values.max() <= LARGEST:
+        return
+    cause = (
+        f"values above {LARGEST:g}, which are too large" if np.isfinite(values).all() else "values that are not finite"
+    )
+    raise BakeError(name, f"holds {cause}", "check the file")
 
 
 @dataclass(frozen=True)

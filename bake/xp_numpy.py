@@ -20,7 +20,7 @@ def sqrt(x: Any) -> Any:
     return np.sqrt(np.maximum(x, 0))
 
 
-sin, cos, exp, log, floor = np.sin, np.cos, np.exp, np.log, np.floor
+sin, cos, tanh, exp, log, floor = np.sin, np.cos, np.tanh, np.exp, np.log, np.floor
 minimum, maximum, where = np.minimum, np.maximum, np.where
 cross = np.cross
 

@@ -174,6 +174,11 @@ def cos(x: Value) -> Any:
     return math_node("COSINE", x)
 
 
+def tanh(x: Value) -> Any:
+    """Hyperbolic tangent."""
+    return math_node("TANH", x)
+
+
 def exp(x: Value) -> Any:
     """e to the power of x."""
     return math_node("EXPONENT", x)

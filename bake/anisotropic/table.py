@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import xp_numpy
 from ..source import Array, BrdfSource
-from ..table import GUTTER, Filter, beyond_pole, filter_taps
+from ..table import GUTTER, Filter, beyond_pole, check_values, filter_taps
 from .grid import Grid, NormalGrid
 
 _CHUNK = 1 << 17
@@ -32,8 +32,9 @@ class TreatedAnisotropic:
         self._values = self._negative = 0
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
-        """BRDF (..., 3) >= 0."""
+        """BRDF (..., 3) >= 0. Raises BakeError as `table.check_values`."""
         value = self.source.evaluate(wi, wo)
+        check_values(value, self.name)
         self._values += value.size
         self._negative += int((value < 0).sum())
         return np.maximum(value, 0)

@@ -20,6 +20,8 @@ ABOVE: tuple[str, ...] = get_args(Above)
 MIN_SLICES, MAX_SLICES = 2, 64
 # Averages closer than this, relative to the largest, are one level of light: between them there is only noise.
 SAME_LEVEL = 1e-4
+# The smallest number of full precision; what is divided by less would leave float32.
+_DARKEST = float(np.finfo(np.float32).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ def linearise(images: NDArray[np.float32], slices: int = 8, name: str = "stack")
 
     Raises
     ------
-    BakeError : fewer than two levels of light, or values that are negative or not finite
+    BakeError : fewer than two levels of light, or values that are negative, not finite or denormal throughout
     """
     _check_count(slices)
     averages = averages_of(images)
@@ -105,6 +107,8 @@ def linearise(images: NDArray[np.float32], slices: int = 8, name: str = "stack")
     levels, members = _levels(averages, order)
     if levels[-1] <= 0:
         raise BakeError(name, "is black in every photograph", "expose longer or check that the lamp was on")
+    if levels[-1] < _DARKEST:
+        raise BakeError(name, f"is too dark, {levels[-1]:.1g} at most", "scale the values; float32 ends at 1e-38")
     if len(levels) < 2:
         cause = f"shows {len(averages)} photograph{'s' if len(averages) > 1 else ''} of the same average brightness"
         raise BakeError(name, cause, "photograph the swatch with the light at several elevations")

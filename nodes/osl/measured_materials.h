@@ -120,7 +120,8 @@ vector mm_half_coordinates(MMGrid grid, vector wi, vector wo)
   float up = max(total[2], 0.0);
   float aside = length(vector(total[0], total[1], 0)) * phi[0];
   float radius = sqrt(up * up + aside * aside);
-  float v_d = min(length(wi - h) * M_SQRT1_2 / (up / sqrt(radius * (radius + aside))), 1.0);
+  float v_d = length(apart) / sqrt(2 * length(total) + 4);
+  v_d = min(v_d / (up / sqrt(radius * (radius + aside))), 1.0);
   float u_d = mm_forward(others, v_d, grid.shape_slice);
   float u_h = mm_forward(grid.parameterization, mm_chord(h, vector(0, 0, 1)), grid.shape_row);
   float u_phi = mm_forward(others, mm_chord(phi, vector(1, 0, 0)), grid.shape_phi);

@@ -24,6 +24,7 @@ BENCHES = {
     "engine": "noise and time of all modes beside Principled BSDF, 12 materials in 4 lightings; a plot",
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
+    "hard": "numerically hard cases: bound and worst error in numpy, nodes and OSL; unstable formulas and their digits",
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
