@@ -53,7 +53,8 @@ def assert_unbiased(name: str, exponent: float, light: str) -> None:
     with stage(light) as lit:
         lit.scene.show(highlight_material(name, exponent))
         update_scene(lit.scene.scene)
-        found = lit.judged(lit.truth(brdf))
+        # A narrow lobe is noisy: 1.5 % could be told of 60 under three lamps.
+        found = lit.judged(lit.truth(brdf), finer=2 if exponent > 30 else 1)
         print(found)
         assert_agree(found, FINDS)
 
