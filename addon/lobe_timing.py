@@ -9,12 +9,11 @@ from typing import Any
 
 from ..bake.cosine_lobes import cosine_lobe
 from ..bake.errors import BakeError
+from ..bake.report.lobes import BARE_POWER
 from ..nodes import expr
 from ..nodes.osl_script import output, require_osl, script_node, with_headers
 from .render_timing import Build, Effort, evaluation_ns
 
-# The machine's own pow of the cosine: cheap, but the cosine is rounded, so that a narrow lobe loses its digits.
-BARE_POWER = "bare pow"
 EVALUATIONS = 24  # at a shading point
 _ONE_EXPONENT = 60.0
 _OSL = """
@@ -41,14 +40,12 @@ class RenderedLobes:
 
 
 def measure_rendered(
-    lobes: Sequence[str], effort: Effort, progress: Callable[[float], None] | None = None
+    lobes: Sequence[str], effort: Effort, progress: Callable[[float], None] | None = None, *, thorough: bool = True
 ) -> RenderedLobes:
-    """Time the lobes and `BARE_POWER`, of one exponent and of one that varies from pixel to pixel."""
+    """Time the lobes and `BARE_POWER` with an exponent that varies from pixel to pixel; `thorough`, also with one."""
     names = (*lobes, BARE_POWER)
-    columns: dict[str, tuple[Callable[..., Any], bool]] = {
-        "nodes, one n": (_nodes, False),
-        "nodes, n varies": (_nodes, True),
-    }
+    columns: dict[str, tuple[Callable[..., Any], bool]] = {"nodes, one n": (_nodes, False)} if thorough else {}
+    columns["nodes, n varies"] = (_nodes, True)
     missing = None
     try:
         require_osl()

@@ -1,7 +1,7 @@
 """Processor time of an expression in a render: a plane that emits the sum of many of it, beside one that does not.
 
-What a render costs apart from shading (the scene, its textures, the picture) falls out, since the same scene is rendered
-with few and with many samples; what the arguments cost falls out with the plane that emits only them.
+What a render costs apart from shading (the scene, its textures, the picture) falls out, since the same scene is
+rendered with few and with many samples; what the arguments cost falls out with the plane that emits only them.
 """
 
 from __future__ import annotations
