@@ -183,11 +183,11 @@ def _png(linear: Array) -> str:
 
 _WHAT_FOR = (
     "Four ways to light the photographs (Kautz et al. 2004, figure 6). A lit texture multiplies the brightest "
-    "photograph with the light: for swatches far away. Final radiance chooses the photograph by the light that the flat material "
-    "would send out: it works in real time (EEVEE), and is right as long as the lights are about as strong as in the "
-    "photographs. The angular lookup takes the photograph of the light's own elevation: for one light that lies low. "
-    "The lookup by r, the usual one, takes the photograph of the same reflected light, for each light anew: it follows "
-    "curved surfaces, many lights and any f_r."
+    "photograph with the light: for swatches far away. Final radiance chooses the photograph by the light that the "
+    "flat material would send out: it works in real time (EEVEE), and is right as long as the lights are about as "
+    "strong as in the photographs. The angular lookup takes the photograph of the light's own elevation: for one light "
+    "that lies low. The lookup by r, the usual one, takes the photograph of the same reflected light, for each light "
+    "anew: it follows curved surfaces, many lights and any f_r."
 )
 
 
@@ -217,9 +217,7 @@ def techniques_section(subject: Subject, found: Mapping[str, Any]) -> Section:
         "is the lookup by r."
     ]
     if subject.swatch:
-        section.notes.append(
-            "The truth is a render of the geometry at few samples; its own noise is part of every error."
-        )
+        section.notes += ["The truth is a render of the geometry at few samples; its own noise is part of every error."]
     return section
 
 

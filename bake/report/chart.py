@@ -142,9 +142,9 @@ class Chart:
         if point is None:
             return "Nothing was measured."
         name = next(name for name, points in self.series.items() if point in points)
-        return (
-            f"Our pick: {name}, {point.label} (error {number(point.error)} at {number(point.cost)} {_unit(self.cost)})."
-        )
+        label = "" if point.label == name else f", {point.label}"
+        found = f"error {number(point.error)} at {number(point.cost)} {_unit(self.cost)}"
+        return f"Our pick: {name}{label} ({found})."
 
 
 @dataclass(frozen=True)

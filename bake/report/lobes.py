@@ -98,9 +98,9 @@ def lobes_section(
     ]
     section = Section("Lobes", words)
     for column, times in columns.items():
-        series = {cost.name: [Point(times[cost.name], cost.whole, column)] for cost in costs if cost.name in times}
+        series = {cost.name: [Point(times[cost.name], cost.whole, cost.name)] for cost in costs if cost.name in times}
         title = f"Lobes: error against time, {column}"
-        section.charts.append(Chart(title, "ns of processor per evaluation", "largest error, of the peak", series))
+        section.charts.append(Chart(title, "ns per evaluation, processor time", "largest error, of the peak", series))
     head = ("lobe", "error to half of the peak", "error, all angles", *(f"ns, {column}" for column in columns))
     rows = [(c.name, c.core, c.whole, *(times.get(c.name) for times in columns.values())) for c in costs]
     section.tables = [Table(head, rows)]

@@ -193,7 +193,7 @@ def maps_section(name: str, settings: Sequence[MapSetting], photographs: int) ->
             times.setdefault(s.model, []).append(Point(s.sample_ns, s.error, f"{s.slices} slices"))
     if times:
         title = f"{name}: error against time of a sample in rendered nodes"
-        section.charts.append(Chart(title, "ns of processor per sample, Cycles", _ERROR, times, joined=False))
+        section.charts.append(Chart(title, "ns per sample, processor time in Cycles", _ERROR, times, joined=False))
     head = ("kept as", "slices", "storage", "bytes", "error", "ns, rendered")
     section.tables = [Table(head, [list(vars(s).values()) for s in sorted(settings, key=lambda s: s.error)])]
     return section

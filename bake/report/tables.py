@@ -157,14 +157,14 @@ def tables_section(name: str, measured: Measured) -> Section:
     auto = [s for s in settings if (s.basis, s.parameterization) == measured.auto]
     section = Section(f"Tables: {name}", [_SIZES[four], _AUTO.format(*measured.auto)])
     section.charts = [
-        Chart(f"{name}: bases and parameterisations, {USUAL_FILTER}", BYTES, RMS, _series(usual, _kind, _size)),
-        Chart(f"{name}: filters and storage of the basis that auto takes", BYTES, RMS, _series(auto, _way, _size)),
-        Chart(f"{name}: time of a lookup in numpy", "ns per lookup, numpy", RMS, _series(usual, _kind, _numpy)),
+        Chart(f"{name}: bases and parameterisations ({USUAL_FILTER})", BYTES, RMS, _series(usual, _kind, _size)),
+        Chart(f"{name}: filters and storage ({' '.join(measured.auto)})", BYTES, RMS, _series(auto, _way, _size)),
+        Chart(f"{name}: time of a lookup in numpy ({USUAL_FILTER})", NUMPY, RMS, _series(usual, _kind, _numpy)),
     ]
     if rendered:
-        series = _series(rendered, _kind_and_filter, lambda s: s.render_ns or 0.0)
+        series = _series(rendered, _basis_and_filter, lambda s: s.render_ns or 0.0, spacing=True)
         title = f"{name}: time of a lookup in rendered nodes"
-        section.charts.append(Chart(title, "ns of processor per lookup, Cycles", RMS, series, joined=False))
+        section.charts.append(Chart(title, RENDERED, RMS, series, joined=False))
     head = ("basis", "parameterisation", "N", "filter", "storage", "bytes", "RMS 1/sr", "energy off")
     head = (*head, "ns, numpy", "ns, rendered")
     section.tables = [Table(head, [list(vars(s).values()) for s in sorted(settings, key=lambda s: s.rms)])]
@@ -176,6 +176,7 @@ def tables_section(name: str, measured: Measured) -> Section:
 
 
 BYTES, RMS = "bytes in the file, before compression", "RMS error, 1/sr"
+NUMPY, RENDERED = "ns per lookup, numpy", "ns per lookup, processor time in Cycles"
 _SIZES = {
     False: "How far a table is from the measurement it was made of: the cosine-weighted RMS difference, in 1/sr, at "
     "directions that the table does not hold. A table of resolution N has N x N x 2N entries in the normal-vector "
@@ -196,7 +197,7 @@ def _way(s: Setting) -> str:
     return f"{s.filter}, {s.storage}"
 
 
-def _kind_and_filter(s: Setting) -> str:
+def _basis_and_filter(s: Setting) -> str:
     return f"{s.basis}, {s.filter}"
 
 
@@ -209,10 +210,15 @@ def _numpy(s: Setting) -> float:
 
 
 def _series(
-    settings: Sequence[Setting], name: Callable[[Setting], str], cost: Callable[[Setting], float]
+    settings: Sequence[Setting],
+    name: Callable[[Setting], str],
+    cost: Callable[[Setting], float],
+    *,
+    spacing: bool = False,
 ) -> dict[str, list[Point]]:
+    """Points by name; `spacing`, their parameterisation is told as well, the name leaving it open."""
     series: dict[str, list[Point]] = {}
     for s in settings:
-        label = f"{s.basis} {s.parameterization}, N {s.resolution}, {s.filter}, {s.storage}"
+        label = f"{s.parameterization}, N {s.resolution}" if spacing else f"N {s.resolution}"
         series.setdefault(name(s), []).append(Point(cost(s), s.rms, label))
     return series
