@@ -18,6 +18,8 @@ _WIDTH, _HEIGHT = 860, 440
 _LEFT, _RIGHT, _TOP, _BOTTOM = 84, 236, 40, 56
 _SMALLEST = 1e-12
 _LEGEND_STEP = 18
+# Times closer than this factor are told as equal: as much they differ from run to run.
+SAME_TIME = 1.15
 # Of both shares' difference: a front closer than this to a straight line has no knee.
 _LEAST_GAIN = 0.08
 
@@ -40,6 +42,7 @@ class Chart:
     title, cost, error : words above and beside the axes, units included
     series : name to points
     joined : whether a line joins the points of a series, in order of cost
+    same : factor up to which two costs count as equal, as of times that differ from run to run
     """
 
     title: str
@@ -47,6 +50,7 @@ class Chart:
     error: str
     series: dict[str, list[Point]] = field(default_factory=dict)
     joined: bool = True
+    same: float = 1.0
 
     @property
     def points(self) -> list[Point]:
@@ -54,12 +58,14 @@ class Chart:
         return [point for points in self.series.values() for point in points]
 
     def front(self) -> list[Point]:
-        """The Pareto front: points that none is both cheaper and more accurate than, by rising cost."""
+        """The Pareto front: points that none is both cheaper (or as cheap) and more accurate than, by rising cost."""
         found: list[Point] = []
         for point in sorted(self.points, key=lambda p: (p.cost, p.error)):
             if not found or point.error < found[-1].error:
                 found.append(point)
-        return found
+        # Dropped only now: of a chain of points each just dearer than the one before, the most accurate stays.
+        beaten = (any(q.error < p.error and q.cost <= p.cost * self.same for q in found) for p in found)
+        return found if self.same == 1 else [p for p, drop in zip(found, beaten, strict=True) if not drop]
 
     def pick(self) -> Point | None:
         """The front's knee: where the share of the front's accuracy gained most exceeds the share of its cost paid.

@@ -13,7 +13,7 @@ import numpy as np
 from .. import xp_numpy
 from ..cosine_lobes import COSINE_LOBES, cosine_lobe
 from ..source import Array
-from .chart import Chart, Point
+from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
 
@@ -22,8 +22,6 @@ _TIMED_EXPONENT = 60.0
 _COUNT, _RUNS = 1 << 19, 5
 # The machine's own pow of the cosine: a narrow lobe loses its digits, for the cosine was rounded near 1.
 BARE_POWER = "bare pow"
-# Times closer than this are told as equal: that much they differ from run to run.
-_ABOUT_EQUAL = 1.15
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,9 @@ def lobes_section(
     for column, times in columns.items():
         series = {cost.name: [Point(times[cost.name], cost.whole, cost.name)] for cost in costs if cost.name in times}
         title = f"Lobes: error against time, {column}"
-        section.charts.append(Chart(title, "ns per evaluation, processor time", "largest error, of the peak", series))
+        section.charts.append(
+            Chart(title, "ns per evaluation, processor time", "largest error, of the peak", series, same=SAME_TIME)
+        )
     head = ("lobe", "error to half of the peak", "error, all angles", *(f"ns, {column}" for column in columns))
     rows = [(c.name, c.core, c.whole, *(times.get(c.name) for times in columns.values())) for c in costs]
     section.tables = [Table(head, rows)]
@@ -113,10 +113,10 @@ def _verdict(column: str, times: Mapping[str, float]) -> str:
     pow, cubic = times[BARE_POWER], times["cubic"]
     rivals = {name: ns for name, ns in times.items() if name not in (BARE_POWER, "power")}
     fastest = min(rivals, key=rivals.__getitem__)
-    cheap = pow <= _ABOUT_EQUAL * rivals[fastest]
+    cheap = pow <= SAME_TIME * rivals[fastest]
     words = f"In {column}, pow takes {pow:.3g} ns and the cubic {cubic:.3g} ns:"
     if cheap:
         return f"{words} pow is as cheap as any of them."
-    if pow <= _ABOUT_EQUAL * cubic:
+    if pow <= SAME_TIME * cubic:
         return f"{words} pow is as cheap as the cubic; only {fastest} is cheaper ({rivals[fastest]:.3g} ns)."
     return f"{words} here the cubic is still the cheaper, by a factor of {pow / cubic:.2g}."

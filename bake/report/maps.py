@@ -16,7 +16,7 @@ from ..shading.map_store import Compression, check_storage, store_map
 from ..shading.shading_map import ShadingMap, at_level, averages_of, linearise
 from ..shading.slice_atlas import SliceLayout, unpack_slices
 from ..storage import Storage, quantize
-from .chart import Chart, Point
+from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
 
@@ -193,7 +193,9 @@ def maps_section(name: str, settings: Sequence[MapSetting], photographs: int) ->
             times.setdefault(s.model, []).append(Point(s.sample_ns, s.error, f"{s.slices} slices"))
     if times:
         title = f"{name}: error against time of a sample in rendered nodes"
-        section.charts.append(Chart(title, "ns per sample, processor time in Cycles", _ERROR, times, joined=False))
+        section.charts.append(
+            Chart(title, "ns per sample, processor time in Cycles", _ERROR, times, joined=False, same=SAME_TIME)
+        )
     head = ("kept as", "slices", "storage", "bytes", "error", "ns, rendered")
     section.tables = [Table(head, [list(vars(s).values()) for s in sorted(settings, key=lambda s: s.error)])]
     return section

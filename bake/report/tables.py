@@ -15,7 +15,7 @@ from ..bake_brdf import TABLE_STORAGES
 from ..source import BrdfSource
 from ..storage import Storage, as_stored, scale_for
 from ..table import FILTERS, Filter
-from .chart import Chart, Point
+from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
 from .tabulation import Kind, Lookup, Tabulation, tabulation
@@ -159,12 +159,12 @@ def tables_section(name: str, measured: Measured) -> Section:
     section.charts = [
         Chart(f"{name}: bases and parameterisations ({USUAL_FILTER})", BYTES, RMS, _series(usual, _kind, _size)),
         Chart(f"{name}: filters and storage ({' '.join(measured.auto)})", BYTES, RMS, _series(auto, _way, _size)),
-        Chart(f"{name}: time of a lookup in numpy ({USUAL_FILTER})", NUMPY, RMS, _series(usual, _kind, _numpy)),
+        _times(f"{name}: time of a lookup in numpy ({USUAL_FILTER})", NUMPY, _series(usual, _kind, _numpy)),
     ]
     if rendered:
         series = _series(rendered, _basis_and_filter, lambda s: s.render_ns or 0.0, spacing=True)
         title = f"{name}: time of a lookup in rendered nodes"
-        section.charts.append(Chart(title, RENDERED, RMS, series, joined=False))
+        section.charts.append(_times(title, RENDERED, series))
     head = ("basis", "parameterisation", "N", "filter", "storage", "bytes", "RMS 1/sr", "energy off")
     head = (*head, "ns, numpy", "ns, rendered")
     section.tables = [Table(head, [list(vars(s).values()) for s in sorted(settings, key=lambda s: s.rms)])]
@@ -173,6 +173,10 @@ def tables_section(name: str, measured: Measured) -> Section:
         "weights instead of blending them. They differ little; in a render, choose by error and memory."
     ]
     return section
+
+
+def _times(title: str, cost: str, series: dict[str, list[Point]]) -> Chart:
+    return Chart(title, cost, RMS, series, joined=False, same=SAME_TIME)
 
 
 BYTES, RMS = "bytes in the file, before compression", "RMS error, 1/sr"
