@@ -145,7 +145,7 @@ def pictures_section(name: str, rendered: list[Rendered], galleries: list[Galler
         "Seconds are of the samples alone, without loading and compiling."
     ]
     section = Section(f"Pictures: {name}", words, galleries=galleries)
-    section.charts = [Chart(f"{name}: error against render time", "seconds", "RMS error, relative", series)]
+    section.charts = [Chart(f"{name}: error against render time", "seconds", "RMS error, relative", series, knee=False)]
     rows = [list(vars(row).values()) for row in rendered]
     section.tables = [Table(("mode", "samples", "seconds", "error"), rows)]
     return section

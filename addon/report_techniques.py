@@ -191,6 +191,12 @@ _WHAT_FOR = (
 )
 
 
+_GEOMETRY = (
+    "The geometry itself is shown for comparison. A flat patch of it renders about as fast as its map; what a map "
+    "saves is the modelling and the memory, and it can be made of things that nobody has modelled."
+)
+
+
 def techniques_section(subject: Subject, found: Mapping[str, Any]) -> Section:
     """Errors, curve and pictures; or why there are none."""
     title = f"Techniques: {subject.name}"
@@ -204,7 +210,11 @@ def techniques_section(subject: Subject, found: Mapping[str, Any]) -> Section:
         point = Point(row["seconds"], row["error"], f"{row['samples']} samples")
         series.setdefault(LABELS[row["technique"]], []).append(point)
     title = f"{subject.name}: error against render time, light {subject.cases[0].lights[0][0]:.0f} degrees high"
-    section.charts = [Chart(title, "seconds", "RMS difference to the truth, relative", series)]
+    section.charts = [
+        Chart(
+            title, "seconds", "RMS difference to the truth, relative", series, knee=False, apart=(LABELS["geometry"],)
+        )
+    ]
     groups = dict.fromkeys(group for group, _, _ in found["pictures"])
     section.galleries = [
         Gallery(group, [Picture(base64.b64decode(png), words) for g, png, words in found["pictures"] if g == group])
@@ -217,7 +227,10 @@ def techniques_section(subject: Subject, found: Mapping[str, Any]) -> Section:
         "is the lookup by r."
     ]
     if subject.swatch:
-        section.notes += ["The truth is a render of the geometry at few samples; its own noise is part of every error."]
+        section.notes += [
+            _GEOMETRY,
+            "The truth is a render of the geometry at few samples; its own noise is part of every error.",
+        ]
     return section
 
 

@@ -43,6 +43,8 @@ class Chart:
     series : name to points
     joined : whether a line joins the points of a series, in order of cost
     same : factor up to which two costs count as equal, as of times that differ from run to run
+    knee : pick the front's knee; otherwise, of noise that falls with time, the most accurate
+    apart : series shown for comparison, neither on the front nor picked
     """
 
     title: str
@@ -51,6 +53,8 @@ class Chart:
     series: dict[str, list[Point]] = field(default_factory=dict)
     joined: bool = True
     same: float = 1.0
+    knee: bool = True
+    apart: tuple[str, ...] = ()
 
     @property
     def points(self) -> list[Point]:
@@ -60,7 +64,8 @@ class Chart:
     def front(self) -> list[Point]:
         """The Pareto front: points that none is both cheaper (or as cheap) and more accurate than, by rising cost."""
         found: list[Point] = []
-        for point in sorted(self.points, key=lambda p: (p.cost, p.error)):
+        rivals = [point for name, points in self.series.items() if name not in self.apart for point in points]
+        for point in sorted(rivals, key=lambda p: (p.cost, p.error)):
             if not found or point.error < found[-1].error:
                 found.append(point)
         # Dropped only now: of a chain of points each just dearer than the one before, the most accurate stays.
@@ -74,7 +79,7 @@ class Chart:
         without a knee, as of noise that falls with time, has no such point: there it is the most accurate one.
         """
         front = self.front()
-        if len(front) < 3:
+        if len(front) < 3 or not self.knee:
             return front[-1] if front else None
         x, y = [_log(p.cost) for p in front], [_log(p.error) for p in front]
         run, fall = x[-1] - x[0], y[0] - y[-1]
@@ -224,8 +229,8 @@ def _unit(words: str) -> str:
 
 
 def number(value: float) -> str:
-    """Three digits, with a letter for thousands and more: 0.0123, 45.6, 1.2 M."""
+    """Three digits, with a letter for large numbers: 0.0123, 45.6, 1980, 82.9 k, 1.2 M."""
     for least, letter in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
         if abs(value) >= least:
             return f"{value / (1e3 if letter == 'k' else least):.3g} {letter}"
-    return f"{value:.3g}"
+    return f"{round(value, -1):.0f}" if abs(value) >= 1000 else f"{value:.3g}"

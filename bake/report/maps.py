@@ -19,6 +19,7 @@ from ..storage import Storage, quantize
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
+from .tables import storage_words
 
 Images = NDArray[np.float32]
 MapKey = tuple[str, int, str]
@@ -185,7 +186,9 @@ def maps_section(name: str, settings: Sequence[MapSetting], photographs: int) ->
     series: dict[str, list[Point]] = {}
     for s in settings:
         # Of a compressed map, bytes do not depend on the number of slices it was fitted to.
-        series.setdefault(f"{s.model}, {s.storage}", []).append(Point(s.bytes, s.error, f"{s.slices} slices"))
+        series.setdefault(f"{s.model}, {storage_words(s.storage)}", []).append(
+            Point(s.bytes, s.error, f"{s.slices} slices")
+        )
     section.charts = [Chart(f"{name}: error against memory", _BYTES, _ERROR, series)]
     times: dict[str, list[Point]] = {}
     for s in usual:
@@ -213,9 +216,10 @@ def _advice(settings: Sequence[MapSetting]) -> str:
         return ""
     fewest = min((s for s in settings if s.model == "slices" and s.error < 1.05 * slices.error), key=lambda s: s.bytes)
     return (
-        f"Slices are the truest ({slices.error:.1%} at best; {fewest.slices} of them in {fewest.storage} are within a "
-        f"twentieth of that), and are for swatches seen close. The power law of Kautz et al. keeps two numbers per "
-        f"texel and channel ({power.error:.1%}); it fails where a texel does not brighten steadily, as under a shadow "
-        f"that moves across it. Two curves fitted to this very swatch keep as many numbers ({curves.error:.1%}) and "
-        "take as much more time as they have knots, one for each slice they were fitted to."
+        f"Slices are the truest ({slices.error:.1%} at best; {fewest.slices} of them, stored as "
+        f"{storage_words(fewest.storage)}, are within a twentieth of that), and are for swatches seen close. The power "
+        f"law of Kautz et al. keeps two numbers per texel and channel ({power.error:.1%}); it fails where a texel does "
+        "not brighten steadily, as under a shadow that moves across it. Two curves fitted to this very swatch keep as "
+        f"many numbers ({curves.error:.1%}) and take as much more time as they have knots, one for each slice they were "
+        "fitted to."
     )

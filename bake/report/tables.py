@@ -155,10 +155,10 @@ def tables_section(name: str, measured: Measured) -> Section:
     usual = [s for s in settings if s.filter == USUAL_FILTER and s.storage == USUAL_STORAGE]
     rendered = [s for s in settings if s.render_ns is not None and s.storage == USUAL_STORAGE]
     auto = [s for s in settings if (s.basis, s.parameterization) == measured.auto]
-    section = Section(f"Tables: {name}", [_SIZES[four], _AUTO.format(*measured.auto)])
+    section = Section(f"Tables: {name}", [_SIZES[four], _AUTO.format(_kind_words(measured.auto))])
     section.charts = [
         Chart(f"{name}: bases and parameterisations ({USUAL_FILTER})", BYTES, RMS, _series(usual, _kind, _size)),
-        Chart(f"{name}: filters and storage ({' '.join(measured.auto)})", BYTES, RMS, _series(auto, _way, _size)),
+        Chart(f"{name}: filters and storage ({_kind_words(measured.auto)})", BYTES, RMS, _series(auto, _way, _size)),
         _times(f"{name}: time of a lookup in numpy ({USUAL_FILTER})", NUMPY, _series(usual, _kind, _numpy)),
     ]
     if rendered:
@@ -190,19 +190,30 @@ _SIZES = {
     "along each slope of the half vector and N / 4 along each angle of the difference; in the normal-vector basis, as "
     "many in all.",
 }
-_AUTO = "A bake left to itself (auto) measures as here and takes the basis “{}” with the parameterisation “{}”."
+_AUTO = "A bake left to itself (auto) measures as here and takes: {}."
+# In words, since "half" is a basis and a storage.
+BASES = {"normal": "normal-vector", "half": "half-vector"}
+
+
+def storage_words(storage: str) -> str:
+    """A storage's name for readers."""
+    return "half float" if storage == Storage.HALF else storage
+
+
+def _kind_words(kind: Kind) -> str:
+    return f"{BASES[kind[0]]}, {kind[1]}"
 
 
 def _kind(s: Setting) -> str:
-    return f"{s.basis}, {s.parameterization}"
+    return f"{BASES[s.basis]}, {s.parameterization}"
 
 
 def _way(s: Setting) -> str:
-    return f"{s.filter}, {s.storage}"
+    return f"{s.filter}, {storage_words(s.storage)}"
 
 
 def _basis_and_filter(s: Setting) -> str:
-    return f"{s.basis}, {s.filter}"
+    return f"{BASES[s.basis]}, {s.filter}"
 
 
 def _size(s: Setting) -> float:
