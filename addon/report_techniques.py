@@ -118,7 +118,7 @@ def _compared(subject: Subject, swatch: MappedSwatch) -> dict[str, Any]:
             found = techniques.errors(picture, target)
             rows.append({"case": case.group, "technique": technique, **found})
             if shown:
-                words = f"{LABELS[technique]}, RMS {found['rms']:.0%}, brightness {found['mean']:+.0%}"
+                words = f"{LABELS[technique]}, RMS {found['rms']:.0%}, brightness {round(found['mean'], 2) + 0.0:+.0%}"
                 pictures.append([case.group, _png(picture * gain), words])
     return {"rows": rows, "pictures": pictures}
 
@@ -141,8 +141,8 @@ def _rendered(subject: Subject, bundle: Bundle, variant: str, sizes: TechniqueSi
             rows.append({"technique": variant, "samples": samples, "seconds": spent, "error": error})
     words = f"{LABELS[variant]}, {samples} samples, {rows[-1]['seconds']:.2g} s, RMS {error:.0%}"
     difference = np.abs(picture - target) * gain * GAIN
-    pictures.append(["path traced", _png(picture * gain), words])
-    pictures.append(["difference", _png(difference), f"{LABELS[variant]}: difference, {GAIN:g} times"])
+    pictures.append(["Path traced in Cycles, like the first row", _png(picture * gain), words])
+    pictures.append([f"Differences of these, {GAIN:g} times", _png(difference), LABELS[variant]])
     return {"rows": rows, "pictures": pictures}
 
 
@@ -217,7 +217,10 @@ def techniques_section(subject: Subject, found: Mapping[str, Any]) -> Section:
     ]
     groups = dict.fromkeys(group for group, _, _ in found["pictures"])
     section.galleries = [
-        Gallery(group, [Picture(base64.b64decode(png), words) for g, png, words in found["pictures"] if g == group])
+        Gallery(
+            group[0].upper() + group[1:],
+            [Picture(base64.b64decode(png), words) for g, png, words in found["pictures"] if g == group],
+        )
         for group in groups
     ]
     head = ("light and view", *(LABELS[t] for t in IN_ORDER))

@@ -220,6 +220,6 @@ def _advice(settings: Sequence[MapSetting]) -> str:
         f"{storage_words(fewest.storage)}, are within a twentieth of that), and are for swatches seen close. The power "
         f"law of Kautz et al. keeps two numbers per texel and channel ({power.error:.1%}); it fails where a texel does "
         "not brighten steadily, as under a shadow that moves across it. Two curves fitted to this very swatch keep as "
-        f"many numbers ({curves.error:.1%}) and take as much more time as they have knots, one for each slice they were "
+        f"many numbers ({curves.error:.1%}), and take more time the more knots they have, one for each slice they were "
         "fitted to."
     )

@@ -197,7 +197,7 @@ BASES = {"normal": "normal-vector", "half": "half-vector"}
 
 def storage_words(storage: str) -> str:
     """A storage's name for readers."""
-    return "half float" if storage == Storage.HALF else storage
+    return {"half": "half float", "byte": "bytes"}.get(storage, storage)
 
 
 def _kind_words(kind: Kind) -> str:
