@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..bake.bundle import MATERIAL
+from ..bake.bundle import MATERIAL, read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.folder import find_photographs
 from ..bake.source import BrdfSource
@@ -22,8 +22,8 @@ _SOURCES: dict[str, tuple[str, dict[str, Any]]] = {
     "matte": ("oren-nayar", {}),
     "brushed metal": ("ggx", {"alpha": 0.06, "alpha_y": 0.35, "f0": (0.9, 0.75, 0.55)}),
 }
-# Threads, a nap of fibres, and a gloss, on which few slices fail.
-_SWATCHES = ("cloth", "suede", "plastic_60")
+# Threads, and a gloss, on which few slices fail.
+_SWATCHES = ("cloth", "plastic_60")
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,8 @@ def read_inputs(paths: Sequence[Path]) -> Inputs:
 def _photographs(folder: Path) -> list[Any]:
     """Names, sizes and times: to read them all would take as long as measuring them."""
     if is_bundle(folder):
+        if read_bundle(folder).material["kind"] != "shading_map":
+            raise BakeError(folder, "is a baked BRDF", "give the measurement that it was baked from")
         return [hashlib.sha256((folder / MATERIAL).read_bytes()).hexdigest()]
     paths, _ = find_photographs(folder, ())
     others = [path for path in folder.iterdir() if path.suffix.lower() in (".csv", ".lp")]

@@ -44,7 +44,7 @@ class Sizes:
     truth: int
 
 
-FULL = Sizes(160, (4, 16, 64, 256, 1024), 64, 16384)
+FULL = Sizes(128, (4, 16, 64, 256), 64, 4096)
 QUICK = Sizes(80, (4, 16, 64), 64, 512)
 
 

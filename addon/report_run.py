@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.cosine_lobes import COSINE_LOBES
+from ..bake.errors import BakeError
 from ..bake.report import maps, tables
 from ..bake.report.journal import Journal
 from ..bake.report.lobes import lobes_section, measure_lobes
@@ -70,7 +71,7 @@ QUICK = Sizes(
 )
 FULL = Sizes(
     tables.FULL,
-    replace(tables.FULL, resolutions=(16, 32, 64, 128)),
+    replace(tables.FULL, resolutions=(32, 128)),
     maps.FULL,
     FULL_PICTURES,
     report_techniques.FULL,
@@ -128,6 +129,7 @@ def run_report(
     machine = machine_facts()
     about = {**machine, "sizes": str(sizes), "inputs": inputs.origin}
     # Each set of inputs and sizes has a folder of its own: a quick run takes nothing from a full one, or other files.
+    _check_folder(out)
     folder = out / _KEPT / hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
     journal = Journal(folder / "journal.jsonl", about)
     made = _Made()
@@ -135,14 +137,17 @@ def run_report(
     def say(stage: str) -> Say:
         return lambda share: progress(stage, share)
 
+    # First of all, so that a bad one is told before minutes have gone into the others.
+    given = {name: of_path(path, name, sizes.swatch[0]) for name, path in inputs.swatches.items() if path is not None}
     times: dict[tables.LookupKey, float] = {}
     for axes in _axes(inputs):
         words = say(f"lookups in nodes, {axes} axes")
         times |= measure_lookups(journal, sizes.lookups, axes == "four", sizes.lookup_effort, words)
     for name, source in inputs.sources.items():
         _brdf(name, source, folder, journal, sizes, times, say, made)
-    for name, path in inputs.swatches.items():
-        _swatch(name, path, folder, journal, sizes, say, made)
+    for name in inputs.swatches:
+        subject = given.get(name) or _built_in(name, folder, sizes, say(f"photographs of {name}"))
+        _swatch(subject, journal, sizes, say, made)
     _lobes(journal, sizes, say("lobes"), made)
     said = (
         f"Measured on {machine['processor']}, {machine['cores']} cores, with version {machine['measured_materials']}; "
@@ -152,6 +157,13 @@ def run_report(
     )
     path = write_page(out, _TITLE, [said], made.sections, {"machine": machine, **made.facts})
     return path, made.sections, {"machine": machine, **made.facts}
+
+
+def _check_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BakeError(out, f"cannot be made ({error.strerror})", "choose another folder by --out") from error
 
 
 def _brdf(
@@ -172,11 +184,8 @@ def _brdf(
     made.add("pictures", name, pictures_section(name, rendered, galleries), [vars(row) for row in rendered])
 
 
-def _swatch(
-    name: str, path: Path | None, folder: Path, journal: Journal, sizes: Sizes, say: Callable[[str], Say], made: _Made
-) -> None:
-    subject = _subject(name, path, folder, sizes, say(f"photographs of {name}"))
-    images = subject.all_images
+def _swatch(subject: Subject, journal: Journal, sizes: Sizes, say: Callable[[str], Say], made: _Made) -> None:
+    name, images = subject.name, subject.all_images
     found = maps.measure_maps(name, images, journal, sizes.maps, say(f"maps of {name}"))
     times = measure_map_times(name, images, journal, sizes.maps, sizes.lookup_effort, say(f"samples of {name}"))
     found = maps.timed(found, times)
@@ -186,12 +195,9 @@ def _swatch(
     made.add("techniques", name, section, {key: compared[key] for key in ("cases", "rendered")})
 
 
-def _subject(name: str, path: Path | None, folder: Path, sizes: Sizes, say: Say) -> Subject:
+def _built_in(name: str, folder: Path, sizes: Sizes, say: Say) -> Subject:
     say(0.0)
-    size, samples = sizes.swatch
-    if path is None:
-        return built_in(name, folder / f"{name}_{size}_{samples}.npy", size, samples, say)
-    return of_path(path, name, size)
+    return built_in(name, folder / f"{name}.npy", *sizes.swatch, say)
 
 
 def _lobes(journal: Journal, sizes: Sizes, say: Say, made: _Made) -> None:

@@ -13,7 +13,7 @@ from ..bake.bundle import read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.settings import StackSettings
 from ..bake.photographs.stack import read_stack
-from ..bake.report.maps import Images
+from ..bake.report.maps import LEAST_PHOTOGRAPHS, Images
 from ..bake.shading.map_facts import shading_map_of
 from ..bake.source import Array
 from . import techniques
@@ -91,16 +91,15 @@ def built_in(name: str, file: Path, size: int, samples: int, progress: Callable[
 def of_path(path: Path, name: str, size: int) -> Subject:
     """A folder of photographs, or the bundle of a shading map. Raises BakeError."""
     if is_bundle(path):
-        bundle = read_bundle(path)
-        if bundle.material["kind"] != "shading_map":
-            raise BakeError(path, "is a baked BRDF", "give the measurement that it was baked from")
-        slices = _square(shading_map_of(bundle).slices[1:], size)
-        return Subject(name, slices, None, (), {})
-    stack = read_stack(path, StackSettings(size=2 * size), decoder=blender_decoder())
-    images = _square(stack.images, size)
-    if stack.directions is None:
-        return Subject(name, images, None, (), {})
-    return _without_some(Subject(name, images, stack.directions, (), {}))
+        images, directions = _square(shading_map_of(read_bundle(path)).slices[1:], size), None
+    else:
+        stack = read_stack(path, StackSettings(size=2 * size), decoder=blender_decoder())
+        images, directions = _square(stack.images, size), stack.directions
+    if len(images) < LEAST_PHOTOGRAPHS:
+        remedy = f"give {LEAST_PHOTOGRAPHS} or more, so that some can be predicted from the others"
+        raise BakeError(path, f"holds {len(images)} photographs or slices of them", remedy)
+    subject = Subject(name, images, directions, (), {})
+    return subject if directions is None else _without_some(subject)
 
 
 def _without_some(subject: Subject) -> Subject:

@@ -113,9 +113,6 @@ def measure_maps(
     ------
     BakeError : the photographs make no shading map
     """
-    if len(images) < LEAST_PHOTOGRAPHS:
-        remedy = f"give {LEAST_PHOTOGRAPHS} or more, so that some can be predicted from the others"
-        raise BakeError(name, f"has {len(images)} photographs that differ", remedy)
     found = []
     wanted = list(settings_of(sizes))
     for k, (model, slices, storage) in enumerate(wanted):
