@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -71,13 +71,13 @@ QUICK = Sizes(
 )
 FULL = Sizes(
     tables.FULL,
-    replace(tables.FULL, resolutions=(32, 128)),
+    tables.FULL_LOOKUPS,
     maps.FULL,
     FULL_PICTURES,
     report_techniques.FULL,
-    (144, 48),
-    Effort(96, 16, 3),
-    Effort(160, 16, 4),
+    (112, 32),
+    Effort(80, 12, 2),
+    Effort(96, 12, 3),
     {
         "lookups": 300,
         "tables": 300,

@@ -15,6 +15,7 @@ from measured_materials.bake.report import maps, tables, tabulation
 from measured_materials.bake.report.journal import Journal
 from measured_materials.bake.report.lobes import BARE_POWER
 from measured_materials.bake.shading.shading_map import at_level, averages_of, linearise
+from measured_materials.bake.shading.slice_atlas import GUTTER
 from measured_materials.bake.sources.analytic import Ggx
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS
@@ -93,8 +94,8 @@ def test_stored_lookup_is_what_a_bundle_gives_back(model: maps.Model) -> None:
     made = linearise(power_law_photographs(), 8)
     lookup, size = maps.stored_lookup(made.map, model, Storage.FLOAT32)
     tiles = {"none": 7, "power": 2}.get(model.compression, model.rank)
-    # Colours of each tile, which has a row more on either side, and the envelope with its share where there is one.
-    assert size == 4 * 8 * (10 * 3 * tiles + (0 if model.compression == "power" else 8 * 4))
+    # Colours of each tile with its gutters, and the envelope with its share where there is one.
+    assert size == 4 * 8 * ((8 + 2 * GUTTER) * 3 * tiles + (0 if model.compression == "power" else 8 * 4))
     truth = at_level(made.map, 0.6)
     off = float(np.sqrt(np.square(lookup(0.6) - truth).mean() / np.square(truth).mean()))
     # Slices come back to rounding; one curve for all texels cannot follow powers of 0.6 to 1.8.

@@ -35,7 +35,7 @@ class TableSizes:
 FULL = TableSizes((16, 24, 32, 48, 64, 96, 128), True)
 QUICK = TableSizes((16, 32, 64), False)
 # Time hardly depends on resolution.
-QUICK_LOOKUPS = TableSizes((64,), False)
+FULL_LOOKUPS, QUICK_LOOKUPS = TableSizes((32, 128), False), TableSizes((64,), False)
 
 
 @dataclass(frozen=True)
