@@ -18,8 +18,8 @@ def add_to(commands: Any) -> None:
         help="measure what accuracy costs on this machine",
         description="Measure what accuracy costs in time and memory on this machine, and write report.html, "
         "report.json and CSV files: tables of measured BRDFs, shading maps of swatches, lobes, and pictures. A run "
-        "that was stopped goes on where it ended when it is called again. The built-in inputs take about half an hour on "
-        "two cores, each of your own about ten minutes.",
+        "that was stopped goes on where it ended when it is called again. The built-in inputs take about half an hour "
+        "on two cores, each of your own about ten minutes.",
     )
     parser.add_argument(
         "inputs",
