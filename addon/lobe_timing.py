@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,8 @@ from .render_timing import Build, Effort, evaluation_ns
 
 EVALUATIONS = 24  # at a shading point
 _ONE_EXPONENT = 60.0
+# OSL compiles to machine code, a tenth of the nodes' time: too little to tell in as few samples.
+_MORE_OF_OSL = 8
 _OSL = """
 #include "measured_lobes.h"
 shader lobes(string Lobe = "", float X = 0, float Exponent = 1, output float Sum = 0)
@@ -57,7 +59,9 @@ def measure_rendered(
         say = partial(_part, progress, k, len(columns))
         planes: dict[str, Build] = {name: partial(_emitted, build, name, varies) for name in names}
         bare = partial(_emitted, build, "", varies)
-        found[column] = evaluation_ns(planes, bare, EVALUATIONS, effort, osl=build is _osl, progress=say)
+        osl = build is _osl
+        enough = replace(effort, samples=_MORE_OF_OSL * effort.samples) if osl else effort
+        found[column] = evaluation_ns(planes, bare, EVALUATIONS, enough, osl=osl, progress=say)
     return RenderedLobes(found, missing)
 
 

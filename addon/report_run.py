@@ -56,8 +56,8 @@ QUICK = Sizes(
     QUICK_PICTURES,
     report_techniques.QUICK,
     (64, 12),
-    Effort(64, 8, 2),
-    Effort(48, 8, 2),
+    Effort(64, 16, 2),
+    Effort(64, 16, 2),
     {
         "lookups": 12,
         "tables": 20,
@@ -151,10 +151,10 @@ def run_report(
     _lobes(journal, sizes, say("lobes"), made)
     said = (
         f"Measured on {machine['processor']}, {machine['cores']} cores, with version {machine['measured_materials']}; "
-        "times are of this machine, and scatter by a tenth or more if it is busy. In every chart less is better on both "
-        "axes, and both are logarithmic. The dashed line is the Pareto front, the settings that no other beats in both; "
-        "the ring marks the one we would pick: where paying more begins to buy little or, of noise that falls with "
-        "time, the most accurate. All figures lie beside this page as CSV and JSON."
+        "times are of this machine, and scatter by a tenth or more if it is busy. In every chart less is better on "
+        "both axes, and both are logarithmic. The dashed line is the Pareto front, the settings that no other beats in "
+        "both; the ring marks the one we would pick: where paying more begins to buy little or, of noise that falls "
+        "with time, the most accurate. All figures lie beside this page as CSV and JSON."
     )
     path = write_page(out, _TITLE, [said], made.sections, {"machine": machine, **made.facts})
     return path, made.sections, {"machine": machine, **made.facts}

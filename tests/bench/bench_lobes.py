@@ -191,7 +191,7 @@ def _times(quick: bool) -> list[dict[str, Any]]:
             row[f"numpy, {label}"] = min(seconds) / len(u) * 1e9
     plain = [_seconds(lambda: np.power(1 - u, exponents["one n"])) for _ in range(5)]
     print(f"numpy's power alone, its base rounded: {min(plain) / len(u) * 1e9:.1f} ns")
-    rendered = measure_rendered(COSINE_LOBES, Effort(96, 8, 2) if quick else Effort(240, 16, 5))
+    rendered = measure_rendered(COSINE_LOBES, Effort(96, 16, 2) if quick else Effort(240, 16, 5))
     if rendered.missing:
         print(f"OSL: {rendered.missing}")
     for column, found in rendered.ns.items():
