@@ -79,14 +79,14 @@ FULL = Sizes(
     Effort(80, 12, 2),
     Effort(96, 12, 3),
     {
-        "lookups": 300,
-        "tables": 300,
-        "pictures": 500,
-        "photographs": 120,
-        "maps": 150,
-        "samples": 90,
-        "techniques": 60,
-        "lobes": 90,
+        "lookups": 90,
+        "tables": 210,
+        "pictures": 150,
+        "photographs": 70,
+        "maps": 120,
+        "samples": 50,
+        "techniques": 20,
+        "lobes": 40,
     },
 )
 
