@@ -5,16 +5,28 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from measured_materials.addon import report_pictures
+from measured_materials.addon import report_pictures, report_run, report_techniques
 from measured_materials.addon.cli import main
-from measured_materials.bake.report import tables
-from measured_materials.bake.report.chart import Chart, Point
+from measured_materials.addon.render_timing import Effort
+from measured_materials.addon.report_inputs import read_inputs
+from measured_materials.bake.bake_brdf import TABLE_STORAGES, BakeSettings, bake_source
+from measured_materials.bake.cosine_lobes import COSINE_LOBES
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.report import maps, tables, tabulation
+from measured_materials.bake.report.chart import COLOURS, Chart, Point, number
 from measured_materials.bake.report.journal import Journal
-from measured_materials.bake.report.lobes import lobes_section, measure_lobes
+from measured_materials.bake.report.lobes import BARE_POWER, LobeCost, lobes_section, measure_lobes
 from measured_materials.bake.report.page import Section, Table, write_page
+from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.bake.sources.merl import write_merl
+from measured_materials.bake.storage import Storage
+from measured_materials.bake.table import FILTERS
+from support.stacks import write_stack
 
 
 def points(*pairs: tuple[float, float]) -> list[Point]:
@@ -37,11 +49,12 @@ def test_pick_is_the_knee_or_the_most_accurate() -> None:
 def test_chart_is_well_formed_and_inside_its_frame() -> None:
     chart = Chart("a < b & c", "bytes", "RMS", {"x & y": points((1e3, 1e-2), (1e6, 0.0)), "z": points((5e4, 3e-5))})
     picture = ElementTree.fromstring(chart.svg())
-    circles = [c for c in picture.iter("circle") if c.find("title") is not None]
+    space = "{http://www.w3.org/2000/svg}"
+    circles = [c for c in picture.iter(f"{space}circle") if c.find(f"{space}title") is not None]
     assert len(circles) == 3
     for circle in circles:
-        assert 76 <= float(circle.get("cx", "")) <= 560 and 34 <= float(circle.get("cy", "")) <= 370
-    texts = [t.text for t in picture.iter("text")]
+        assert 84 <= float(circle.get("cx", "")) <= 624 and 40 <= float(circle.get("cy", "")) <= 384
+    texts = [t.text for t in picture.iter(f"{space}text")]
     assert "a < b & c" in texts and "x & y" in texts
 
 
@@ -72,39 +85,177 @@ def test_journal_takes_up_a_stopped_run(tmp_path: Path) -> None:
     assert Journal(path, {"v": 2}).found == {}
 
 
+def test_costs_that_are_about_equal_leave_the_more_accurate_one() -> None:
+    a = points((1.0, 1.0), (1.1, 0.1), (2.0, 0.05))
+    chart = Chart("t", "c", "e", {"a": a}, same=1.15)
+    assert chart.front() == a[1:] and Chart("t", "c", "e", {"a": a}).front() == a
+    # A chain of small steps must not lose its end.
+    chain = points(*((1.1**k, 2.0**-k) for k in range(6)))
+    assert Chart("t", "c", "e", {"a": chain}, same=1.15).front() == chain[-1:]
+
+
+def test_series_apart_are_shown_but_not_picked() -> None:
+    chart = Chart("t", "c", "e", {"a": points((1, 1)), "b": points((0.5, 0.1))}, apart=("b",))
+    assert chart.front() == points((1, 1)) and chart.svg().count("<title>") == 2
+
+
+def test_noise_is_picked_by_accuracy() -> None:
+    bent = points((1, 1), (2, 0.01), (100, 0.005))
+    assert Chart("t", "c", "e", {"a": bent}, knee=False).pick() == bent[-1]
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(0.01234, "0.0123"), (999.4, "999"), (1984.0, "1980"), (82944.0, "82.9 k"), (1.5e6, "1.5 M")]
+)
+def test_numbers_are_short(value: float, words: str) -> None:
+    assert number(value) == words
+
+
+def test_more_series_than_colours_differ_in_their_marks() -> None:
+    chart = Chart("t", "c", "e", {str(k): points((1 + k, 1 + k)) for k in range(2 * len(COLOURS) + 1)})
+    picture = ElementTree.fromstring(chart.svg())
+    space = "{http://www.w3.org/2000/svg}"
+    marked = [el.tag.removeprefix(space) for el in picture.iter() if el.find(f"{space}title") is not None]
+    assert [marked.count(kind) for kind in ("circle", "rect", "path")] == [len(COLOURS), len(COLOURS), 1]
+
+
 def test_lobes_are_measured(tmp_path: Path) -> None:
-    costs = {cost.name: cost for cost in measure_lobes(Journal(tmp_path / "j", {}))}
-    assert costs["power"].whole < 1e-4 < costs["cubic"].core < 0.0055 < costs["schlick"].core
-    assert all(cost.ns > 0 for cost in costs.values())
-    assert "power" in lobes_section(list(costs.values())).words[0]
+    costs = measure_lobes(Journal(tmp_path / "j", {}))
+    by_name = {cost.name: cost for cost in costs}
+    assert by_name["power"].whole < 1e-4 < by_name["cubic"].core < 0.0055 < by_name["schlick"].core
+    assert all(cost.ns > 0 for cost in costs)
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ({"schlick": 5.0, "cubic": 9.0}, "as cheap as any"),
+        ({"schlick": 1.0, "cubic": 9.0}, "only schlick is cheaper"),
+        ({"schlick": 1.0, "cubic": 1.0}, "still the cheaper, by a factor of 4"),
+    ],
+)
+def test_verdict_on_pow_follows_the_times(times: dict[str, float], words: str) -> None:
+    costs = [LobeCost(name, 0.1, 0.1, 1.0) for name in (*COSINE_LOBES, BARE_POWER)]
+    column = {BARE_POWER: 4.0, "power": 20.0, **times}
+    section = lobes_section(costs, {"nodes": column}, "Open Shading Language is not part of this Blender")
+    assert words in section.words[1] and "Open Shading Language" in section.notes[0]
+
+
+# --- the command ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All parts of a quick report, as small as they can be."""
+    monkeypatch.setattr(tabulation, "CHOSEN_AT", 12)
+    sizes = report_run.Sizes(
+        tables=tables.TableSizes((8, 12), False),
+        lookups=tables.TableSizes((8,), False),
+        maps=maps.MapSizes((3, 4), (4,), (Storage.HALF, Storage.BYTE), 2),
+        pictures=report_pictures.Sizes(24, (2, 4), 4, 16),
+        techniques=report_techniques.TechniqueSizes((2, 4)),
+        swatch=(16, 2),
+        lookup_effort=Effort(16, 2, 1),
+        lobe_effort=Effort(16, 2, 1),
+        seconds=report_run.QUICK.seconds,
+    )
+    monkeypatch.setattr(report_run, "QUICK", sizes)
 
 
 def test_report_from_end_to_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tiny: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Every chart has its points; a second call measures nothing again."""
-    monkeypatch.setattr(tables, "QUICK_RESOLUTIONS", (8, 12))
-    monkeypatch.setattr(tables, "_CHOSEN_AT", 12)
-    monkeypatch.setattr(report_pictures, "QUICK", report_pictures.Sizes(24, (1, 4), 4, 16))
-    assert main(["report", "--quick", "--out", str(tmp_path), "--json"]) == 0
+    """A stopped run is taken up; every chart has its points; a third call measures nothing again."""
+    call = ["report", "--quick", "--out", str(tmp_path), "--json"]
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as stopped:
+        stopped.setattr(report_run, "measure_map_times", interrupted)
+        assert main(call) == 130 and not (tmp_path / "report.html").exists()
+    (journal,) = tmp_path.glob(".measured/*/journal.jsonl")
+    before = journal.read_text()
+    assert "pictures metallic-paint exact" in before and '["lobes' not in before
+    capsys.readouterr()
+
+    assert main(call) == 0
     document = json.loads(capsys.readouterr().out)
+    assert journal.read_text().startswith(before)
     page = (tmp_path / "report.html").read_text()
-    assert len(re.findall("<svg", page)) == 5 and len(re.findall("<img", page)) == 11
-    settings = document["tables"]["metallic-paint"]
-    assert len(settings) == len(tables.KINDS) * 2 * 5
-    best = min(settings, key=lambda s: s["rms"])
-    assert (best["basis"], best["parameterization"]) == ("half", "fitted")
-    rendered = document["pictures"]["metallic-paint"]
-    assert {row["variant"] for row in rendered} == {"Principled BSDF", "preview", "balanced", "exact", "reference"}
+    osl = "OSL, n varies" in document["lobes"]["rendered"]
+    assert len(re.findall("<svg", page)) == 10 + osl
+    # The truth, five variants and their differences; two cases of five; four renders and their differences.
+    assert len(re.findall("<img", page)) == 11 + 10 + 8
+    _check_facts(document)
 
-    before = (tmp_path / ".measured" / "journal.jsonl").read_text()
-    assert main(["report", "--quick", "--out", str(tmp_path), "--json"]) == 0
+    whole = journal.read_text()
+    assert main(call) == 0
     assert json.loads(capsys.readouterr().out)["tables"] == document["tables"]
-    assert (tmp_path / ".measured" / "journal.jsonl").read_text() == before
+    assert journal.read_text() == whole
 
 
-def test_report_names_a_bad_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def _check_facts(document: dict[str, Any]) -> None:
+    settings = document["tables"]["paint"]
+    per_resolution = len(FILTERS) - 1 + len(TABLE_STORAGES)
+    assert len(settings) == len(tabulation.KINDS) * 2 * per_resolution
+    assert {s["storage"] for s in settings} == set(TABLE_STORAGES)
+    timed = [s for s in settings if s["render_ns"] is not None]
+    # Each kind at one resolution, and of one kind every filter and storage.
+    assert len(timed) == len(tabulation.KINDS) - 1 + per_resolution and {s["resolution"] for s in timed} == {8}
+    rendered = document["pictures"]["paint"]
+    assert {row["variant"] for row in rendered} == {"Principled BSDF", "preview", "balanced", "exact", "reference"}
+    assert {s["model"] for s in document["maps"]["cloth"]} == {model.name for model in maps.MODELS}
+    lookup = {
+        row["case"]: row["rms"] for row in document["techniques"]["cloth"]["cases"] if row["technique"] == "lookup"
+    }
+    assert lookup["light from behind"] > lookup["between two photographs"]
+
+
+def test_inputs_of_the_user(tiny: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder of photographs, the map baked from it, and one without lights: no word of what cannot be told."""
+    folder = write_stack(tmp_path / "denim", tuple(range(8, 88, 8)), size=(20, 16))
+    nameless = tmp_path / "felt"
+    nameless.mkdir()
+    for k, file in enumerate(sorted(folder.iterdir())):
+        (nameless / f"{chr(97 + k)}.png").write_bytes(file.read_bytes())
+    result = bake_arc(folder, tmp_path / "baked.mmat", ArcSettings(slices=6))
+    inputs = [str(path) for path in (folder, nameless, result.path)]
+    assert main(["report", *inputs, "--quick", "--json", "--out", str(tmp_path / "out")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert set(document["maps"]) == {"denim", "felt", "baked"} and "tables" not in document
+    assert [row["case"] for row in document["techniques"]["denim"]["cases"]] == ["photographs left out"] * 12
+    assert document["techniques"]["felt"] == document["techniques"]["baked"] == {"cases": [], "rendered": []}
+    # These photographs are power laws of the light: the map predicts those left out, the lit texture does not.
+    errors = {r["technique"]: r["rms"] for r in document["techniques"]["denim"]["cases"]}
+    assert errors["lookup"] < 0.5 * errors["lit_texture"]
+
+
+def test_other_inputs_of_the_same_name_are_measured_anew(tmp_path: Path) -> None:
+    for k, model in enumerate(("metallic-paint", "oren-nayar")):
+        (tmp_path / str(k)).mkdir()
+        write_merl(tmp_path / str(k) / "same.binary", by_name(model))
+    origins = [read_inputs([tmp_path / str(k) / "same.binary"]).origin for k in range(2)]
+    assert origins[0] != origins[1]
+    with pytest.raises(BakeError, match="is the name of two inputs"):
+        read_inputs([tmp_path / str(k) / "same.binary" for k in range(2)])
+
+
+def test_bad_inputs_are_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "bad.binary").write_bytes(b"no")
-    assert main(["report", str(tmp_path / "bad.binary"), "--out", str(tmp_path / "out")]) == 1
-    assert "bad.binary" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
+    (tmp_path / "empty").mkdir()
+    write_stack(tmp_path / "few", (20, 60))
+    brdf = bake_source(by_name("oren-nayar"), tmp_path / "brdf", BakeSettings(8, envelope=False)).path
+    for path, words in (
+        (tmp_path / "bad.binary", "bad.binary: truncated"),
+        (tmp_path / "empty", "empty: holds no photograph"),
+        (tmp_path / "few", "few: holds 2 photographs"),
+        (brdf, "is a baked BRDF; give the measurement"),
+        (tmp_path / "none.bsdf", "does not exist"),
+    ):
+        assert main(["report", str(path), "--out", str(tmp_path / "out"), "--quick"]) == 1
+        told = capsys.readouterr().err.splitlines()
+        assert len(told) == 1 and words in told[0], told
+    (tmp_path / "file").write_text("")
+    assert main(["report", "--quick", "--out", str(tmp_path / "file" / "in")]) == 1
+    assert "choose another folder by --out" in capsys.readouterr().err

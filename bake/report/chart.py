@@ -10,11 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-# Okabe & Ito's palette, told apart by colour-blind readers too; black is the front's.
+# Okabe & Ito's palette, told apart by colour-blind readers too, and two more; black is the front's.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
-_WIDTH, _HEIGHT = 760, 420
-_LEFT, _RIGHT, _TOP, _BOTTOM = 76, 200, 34, 50
+# Beyond the colours, series are told apart by their marks: a second round of the palette is of squares.
+_MARKS = ("circle", "square", "triangle")
+_WIDTH, _HEIGHT = 860, 440
+_LEFT, _RIGHT, _TOP, _BOTTOM = 84, 236, 40, 56
 _SMALLEST = 1e-12
+_LEGEND_STEP = 18
+# Times closer than this factor are told as equal: as much they differ from run to run.
+SAME_TIME = 1.15
 # Of both shares' difference: a front closer than this to a straight line has no knee.
 _LEAST_GAIN = 0.08
 
@@ -36,7 +41,10 @@ class Chart:
     ----------
     title, cost, error : words above and beside the axes, units included
     series : name to points
-    joined : whether a line joins the points of a series, in order
+    joined : whether a line joins the points of a series, in order of cost
+    same : factor up to which two costs count as equal, as of times that differ from run to run
+    knee : pick the front's knee; otherwise, of noise that falls with time, the most accurate
+    apart : series shown for comparison, neither on the front nor picked
     """
 
     title: str
@@ -44,6 +52,9 @@ class Chart:
     error: str
     series: dict[str, list[Point]] = field(default_factory=dict)
     joined: bool = True
+    same: float = 1.0
+    knee: bool = True
+    apart: tuple[str, ...] = ()
 
     @property
     def points(self) -> list[Point]:
@@ -51,12 +62,15 @@ class Chart:
         return [point for points in self.series.values() for point in points]
 
     def front(self) -> list[Point]:
-        """The Pareto front: points that none is both cheaper and more accurate than, by rising cost."""
+        """The Pareto front: points that none is both cheaper (or as cheap) and more accurate than, by rising cost."""
         found: list[Point] = []
-        for point in sorted(self.points, key=lambda p: (p.cost, p.error)):
+        rivals = [point for name, points in self.series.items() if name not in self.apart for point in points]
+        for point in sorted(rivals, key=lambda p: (p.cost, p.error)):
             if not found or point.error < found[-1].error:
                 found.append(point)
-        return found
+        # Dropped only now: of a chain of points each just dearer than the one before, the most accurate stays.
+        beaten = (any(q.error < p.error and q.cost <= p.cost * self.same for q in found) for p in found)
+        return found if self.same == 1 else [p for p, drop in zip(found, beaten, strict=True) if not drop]
 
     def pick(self) -> Point | None:
         """The front's knee: where the share of the front's accuracy gained most exceeds the share of its cost paid.
@@ -65,7 +79,7 @@ class Chart:
         without a knee, as of noise that falls with time, has no such point: there it is the most accurate one.
         """
         front = self.front()
-        if len(front) < 3:
+        if len(front) < 3 or not self.knee:
             return front[-1] if front else None
         x, y = [_log(p.cost) for p in front], [_log(p.error) for p in front]
         run, fall = x[-1] - x[0], y[0] - y[-1]
@@ -81,10 +95,13 @@ class Chart:
             return f"<p>{escape(self.title)}: nothing was measured.</p>"
         across = _Axis.of([p.cost for p in self.points], _LEFT, _WIDTH - _RIGHT)
         up = _Axis.of([p.error for p in self.points], _HEIGHT - _BOTTOM, _TOP)
-        parts = [_grid(across, up), self._front(across, up)]
+        parts = [f'<rect width="{_WIDTH}" height="{_HEIGHT}" fill="#fff"/>', _grid(across, up)]
         parts += [self._series(k, name, across, up) for k, name in enumerate(self.series)]
-        parts += [self._words(), self._picked(across, up)]
-        head = f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{escape(self.title, True)}">'
+        parts += [self._front(across, up), self._words(), self._picked(across, up)]
+        head = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" font-family="system-ui, '
+            f'sans-serif" font-size="12" role="img" aria-label="{escape(self.title, True)}">'
+        )
         return head + "".join(parts) + "</svg>"
 
     def _front(self, across: _Axis, up: _Axis) -> str:
@@ -92,27 +109,30 @@ class Chart:
 
     def _series(self, k: int, name: str, across: _Axis, up: _Axis) -> str:
         colour, points = COLOURS[k % len(COLOURS)], self.series[name]
-        places = [(across.at(p.cost), up.at(p.error)) for p in points]
-        parts = [_polyline(places, colour, 'opacity="0.6"')] if self.joined else []
-        for point, (x, y) in zip(points, places, strict=True):
-            tip = f"{name}, {point.label}: {_number(point.cost)}, error {_number(point.error)}"
-            parts.append(
-                f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"><title>{escape(tip)}</title></circle>'
-            )
-        y = _TOP + 12 + 18 * k
-        parts.append(f'<circle cx="{_WIDTH - _RIGHT + 16}" cy="{y - 4}" r="4" fill="{colour}"/>')
-        parts.append(f'<text x="{_WIDTH - _RIGHT + 26}" y="{y}">{escape(name)}</text>')
+        mark = _MARKS[k // len(COLOURS) % len(_MARKS)]
+        ordered = sorted(points, key=lambda p: (p.cost, -p.error))
+        line = [(across.at(p.cost), up.at(p.error)) for p in ordered]
+        parts = [_polyline(line, colour, 'opacity="0.5"')] if self.joined else []
+        for point in points:
+            tip = f"{name}, {point.label}: {number(point.cost)}, error {number(point.error)}"
+            parts.append(_mark(mark, across.at(point.cost), up.at(point.error), colour, tip))
+        y = _TOP + 12 + _LEGEND_STEP * k
+        parts.append(_mark(mark, _WIDTH - _RIGHT + 18, y - 4, colour))
+        parts.append(f'<text x="{_WIDTH - _RIGHT + 32}" y="{y}">{escape(name)}</text>')
         return "".join(parts)
 
     def _words(self) -> str:
         middle_x, middle_y = (_LEFT + _WIDTH - _RIGHT) / 2, (_TOP + _HEIGHT - _BOTTOM) / 2
-        y = _TOP + 12 + 18 * len(self.series)
+        left = _WIDTH - _RIGHT + 10
+        y = _TOP + 16 + _LEGEND_STEP * len(self.series)
         return (
-            f'<text x="{_LEFT}" y="20" class="title">{escape(self.title)}</text>'
-            f'<text x="{middle_x}" y="{_HEIGHT - 10}" text-anchor="middle">{escape(self.cost)}</text>'
-            f'<text transform="translate(16 {middle_y}) rotate(-90)" text-anchor="middle">{escape(self.error)}</text>'
-            f'<line x1="{_WIDTH - _RIGHT + 8}" x2="{_WIDTH - _RIGHT + 22}" y1="{y - 4}" y2="{y - 4}" stroke="#000" '
-            f'stroke-dasharray="5 4"/><text x="{_WIDTH - _RIGHT + 26}" y="{y}">Pareto front</text>'
+            f'<text x="{_LEFT}" y="22" font-size="14" font-weight="600">{escape(self.title)}</text>'
+            f'<text x="{middle_x}" y="{_HEIGHT - 12}" text-anchor="middle">{escape(self.cost)}</text>'
+            f'<text transform="translate(18 {middle_y}) rotate(-90)" text-anchor="middle">{escape(self.error)}</text>'
+            f'<line x1="{left}" x2="{left + 16}" y1="{y - 4}" y2="{y - 4}" stroke="#000" stroke-dasharray="5 4"/>'
+            f'<text x="{left + 22}" y="{y}">Pareto front: nothing beats it</text>'
+            f'<circle cx="{left + 8}" cy="{y + _LEGEND_STEP - 4}" r="7" fill="none" stroke="#000" stroke-width="2"/>'
+            f'<text x="{left + 22}" y="{y + _LEGEND_STEP}">our pick</text>'
         )
 
     def _picked(self, across: _Axis, up: _Axis) -> str:
@@ -120,7 +140,12 @@ class Chart:
         if point is None:
             return ""
         x, y = across.at(point.cost), up.at(point.error)
-        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="9" fill="none" stroke="#000" stroke-width="2"/>'
+        # Above the ring, on the side where the frame has room.
+        right = x < (_LEFT + _WIDTH - _RIGHT) / 2
+        place = f'x="{x + (11 if right else -11):.1f}" y="{max(y - 11, _TOP + 12):.1f}"'
+        text = f'<text {place} text-anchor="{"start" if right else "end"}" font-weight="600" paint-order="stroke" '
+        words = f'{text}stroke="#fff" stroke-width="4">{escape(point.label)}</text>'
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="9" fill="none" stroke="#000" stroke-width="2"/>{words}'
 
     def verdict(self) -> str:
         """The setting one would pick, in words."""
@@ -128,7 +153,9 @@ class Chart:
         if point is None:
             return "Nothing was measured."
         name = next(name for name, points in self.series.items() if point in points)
-        return f"Our pick: {name}, {point.label} (error {_number(point.error)} at {_number(point.cost)})."
+        label = "" if point.label == name else f", {point.label}"
+        found = f"error {number(point.error)} at {number(point.cost)} {_unit(self.cost)}"
+        return f"Our pick: {name}{label} ({found})."
 
 
 @dataclass(frozen=True)
@@ -150,9 +177,10 @@ class _Axis:
         return self.start + (_log(value) - self.low) / (self.high - self.low) * (self.end - self.start)
 
     def ticks(self) -> list[float]:
-        steps = (1.0,) if self.high - self.low > 2.5 else (1.0, 2.0, 5.0)
+        span = self.high - self.low
+        steps = (1.0,) if span > 2.5 else (1.0, 2.0, 5.0) if span > 0.5 else (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0)
         decades = range(math.floor(self.low), math.ceil(self.high) + 1)
-        every = max(1, math.ceil((self.high - self.low) / 8))
+        every = max(1, math.ceil(span / 8))
         values = [step * 10.0**d for d in decades if d % every == 0 for step in steps]
         return [v for v in values if self.low <= math.log10(v) <= self.high]
 
@@ -165,12 +193,23 @@ def _grid(across: _Axis, up: _Axis) -> str:
     for value in across.ticks():
         x = across.at(value)
         parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_TOP}" y2="{_HEIGHT - _BOTTOM}" stroke="#e4e4e4"/>')
-        parts.append(f'<text x="{x:.1f}" y="{_HEIGHT - _BOTTOM + 16}" text-anchor="middle">{_number(value)}</text>')
+        parts.append(f'<text x="{x:.1f}" y="{_HEIGHT - _BOTTOM + 17}" text-anchor="middle">{number(value)}</text>')
     for value in up.ticks():
         y = up.at(value)
         parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#e4e4e4"/>')
-        parts.append(f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{_number(value)}</text>')
+        parts.append(f'<text x="{_LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{number(value)}</text>')
     return "".join(parts)
+
+
+def _mark(kind: str, x: float, y: float, colour: str, tip: str = "") -> str:
+    """A sign of 8 pixels with its words for a resting pointer."""
+    inside = f"<title>{escape(tip)}</title>" if tip else ""
+    if kind == "circle":
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}">{inside}</circle>'
+    if kind == "square":
+        return f'<rect x="{x - 4:.1f}" y="{y - 4:.1f}" width="8" height="8" fill="{colour}">{inside}</rect>'
+    path = f"M{x:.1f} {y - 5:.1f}L{x + 5:.1f} {y + 4:.1f}H{x - 5:.1f}Z"
+    return f'<path d="{path}" fill="{colour}">{inside}</path>'
 
 
 def _polyline(places: Sequence[tuple[float, float]], colour: str, more: str) -> str:
@@ -184,5 +223,14 @@ def _log(value: float) -> float:
     return math.log10(max(value, _SMALLEST))
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}"
+def _unit(words: str) -> str:
+    """Of an axis's words: "bytes" of "bytes in the file, before compression"."""
+    return words.split(",")[0].split(" in ")[0]
+
+
+def number(value: float) -> str:
+    """Three digits, with a letter for large numbers: 0.0123, 45.6, 1980, 82.9 k, 1.2 M."""
+    for least, letter in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
+        if abs(value) >= least:
+            return f"{value / (1e3 if letter == 'k' else least):.3g} {letter}"
+    return f"{round(value, -1):.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,13 +13,15 @@ import numpy as np
 from .. import xp_numpy
 from ..cosine_lobes import COSINE_LOBES, cosine_lobe
 from ..source import Array
-from .chart import Chart, Point
+from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
 
 _EXPONENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 _TIMED_EXPONENT = 60.0
 _COUNT, _RUNS = 1 << 19, 5
+# The machine's own pow of the cosine: a narrow lobe loses its digits, for the cosine was rounded near 1.
+BARE_POWER = "bare pow"
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ class LobeCost:
 
 
 def measure_lobes(journal: Journal) -> list[LobeCost]:
-    """All lobes, and numpy's bare power."""
-    names = [*COSINE_LOBES, "numpy power"]
+    """All lobes, and the bare power of a cosine that was rounded before."""
+    names = [*COSINE_LOBES, BARE_POWER]
     return [LobeCost(name, **journal.measure(f"lobes {name}", partial(_measured, name))) for name in names]
 
 
@@ -57,7 +59,7 @@ def _measured(name: str) -> dict[str, float]:
 
 def _evaluate(name: str, u: Array, n: float) -> Array:
     exponent = np.full(1, n, np.float32)
-    if name == "numpy power":
+    if name == BARE_POWER:
         return np.power(1 - u, exponent)
     return np.asarray(cosine_lobe(xp_numpy, name, u, exponent))
 
@@ -66,31 +68,55 @@ def _seconds(function: Callable[[], object]) -> float:
     function()
     runs = []
     for _ in range(_RUNS):
-        started = time.perf_counter()
+        started = time.process_time()
         function()
-        runs.append(time.perf_counter() - started)
+        runs.append(time.process_time() - started)
     return min(runs)
 
 
-def lobes_section(costs: list[LobeCost]) -> Section:
-    """Chart, table, and whether the approximation still pays on this machine."""
-    by_name = {cost.name: cost for cost in costs}
-    power, cubic = by_name["numpy power"], by_name["cubic"]
-    faster = power.ns / cubic.ns
-    verdict = (
-        f"Here the cubic takes {1 / faster:.2g} times as long as numpy's power: modern hardware makes pow the cheaper."
-        if faster < 1
-        else f"Here the cubic is {faster:.2g} times faster than numpy's power."
-    )
+# --- tell -----------------------------------------------------------------------------------------------
+
+
+def lobes_section(
+    costs: Sequence[LobeCost], rendered: Mapping[str, Mapping[str, float]], missing: str | None
+) -> Section:
+    """Charts, a table, and whether an approximation still pays on this machine.
+
+    Parameters
+    ----------
+    rendered : nanoseconds per evaluation, by column ("nodes, n varies" and its like) and lobe
+    missing : why a column is not there
+    """
+    columns = {"numpy": {cost.name: cost.ns for cost in costs}, **rendered}
     words = [
-        "Error of lobes that stand for cos^n, the largest for n from 1 to 256, in parts of the peak, in float32. "
-        f"{verdict}"
+        "Lobes that stand for a highlight cos^n, as in Phong's model: “power” is cos^n to its last digits, “bare pow” "
+        "the machine's own power of a cosine that was rounded before, the others are approximations that were made to "
+        "be cheaper. Error is the largest for n from 1 to 256, in parts of the highlight's peak.",
+        " ".join(_verdict(column, times) for column, times in columns.items()),
     ]
     section = Section("Lobes", words)
-    series = {cost.name: [Point(cost.ns, cost.whole, "all angles")] for cost in costs}
-    section.charts = [Chart("Lobes: error against time", "ns per value (numpy, float32)", "largest error", series)]
-    section.tables = [
-        Table(("lobe", "error, core", "error, all angles", "ns"), [list(vars(c).values()) for c in costs])
-    ]
-    section.notes = ["In shader nodes and OSL the times lie closer together: `bench lobes` measures them."]
+    for column, times in columns.items():
+        series = {cost.name: [Point(times[cost.name], cost.whole, cost.name)] for cost in costs if cost.name in times}
+        title = f"Lobes: error against time, {column}"
+        section.charts.append(
+            Chart(title, "ns per evaluation, processor time", "largest error, of the peak", series, same=SAME_TIME)
+        )
+    head = ("lobe", "error to half of the peak", "error, all angles", *(f"ns, {column}" for column in columns))
+    rows = [(c.name, c.core, c.whole, *(times.get(c.name) for times in columns.values())) for c in costs]
+    section.tables = [Table(head, rows)]
+    section.notes = [f"Not measured: {missing}."] if missing else []
     return section
+
+
+def _verdict(column: str, times: Mapping[str, float]) -> str:
+    """Whether pow is as cheap as what was made to replace it."""
+    pow, cubic = times[BARE_POWER], times["cubic"]
+    rivals = {name: ns for name, ns in times.items() if name not in (BARE_POWER, "power")}
+    fastest = min(rivals, key=rivals.__getitem__)
+    cheap = pow <= SAME_TIME * rivals[fastest]
+    words = f"In {column}, pow takes {pow:.3g} ns and the cubic {cubic:.3g} ns:"
+    if cheap:
+        return f"{words} pow is as cheap as any of them."
+    if pow <= SAME_TIME * cubic:
+        return f"{words} pow is as cheap as the cubic; only {fastest} is cheaper ({rivals[fastest]:.3g} ns)."
+    return f"{words} here the cubic is still the cheaper, by a factor of {pow / cubic:.2g}."

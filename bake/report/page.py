@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from ..atomic import replacing_file
-from .chart import Chart
+from .chart import Chart, number
 
 _STYLE = """
+:root { color-scheme: light }
 body { font: 15px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 70rem; margin: 2rem auto;
   padding: 0 1rem }
 h1 { font-size: 1.7rem } h2 { margin-top: 3rem; border-bottom: 1px solid #ccc }
@@ -25,11 +26,19 @@ svg .title { font-weight: 600; font-size: 14px }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: 0.2rem 0.8rem; border-bottom: 1px solid #ddd; text-align: right }
 th:first-child, td:first-child { text-align: left }
-figure { display: inline-block; margin: 0 0.6rem 1rem 0; vertical-align: top }
-figcaption { font-size: 13px; max-width: 14rem }
-img { image-rendering: pixelated; width: 14rem; height: auto; display: block }
+.gallery { display: flex; flex-wrap: wrap; gap: 0.8rem }
+figure { margin: 0; width: 12rem }
+figcaption { font-size: 13px; line-height: 1.35; margin-top: 0.3rem }
+img { image-rendering: pixelated; width: 100%; height: auto; display: block }
+nav ul { columns: 2; padding-left: 1.2rem }
+details { margin: 1rem 0 } summary { cursor: pointer }
+.scroll { overflow-x: auto }
 .verdict { font-weight: 600 } .note { color: #555 }
 """
+
+
+# A longer table is folded up.
+_OPEN_ROWS = 12
 
 
 @dataclass
@@ -40,16 +49,21 @@ class Section:
     words: list[str] = field(default_factory=list)
     charts: list[Chart] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
-    pictures: list[Picture] = field(default_factory=list)
+    galleries: list[Gallery] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def anchor(self) -> str:
+        """The title as a name of files and links."""
+        return re.sub(r"[^a-z0-9]+", "_", self.title.lower()).strip("_")
 
     def html(self) -> str:
         """Of the section."""
-        parts = [f"<h2>{escape(self.title)}</h2>"]
+        parts = [f'<h2 id="{self.anchor}">{escape(self.title)}</h2>']
         parts += [f"<p>{escape(sentence)}</p>" for sentence in self.words]
         for chart in self.charts:
             parts += [chart.svg(), f'<p class="verdict">{escape(chart.verdict())}</p>']
-        parts += [picture.html() for picture in self.pictures]
+        parts += [gallery.html() for gallery in self.galleries]
         parts += [table.html() for table in self.tables]
         parts += [f'<p class="note">{escape(note)}</p>' for note in self.notes]
         return "\n".join(parts)
@@ -66,7 +80,10 @@ class Table:
         """Of the table."""
         head = "".join(f"<th>{escape(str(name))}</th>" for name in self.head)
         rows = "".join("<tr>" + "".join(f"<td>{escape(_cell(v))}</td>" for v in row) + "</tr>" for row in self.rows)
-        return f"<table><tr>{head}</tr>{rows}</table>"
+        table = f'<div class="scroll"><table><tr>{head}</tr>{rows}</table></div>'
+        if len(self.rows) <= _OPEN_ROWS:
+            return table
+        return f"<details><summary>All {len(self.rows)} measurements, best first</summary>{table}</details>"
 
     def csv(self) -> str:
         """The same with all digits."""
@@ -91,21 +108,34 @@ class Picture:
         return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
+@dataclass(frozen=True)
+class Gallery:
+    """A row of pictures under a heading."""
+
+    title: str
+    pictures: Sequence[Picture]
+
+    def html(self) -> str:
+        """Of the heading and the pictures."""
+        inside = "".join(picture.html() for picture in self.pictures)
+        return f'<h3>{escape(self.title)}</h3><div class="gallery">{inside}</div>'
+
+
 def write_page(
     folder: Path, title: str, about: Iterable[str], sections: Sequence[Section], facts: dict[str, Any]
 ) -> Path:
     """Write report.html, report.json (`facts`) and a CSV file for each table; each is whole or the older one stays."""
     folder.mkdir(parents=True, exist_ok=True)
     words = "".join(f"<p>{escape(sentence)}</p>" for sentence in about)
-    body = "\n".join(section.html() for section in sections)
+    links = "".join(f'<li><a href="#{s.anchor}">{escape(s.title)}</a></li>' for s in sections)
+    body = f"<nav><ul>{links}</ul></nav>" + "\n".join(section.html() for section in sections)
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{_STYLE}</style></head><body><h1>{escape(title)}</h1>{words}{body}</body></html>\n"
     )
     for section in sections:
         for k, table in enumerate(section.tables):
-            name = re.sub(r"[^a-z0-9]+", "_", section.title.lower()).strip("_")
-            _write(folder / f"{name}{'' if k == 0 else f'_{k + 1}'}.csv", table.csv())
+            _write(folder / f"{section.anchor}{'' if k == 0 else f'_{k + 1}'}.csv", table.csv())
     _write(folder / "report.json", json.dumps(facts, indent=1) + "\n")
     path = folder / "report.html"
     _write(path, page)
@@ -118,4 +148,6 @@ def _write(path: Path, text: str) -> None:
 
 
 def _cell(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    if value is None:
+        return "–"
+    return number(value) if isinstance(value, float) else str(value)

@@ -14,7 +14,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from lobe_timing import measure_rendered
+from measured_materials.addon.lobe_timing import BARE_POWER, measure_rendered
+from measured_materials.addon.render_timing import Effort
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.cosine_lobes import (
     COSINE_LOBES,
@@ -190,7 +191,11 @@ def _times(quick: bool) -> list[dict[str, Any]]:
             row[f"numpy, {label}"] = min(seconds) / len(u) * 1e9
     plain = [_seconds(lambda: np.power(1 - u, exponents["one n"])) for _ in range(5)]
     print(f"numpy's power alone, its base rounded: {min(plain) / len(u) * 1e9:.1f} ns")
-    for column, found in measure_rendered(COSINE_LOBES, quick).items():
+    rendered = measure_rendered(COSINE_LOBES, Effort(96, 16, 2) if quick else Effort(240, 16, 5))
+    if rendered.missing:
+        print(f"OSL: {rendered.missing}")
+    for column, found in rendered.ns.items():
+        print(f"{column}: the power node or function alone, its base rounded: {found[BARE_POWER]:.1f} ns")
         for row in rows:
             row[column] = found[row["lobe"]]
     return rows

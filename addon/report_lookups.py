@@ -1,0 +1,147 @@
+"""Time of a table's lookup in rendered nodes, by all that it depends on; what the table holds is of no matter to it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..bake.anisotropic.atlas import SliceLayout
+from ..bake.anisotropic.choice import half_shape, normal_shape
+from ..bake.anisotropic.grid import Grid as AnisotropicGrid
+from ..bake.anisotropic.grid import HalfGrid as AnisotropicHalfGrid
+from ..bake.anisotropic.grid import NormalGrid
+from ..bake.atlas import AtlasLayout
+from ..bake.bake_brdf import TABLE_STORAGES
+from ..bake.grid_search import half_sizes
+from ..bake.half_grid import HalfGrid
+from ..bake.image_io import write_image
+from ..bake.report.journal import Journal
+from ..bake.report.tables import USUAL_FILTER, USUAL_STORAGE, LookupKey, TableSizes
+from ..bake.report.tabulation import ANISOTROPIC_KINDS, KINDS, Kind
+from ..bake.storage import Storage
+from ..bake.table import FILTERS, Grid, TableGrid
+from ..nodes import expr
+from ..nodes.anisotropic_groups import anisotropic_lookup_group
+from ..nodes.data_image import load_data_image
+from ..nodes.group import call
+from ..nodes.table_lookup_group import table_lookup_group
+from .render_timing import Build, Effort, evaluation_ns
+
+LOOKUPS = 4  # at a shading point
+# The kind whose time is measured for every filter and storage; others meet the usual storage.
+_THOROUGH: tuple[Kind, ...] = (("half", "fitted"), ANISOTROPIC_KINDS[1])
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Lookups that share size and storage of their textures, and are rendered in turns."""
+
+    resolution: int
+    storage: Storage
+    ways: tuple[tuple[Kind, str], ...]  # with the filter
+
+
+def measure_lookups(
+    journal: Journal, sizes: TableSizes, anisotropic: bool, effort: Effort, progress: Callable[[float], None]
+) -> dict[LookupKey, float]:
+    """Nanoseconds of processor per lookup, one slice drawn at random as in materials."""
+    batches = list(_batches(sizes, ANISOTROPIC_KINDS if anisotropic else KINDS))
+    found: dict[LookupKey, float] = {}
+    for k, batch in enumerate(batches):
+        progress(k / len(batches))
+        key = f"lookups {'four' if anisotropic else 'three'} axes {batch.resolution} {batch.storage}"
+        for kind, filter, ns in journal.measure(key, partial(_measured, batch, effort)):
+            found[(kind[0], kind[1], batch.resolution, filter, str(batch.storage))] = ns
+    return found
+
+
+def _batches(sizes: TableSizes, kinds: Iterable[Kind]) -> Iterable[_Batch]:
+    for n in sizes.resolutions:
+        for storage in map(Storage, TABLE_STORAGES):
+            ways = [
+                (kind, filter)
+                for kind in kinds
+                for filter in FILTERS
+                if kind in _THOROUGH or (storage == USUAL_STORAGE and (sizes.crossed or filter == USUAL_FILTER))
+            ]
+            if storage != USUAL_STORAGE:
+                ways = [way for way in ways if sizes.crossed or way[1] == USUAL_FILTER]
+            yield _Batch(n, storage, tuple(ways))
+
+
+def _measured(batch: _Batch, effort: Effort) -> list[tuple[Kind, str, float]]:
+    """Kind, filter and nanoseconds."""
+    names = {f"{kind[0]} {kind[1]} {filter}": (kind, filter) for kind, filter in batch.ways}
+    images: dict[tuple[int, int], bpy.types.Image] = {}
+    groups: list[bpy.types.ShaderNodeTree] = []
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            builds: dict[str, Build] = {}
+            for name, (kind, filter) in names.items():
+                grid = _grid(kind, batch.resolution)
+                size = _layout(grid).size
+                if size not in images:
+                    images[size] = _white(
+                        Path(folder) / f"{size[0]}_{size[1]}{batch.storage.suffix}", size, batch.storage
+                    )
+                groups.append(_group(f"MM Timing {name}", images[size], grid, filter))
+                builds[name] = partial(_looked_up, groups[-1])
+            ns = evaluation_ns(builds, _directions_only, LOOKUPS, effort)
+        finally:
+            bpy.data.batch_remove([*groups, *images.values()])
+    return [(*names[name], ns[name]) for name in names]
+
+
+def _grid(kind: Kind, n: int) -> Grid | AnisotropicGrid:
+    basis, spacing = kind
+    if kind in ANISOTROPIC_KINDS:
+        return AnisotropicHalfGrid(half_shape(n, True)) if basis == "half" else NormalGrid(normal_shape(n, True))
+    parameterization: Any = spacing
+    return HalfGrid(half_sizes(n, True)[0], parameterization) if basis == "half" else TableGrid(n, parameterization)
+
+
+def _layout(grid: Grid | AnisotropicGrid) -> AtlasLayout | SliceLayout:
+    return AtlasLayout(grid.shape) if isinstance(grid, TableGrid | HalfGrid) else SliceLayout.of(grid)
+
+
+def _white(path: Path, size: tuple[int, int], storage: Storage) -> bpy.types.Image:
+    """From a file, so that Cycles holds it as it would hold a bundle's."""
+    write_image(path, np.ones((size[1], size[0], 3), np.float32), storage)
+    return load_data_image(path, path.name, half=storage == Storage.HALF)
+
+
+def _group(name: str, image: bpy.types.Image, grid: Grid | AnisotropicGrid, filter: str) -> bpy.types.ShaderNodeTree:
+    if isinstance(grid, TableGrid | HalfGrid):
+        return table_lookup_group(name, image, grid, filter, stochastic=True)
+    return anisotropic_lookup_group(name, image, grid, filter, stochastic=True)
+
+
+def _looked_up(group: bpy.types.ShaderNodeTree, place: Any) -> Any:
+    total = expr.vec(0.0, 0.0, 0.0)
+    for wi, wo, random in _directions(place):
+        total = total + call(group, wi, wo, random)
+    return total
+
+
+def _directions_only(place: Any) -> Any:
+    total = expr.vec(0.0, 0.0, 0.0)
+    for wi, wo, random in _directions(place):
+        total = total + expr.scale(wi + wo, random)
+    return total
+
+
+def _directions(place: Any) -> Iterable[tuple[Any, Any, Any]]:
+    """Pairs all over the upper hemisphere, and a number that stands for a random one."""
+    x, y, _ = expr.components(place)
+    for k in range(LOOKUPS):
+        wi = expr.normalize(expr.vec(x * (3 + k) - 2, y * 5 - 3, 1 + 0.2 * k))
+        wo = expr.normalize(expr.vec(2 - y * 4, x * 2 - 1, 1.1 + 0.1 * k))
+        random = x * (97 + 10 * k)
+        yield wi, wo, random - expr.floor(random)
