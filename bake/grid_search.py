@@ -32,8 +32,8 @@ _ALPHAS, _FIRST_ALPHAS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0), (0.5, 0.0, 0.5)
 _GAIN = 0.995
 # Of "auto". No material is served best by identity, nor by Bezier in the normal-vector basis (`./run bench bases`).
 _AUTO = {"normal": ("uniform", "fitted"), "half": ("uniform", "squared", "fitted", "bezier")}
-# A Bezier warp is fitted by "auto" where it starts with at most this multiple of the least error: its steepest end falls
-# short of a glossy peak by factors, while on matte materials it is now and then the best by a few per cent.
+# A Bezier warp is fitted by "auto" where it starts with at most this multiple of the least error: its steepest end
+# falls short of a glossy peak by factors, while on matte materials it is now and then the best by a few per cent.
 _HOPEFUL = 3.0
 # Sizes of (theta_h, phi_d) as multiples of N; theta_d has what is left. Where phi_d ends at pi it needs more.
 _SPLITS = {True: ((2.0, 0.5), (4.0, 0.5), (4.0, 0.25)), False: ((2.0, 0.5), (2.0, 1.0), (4.0, 0.25), (4.0, 0.5))}
