@@ -168,14 +168,17 @@ def _plot(errors: list[dict[str, Any]], times: list[dict[str, Any]], path: Path)
     axes[0, 0].set_ylabel("cosine-weighted RMS, 1/sr")
     axes[1, 0].set_ylabel("processor time per camera sample, ns")
     for axis in axes.flat:
-        ticks = [n for n in RESOLUTIONS if n >= 16]
-        axis.set_xticks(ticks, [str(n) for n in ticks])
+        axis.set_xscale("log", base=2)
+        axis.set_xlim(14, 146)
+        axis.set_xticks(RESOLUTIONS, [str(n) for n in RESOLUTIONS], fontsize=8)
         axis.minorticks_off()
         axis.grid(True, alpha=0.25)
-    for column in {0, len(names) - 1}:
-        for axis in axes[:, column]:
-            if axis.lines:
-                axis.legend(fontsize=6)
+    slowest = max(row["ns per sample"] for row in times)
+    axes[1, 0].set_ylim(slowest / 16, slowest * 2)
+    for row in range(2):
+        drawn = [axis for axis in axes[row] if axis.lines]
+        for axis in (drawn[0], drawn[-1]):
+            axis.legend(fontsize=6, loc="lower left" if row else "best")
     figure.savefig(path, dpi=75)
     plt.close(figure)
     print(f"plot {path}")
@@ -192,5 +195,5 @@ def _curves(axis: Any, rows: list[dict[str, Any]], key: str) -> None:
             color=_COLORS.get(table, "tab:green" if basis == "half" else "tab:red"),
             markersize=4,
             linewidth=1,
-            label=f"{basis} {table}" + ("" if filter == "trilinear" else f", {filter}"),
+            label=(table if basis in table else f"{basis} {table}") + ("" if filter == "trilinear" else f", {filter}"),
         )
