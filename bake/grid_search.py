@@ -15,6 +15,7 @@ import numpy as np
 from .accuracy import DirectionPairs, direction_pairs, trilinear_estimate
 from .alpha_search import AlphaSearch, search_alpha, with_alpha
 from .atlas import AtlasLayout
+from .grid_race import Candidate, race
 from .half_grid import HalfGrid
 from .parameterization import NARROWEST_END, WIDEST_END, LogWarp, Parameterization
 from .source import Array, BrdfSource
@@ -24,25 +25,20 @@ Basis = Literal["normal", "half"]
 BASES: tuple[str, ...] = get_args(Basis)
 Measure = Callable[[Grid], float]
 
-_PAIRS, _RANKING_PAIRS = 8192, 32768
+_PAIRS = 8192
 _ENDS = (WIDEST_END, 0.4, 0.1, 0.03, 0.01, 0.003, 0.001, NARROWEST_END)
-_ALPHAS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
+_ALPHAS, _FIRST_ALPHAS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0), (0.5, 0.0, 0.5)
 # What has to be gained for a step of the descent: less is chance.
 _GAIN = 0.995
-# Of "auto": Bezier is left out, since a fitted warp does what it can do and more (`./run bench bases`).
-_AUTO = {"normal": ("uniform", "fitted"), "half": ("uniform", "squared", "fitted")}
+# Of "auto". No material is served best by identity, nor by Bezier in the normal-vector basis (`./run bench bases`).
+_AUTO = {"normal": ("uniform", "fitted"), "half": ("uniform", "squared", "fitted", "bezier")}
+# A Bezier warp is fitted by "auto" where it starts with at most this multiple of the least error: its steepest end
+# falls short of a glossy peak by factors, while on matte materials it is now and then the best by a few per cent.
+_HOPEFUL = 3.0
 # Sizes of (theta_h, phi_d) as multiples of N; theta_d has what is left. Where phi_d ends at pi it needs more.
 _SPLITS = {True: ((2.0, 0.5), (4.0, 0.5), (4.0, 0.25)), False: ((2.0, 0.5), (2.0, 1.0), (4.0, 0.25), (4.0, 0.5))}
 # Antisymmetric part below this share of the signal is rounding.
 _RECIPROCAL = 1e-6
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A grid and its cosine-weighted RMS at the directions that rank."""
-
-    grid: Grid
-    rms: float
 
 
 @dataclass(frozen=True)
@@ -98,8 +94,9 @@ def choose_grid(
     for done, (basis, kind) in enumerate(wanted):
         if progress:
             progress(done / len(wanted))
-        chooser.add_normal(kind, alpha) if basis == "normal" else chooser.add_half(kind)
-    return GridChoice(tuple(chooser.found), chooser.search, asymmetry / max(pairs.rms(truth), 1e-30))
+        chooser.add_normal(kind, alpha) if basis == "normal" else chooser.add_half(kind, parameterization == "auto")
+    found = race(source, chooser.found)
+    return GridChoice(found, chooser.search, asymmetry / max(pairs.rms(truth), 1e-30))
 
 
 def refit_grid(source: BrdfSource | TreatedSource, grid: Grid, n: int) -> Grid:
@@ -113,7 +110,8 @@ def refit_grid(source: BrdfSource | TreatedSource, grid: Grid, n: int) -> Grid:
     if isinstance(grid, HalfGrid):
         splits = [replace(grid, sizes=sizes, reciprocal=False) for sizes in half_sizes(n, False)]
         grid = min(splits, key=measure)
-    return fit_warps(grid, measure) if grid.parameterization == "fitted" else grid
+    fit = _FITS.get(grid.parameterization) if isinstance(grid, HalfGrid) or grid.parameterization == "fitted" else None
+    return fit(grid, measure) if fit else grid
 
 
 class _Chooser:
@@ -124,22 +122,21 @@ class _Chooser:
     ) -> None:
         self.source, self.n, self.asymmetry = source, n, asymmetry
         self.pairs, self.truth = pairs, truth
-        # A third of the directions leads the descent, which takes a hundred steps; all of them rank its results.
+        # A third of the directions leads the descent, which takes a hundred steps.
         few = slice(len(truth) // 3)
         self.leading = DirectionPairs(pairs.wi[few], pairs.wo[few], pairs.weight[few]), truth[few]
-        # The last word has more of them: candidates often lie within a tenth of each other.
-        many = direction_pairs(_RANKING_PAIRS, offset=0.75)
-        self.ranking = many, source.evaluate(many.wi, many.wo)
-        self.found: list[Candidate] = []
+        self.found: list[Grid] = []
+        self.least: dict[Grid, float] = {}
         self.search: AlphaSearch | None = None
 
     def quick(self, grid: Grid) -> float:
         pairs, truth = self.leading
         return pairs.rms(trilinear_estimate(self.source, grid, pairs) - truth)
 
-    def add(self, grid: Grid) -> None:
-        pairs, truth = self.ranking
-        self.found.append(Candidate(grid, pairs.rms(trilinear_estimate(self.source, grid, pairs) - truth)))
+    def found_least(self) -> float:
+        """The least RMS of what was found."""
+        self.least |= {grid: self.quick(grid) for grid in self.found if grid not in self.least}
+        return min(self.least.values(), default=np.inf)
 
     def add_normal(self, kind: Any, alpha: Any) -> None:
         grid: Any = TableGrid(self.n, kind)
@@ -150,29 +147,33 @@ class _Chooser:
             grid = replace(grid, alpha_theta=float(alpha[0]), alpha_phi=float(alpha[1]))
         elif kind == "fitted":
             grid = fit_warps(grid, self.quick)
-        self.add(grid)
+        self.found.append(grid)
 
-    def add_half(self, kind: Any) -> None:
+    def add_half(self, kind: Any, if_hopeful: bool) -> None:
         """With phi_d to pi / 2, to pi, or both where neither is sure to be worse."""
         exact = self.asymmetry <= _RECIPROCAL * self.pairs.rms(self.truth)
         if not exact:
-            self._add_half(kind, False)
+            self._add_half(kind, False, if_hopeful)
         # A reciprocal table misses at least the antisymmetric part of the source.
-        if exact or self.asymmetry < min(c.rms for c in self.found):
-            self._add_half(kind, True)
+        if exact or self.asymmetry < self.found_least():
+            self._add_half(kind, True, if_hopeful)
 
-    def _add_half(self, kind: Any, reciprocal: bool) -> None:
+    def _add_half(self, kind: Any, reciprocal: bool, if_hopeful: bool) -> None:
         grids = [
             HalfGrid(sizes, kind, warps=(LogWarp(), LogWarp(0.003), LogWarp()), reciprocal=reciprocal)
             for sizes in half_sizes(self.n, reciprocal)
         ]
-        fit = {"fitted": fit_warps, "bezier": _fit_alphas}.get(kind)
+        if kind == "bezier":
+            grids = [replace(grid, alphas=_FIRST_ALPHAS) for grid in grids]
+            if if_hopeful and self.quick(grids[0]) > _HOPEFUL * self.found_least():
+                return
+        fit = _FITS.get(kind)
         if fit:
             first = fit(grids[0], self.quick)
             assert isinstance(first, HalfGrid)
             grids = [replace(first, sizes=grid.sizes) for grid in grids]
         best = min(grids, key=self.quick)
-        self.add(fit(best, self.quick) if fit else best)
+        self.found.append(fit(best, self.quick) if fit else best)
 
 
 def half_sizes(n: int, reciprocal: bool) -> list[tuple[int, int, int]]:
@@ -205,7 +206,10 @@ def _fit_alphas(grid: Grid, measure: Measure) -> Grid:
     def with_alphas(alphas: Any) -> Grid:
         return replace(grid, alphas=alphas)
 
-    return with_alphas(_descend(lambda a: measure(with_alphas(a)), (0.5, 0.0, 0.5), _ALPHAS, 2))
+    return with_alphas(_descend(lambda a: measure(with_alphas(a)), grid.alphas, _ALPHAS, 1))
+
+
+_FITS: dict[str, Callable[[Grid, Measure], Grid]] = {"fitted": fit_warps, "bezier": _fit_alphas}
 
 
 def _descend(

@@ -141,7 +141,7 @@ def test_auto_takes_the_half_vector_for_gloss_and_is_never_worse() -> None:
     assert isinstance(auto.grid, HalfGrid) and auto.grid.reciprocal and rms[0] < rms[1] / 5
     assert auto.reciprocity_error < 1e-6 and bezier.search is not None
     ranked = [c["rms"] for c in auto.facts()["candidates"]]
-    assert ranked == sorted(ranked) and len(ranked) == 5
+    assert ranked == sorted(ranked) and 4 <= len(ranked) <= 6
 
 
 class OneSided:

@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 BENCHES = {
-    "speed": "measurement file to bundle; table lookups per second; material against Principled BSDF",
+    "speed": "file to bundle; lookups per second; every kind of material beside Principled: time, memory, bake",
     "tables": "RMS and total intensity of identity, uniform and Bezier tables: 70 MERL reconstructions, 12 RGL files",
     "bases": "RMS of both bases and every parameterisation at equal bytes, and the choice; error against bytes; a plot",
     "cost": "error of a paint against table size, for every parameterisation and filter; a plot",
     "sampling": "variance of cosine against table sampling, and of the sampler's warps",
-    "figures": "picture sheets after figures 4 and 7 of Mallett & Yuksel 2016",
+    "figures": "figures 3 to 7 of Mallett & Yuksel 2016: intensity, tables, turning light, resolution, filters",
     "gallery": "pictures of the twelve RGL and three Cornell materials",
     "cornell": "error of the Cornell paints on held-out samples",
     "anisotropic": "error against bytes in both bases, a brushed disc under turning light, time beside Principled",

@@ -44,12 +44,12 @@ def run(out: Path, quick: bool) -> None:
         print(f"brushed metal baked in {result.seconds} s; file MB: {sizes}")
         materials = {
             "Cycles' closure": _truth(),
-            "Principled": _principled(),
+            "Principled": anisotropic_principled(),
             "exact": build_material(bundle, mode="exact"),
             "reference": build_material(bundle, mode="reference"),
         }
         for material in materials.values():
-            _brush_around(material)
+            brush_around(material)
         _pictures(out, materials, 96 if quick else 240, 32 if quick else 256)
         _times(materials, 128 if quick else 256, 16 if quick else 64)
 
@@ -89,7 +89,8 @@ def _truth() -> bpy.types.Material:
     return material
 
 
-def _principled() -> bpy.types.Material:
+def anisotropic_principled() -> bpy.types.Material:
+    """A Principled BSDF that looks about like the brushed metal."""
     material = compat.new_material("Principled")
     with expr.building(material.node_tree) as tree:
         tangent = expr.Vector(expr.node("ShaderNodeTangent", {"direction_type": "UV_MAP"}, {}).outputs[0])
@@ -99,7 +100,7 @@ def _principled() -> bpy.types.Material:
     return material
 
 
-def _brush_around(material: bpy.types.Material) -> None:
+def brush_around(material: bpy.types.Material) -> None:
     """Tangents about the z axis, as on a turned disc."""
     for node in material.node_tree.nodes:
         if node.bl_idname == "ShaderNodeTangent":

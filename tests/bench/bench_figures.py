@@ -1,20 +1,29 @@
-"""Picture sheets after Mallett & Yuksel 2016: figure 4 (parameterisations) and figure 7 (filters)."""
+"""Figures 3 to 7 of Mallett & Yuksel 2016, from one command.
+
+Figures 3 (intensity), 5 (a light that turns) and 6 (resolution) have modules of their own; here are the picture sheets
+of figures 4 (parameterisations) and 7 (filters). Without measurements analytic materials stand in for them.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import bpy
+import figure_intensity
+import figure_resolution
+import figure_turning
 import numpy as np
-from materials import merl_file, require_shared
+from materials import SHARED, has_measurements, merl_file
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.image_io import read_image, write_image
-from measured_materials.bake.source import Array
+from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
+from measured_materials.bake.sources.analytic import MetallicPaint, Ward
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table_facts import grid_of, offset_of, scale_of
 from measured_materials.nodes import compat, expr
@@ -28,34 +37,40 @@ _GAIN = 4.0
 
 
 def run(out: Path, quick: bool) -> None:
-    """Both sheets; --quick renders small and with one material."""
+    """Sheets, plots and tables of all five; --quick takes fewer materials and resolutions and renders small."""
     with tempfile.TemporaryDirectory() as folder:
         _figure_4(out, Path(folder), quick)
         _figure_7(out, Path(folder), quick)
+    figure_turning.run(out, quick)
+    figure_intensity.run(out, quick)
+    figure_resolution.run(out, quick)
 
 
 def _figure_4(out: Path, folder: Path, quick: bool) -> None:
     """Uniform and Bezier at 64 x 64 x 128 beside a 256 x 256 x 512 reference under an environment."""
-    environment = _soft(require_shared() / "data" / "envmaps" / "sunset.exr", folder)
+    environment: Path | None = None
+    sources: dict[str, BrdfSource] = {"metallic paint": MetallicPaint(coat_alpha=0.1)}
+    if has_measurements():
+        environment = _soft(SHARED / "data" / "envmaps" / "sunset.exr", folder)
+        sources = {name: read_source(merl_file(name, folder)) for name in ("alum-bronze", "blue-metallic-paint2")}
     size, samples = (160, 48) if quick else (240, 160)
     cells = []
-    for name in ("alum-bronze",) if quick else ("alum-bronze", "blue-metallic-paint2"):
-        source = read_source(merl_file(name, folder))
+    for name, source in list(sources.items())[: 1 if quick else None]:
         arguments = {"size": size, "samples": samples, "environment": environment}
         reference, _ = picture(source, BakeSettings(resolution=256, storage=Storage.HALF), **arguments)
         for kind in ("uniform", "bezier"):
-            pixels, result = picture(source, BakeSettings(parameterization=kind), **arguments)
+            pixels, result = picture(source, BakeSettings(parameterization=kind, basis="normal"), **arguments)
             rms = float(np.sqrt(((pixels - reference) ** 2).mean()))
             cells.append(
                 Cell(pixels, f"{name}, {kind} 64 x 64 x 128", f"table RMS {result.facts['errors']['rms']:.3g}")
             )
             cells.append(Cell(_GAIN * np.abs(pixels - reference), f"difference x {_GAIN:g}", f"picture RMS {rms:.4f}"))
-        cells.append(Cell(reference, f"{name}, Bezier 256 x 256 x 512", "reference"))
+        cells.append(Cell(reference, f"{name}, bytes of 256 x 256 x 512", "reference"))
     _save(
         out / "figure-4.png",
         cells,
         5,
-        "After MY16 figure 4: tables of equal size under an environment (sunset.exr, softened)",
+        f"After MY16 figure 4: tables of equal size under {'sunset.exr, softened' if environment else 'soft light'}",
     )
 
 
@@ -75,14 +90,17 @@ def _figure_7(out: Path, folder: Path, quick: bool) -> None:
     very kinks that the picture is about.
     """
     size = 600 if quick else 900
-    source = read_source(merl_file("black-oxidized-steel", folder))
-    coarse = {"resolution": 14}
+    source: BrdfSource = Ward(alpha=0.25, diffuse=(0.02,) * 3, specular=(0.3,) * 3)
+    if has_measurements():
+        source = read_source(merl_file("black-oxidized-steel", folder))
+    paper: dict[str, Any] = {"basis": "normal", "parameterization": "bezier"}
+    coarse = {"resolution": 14, **paper}
     variants = [
         ("nearest, 14 x 14 x 28", BakeSettings(**coarse, filter="nearest")),
         ("trilinear", BakeSettings(**coarse)),
         ("B-spline, plain as in the paper", BakeSettings(**coarse, filter="bspline", spline="plain")),
         ("B-spline, fitted >= 0", BakeSettings(**coarse, filter="bspline", spline="fitted")),
-        ("trilinear, 128 x 128 x 256", BakeSettings(resolution=128)),
+        ("trilinear, 128 x 128 x 256", BakeSettings(resolution=128, **paper)),
     ]
     cells = []
     shaded = []
@@ -97,7 +115,7 @@ def _figure_7(out: Path, folder: Path, quick: bool) -> None:
         out / "figure-7.png",
         cells,
         len(variants),
-        "After MY16 figure 7: filters, black-oxidized-steel, one distant light",
+        f"After MY16 figure 7: filters, {source.name}, one distant light",
     )
 
 

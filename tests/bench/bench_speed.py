@@ -1,4 +1,4 @@
-"""Times of the whole chain: baking, numpy lookups, and rendering beside Principled BSDF, in one run."""
+"""Times of the whole chain: baking, numpy lookups, rendering beside Principled BSDF, and memory, in one run."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from measured_materials.bake.table import FILTERS
 from measured_materials.bake.table_facts import table_of
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
+from speed_of_kinds import compare_kinds
 
 # Baking is timed in a process of its own, so that its peak memory is its own.
 _BAKE = """
@@ -30,26 +31,28 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_file
 result = bake_file(sys.argv[1], sys.argv[2], BakeSettings(filter=sys.argv[3]))
 seconds = time.perf_counter() - started
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-print(f"{seconds:.2f} {peak:.0f} {result.facts['search']['trials']}")
+print(f"{seconds:.2f} {peak:.0f} {len(result.facts['choice']['candidates'])}")
 """
 
 
 def run(out: Path, quick: bool) -> None:
-    """All three; with --quick shorter renders."""
+    """All four; with --quick shorter renders."""
     with tempfile.TemporaryDirectory() as folder:
         _bake(Path(folder))
     _lookups()
     _samples_per_second(quick)
+    compare_kinds(out, principled(), quick)
+    print(f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB")
 
 
 def _bake(folder: Path) -> None:
     measurement = folder / "paint.binary"
     write_merl(measurement, MetallicPaint())
-    print("MERL file to finished bundle, 64 x 64 x 128 (goal: at most 15 s and 1000 MB with at least 25 alpha pairs)")
+    print("MERL file to finished bundle, the bytes of 64 x 64 x 128, basis and parameterisation by error")
     for filter in ("trilinear", "bspline"):
         command = [sys.executable, "-P", "-c", _BAKE, str(measurement), str(folder / filter), filter]
         words = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-        print(f"  {filter:10s} {words[0]:>6s} s  {words[1]:>5s} MB peak  {words[2]} alpha pairs")
+        print(f"  {filter:10s} {words[0]:>6s} s  {words[1]:>5s} MB peak  {words[2]} kinds of table compared")
 
 
 def _lookups() -> None:
@@ -102,4 +105,3 @@ def _samples_per_second(quick: bool) -> None:
     for name, seconds in times.items():
         median = float(np.median(seconds[1:]))
         print(f"  {name:26s} {size * size * samples / median / 1e6:6.3f}   x {median / base:.2f}")
-    print(f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB")
