@@ -43,7 +43,7 @@ BRUSHED = ("brushed metal", "satin")
 # Of the timed tables: the paper's, and the one that "auto" takes for most materials.
 _TIMED_TABLES = (("normal", "uniform"), ("normal", "bezier"), ("half", "fitted"))
 _COLORS = {"identity": "tab:gray", "uniform": "tab:blue", "bezier": "tab:red", "squared": "tab:purple"}
-_COLORS |= {"fitted": "tab:green", "Bezier": "tab:red", "half vectors": "tab:green"}
+_COLORS |= {"fitted": "tab:green", "half vectors": "tab:green"}
 _MARKERS = {"nearest": "v", "trilinear": "o", "bspline": "s"}
 
 

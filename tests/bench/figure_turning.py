@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import remove_studio, render_linear, set_unbiased
 from measured_materials.bake.anisotropic.accuracy import turned_pairs
 from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry
-from measured_materials.bake.anisotropic.grid import Grid, NormalGrid
+from measured_materials.bake.anisotropic.grid import Grid
 from measured_materials.bake.anisotropic.table import tabulate
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
@@ -115,17 +115,14 @@ def direction_of(azimuth: float) -> Array:
 
 
 def grids(source: BrdfSource, n: int) -> dict[str, Grid]:
-    """Of about equal bytes; alpha = 1 is the identity, alpha = 1/2 is even in chords, so nearly uniform in angles."""
+    """Of about equal bytes."""
     pairs = turned_pairs(8192)
     symmetry = measured_symmetry(source, pairs, source.evaluate(pairs.wi, pairs.wo))
-    bezier, half = (choose_grid(source, n, symmetry, basis)[0] for basis in ("normal", "half"))
-    assert isinstance(bezier, NormalGrid)
-    return {
-        "identity": replace(bezier, alpha_theta=1.0, alpha_phi=1.0),
-        "uniform": replace(bezier, alpha_theta=0.5, alpha_phi=0.5),
-        "Bezier": bezier,
-        "half vectors": half,
+    normal = {
+        kind: choose_grid(source, n, symmetry, "normal", parameterization=kind)[0]
+        for kind in ("identity", "uniform", "bezier", "fitted")
     }
+    return normal | {"half vectors": choose_grid(source, n, symmetry, "half")[0]}
 
 
 def _sheet(path: Path, name: str, source: BrdfSource, scene: Scene, n: int, samples: int) -> list[dict[str, Any]]:
