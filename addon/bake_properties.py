@@ -5,10 +5,10 @@ from typing import Any, get_args
 
 import bpy
 
-from ..bake.bake_brdf import TABLE_STORAGES, AlphaChoice, BakeSettings, SplineFit
+from ..bake.bake_brdf import AlphaChoice, BakeSettings, SplineFit
 from ..bake.grid_search import BASES
 from ..bake.parameterization import Parameterization
-from ..bake.storage import Storage
+from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import Filter
 from ..bake.table_facts import MAX_RESOLUTION
 

@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any, get_args
 
-from ..bake.bake_brdf import TABLE_STORAGES, BakeSettings, SplineFit, bake_file, bake_source
+from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
 from ..bake.grid_search import BASES
 from ..bake.parameterization import PARAMETERIZATIONS
 from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
-from ..bake.storage import Storage
+from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import FILTERS
 from . import cli_bake_arc
 from .cli_jobs import Bake, Job, bake_jobs, usage_error
