@@ -319,9 +319,7 @@ def _store(
     return chosen, name
 
 
-def _quantized(
-    table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array
-) -> StoredTable[BrdfTable]:
+def _quantized(table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array) -> StoredTable[BrdfTable]:
     return store_table(table, pad_slices(table.values), settings.storage, settings.filter, pairs, truth)
 
 

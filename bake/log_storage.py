@@ -3,7 +3,8 @@
     value = gain * (exp(range * code) - 1),   code = byte / 255
 
 Code 0 is exactly 0 and code 1 the channel's largest value; far above the gain steps are even in the logarithm, below it
-even in the value. The range is that of least measured error, RMS times L1: a wide one reaches darker values with coarser steps.
+even in the value. The range is that of least measured error, of the values times of their roots: a wide one reaches darker values with
+coarser steps.
 
 The image's own filter interpolates codes. What it gives is decoded, and only then are slices blended, so that the mean
 over one slice chosen at random is the blend of all. A highlight is closer to a parabola in its logarithm than to a line,

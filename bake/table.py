@@ -244,9 +244,7 @@ def filter_taps(position: Array, filter: Filter) -> list[tuple[Array, Array]]:
     return [(index + k - 1, w) for k, w in enumerate(bspline_weights(xp_numpy, t))]
 
 
-def _reconstruct(
-    padded: Array, coordinates: tuple[Array, Array, Array], filter: Filter, log: LogCodes | None
-) -> Array:
+def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array], filter: Filter, log: LogCodes | None) -> Array:
     """Tensor-product filter over a padded table; coordinates are fractional indices of the unpadded one."""
     n_slices, n_rows, n_columns = padded.shape[:3]
     flat = padded.reshape(-1, 3)

@@ -64,11 +64,14 @@ def store_table(
     if storage is not Storage.LOG:
         scale = scale_for(padded, storage)
         return StoredTable(replace(table, values=as_stored(table.values, scale, storage)), storage, scale)  # type: ignore[type-var]
+    light = truth * pairs.cosines
 
     def channel_errors(codes: LogCodes) -> Array:
-        difference = np.abs(with_codes(table, codes).evaluate(pairs.wi, pairs.wo, filter) - truth) * pairs.cosines
+        found = with_codes(table, codes).evaluate(pairs.wi, pairs.wo, filter) * pairs.cosines
         # The RMS alone is of highlights: on chrome it would leave a tenth of the energy, all that is dark, in code 0.
-        errors: Array = np.sqrt(pairs.weight @ difference**2) * (pairs.weight @ difference)
+        # Roots are about what a display shows.
+        shown = pairs.weight @ np.abs(np.sqrt(found) - np.sqrt(light))
+        errors: Array = np.sqrt(pairs.weight @ (found - light) ** 2) * shown
         return errors
 
     codes = fit_codes(padded.reshape(-1, 3).max(0).astype(np.float64), channel_errors)

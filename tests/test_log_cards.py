@@ -49,18 +49,22 @@ def written(table: BrdfTable, folder: Path) -> Path:
 
 
 def off(found: np.ndarray, table: BrdfTable, filter: str) -> np.ndarray:
-    """Largest difference of the channels as shares of their peaks, away from where nearest samples change."""
+    """Largest difference of the channels as shares of their peaks, where the exact position is decided by numbers."""
     wi, wo = (w.astype(float) for w in direction_grid())
     difference = (np.abs(found - evaluate_at_horizon(table, wi, wo, filter)) / CODES.peaks).max(-1)
+    position = np.stack(table.grid.coordinates(wi, wo), -1)
+    keep = np.minimum(wi[:, 2], wo[:, 2]) > 2e-4  # as in tests/test_half_cards.py
+    if isinstance(table.grid, HalfGrid):
+        keep &= position[:, 1] < table.grid.sizes[1] - 1 - 1e-6  # in the pole itself phi_d is rounding
     if filter == "nearest":
-        position = np.stack(table.grid.coordinates(wi, wo), -1)
-        difference = difference[(np.abs(position - np.floor(position) - 0.5) > 2e-4).all(-1)]
-    return difference
+        keep &= (np.abs(position - np.floor(position) - 0.5) > 2e-3).all(-1)
+    assert np.isfinite(found).all() and keep.sum() > 3000
+    return difference[keep]
 
 
-# Codes are as far from numpy's as values are (tests/test_node_cards.py: 1 / 6e-4 of white noise at 64 samples, here at
-# most 24), and the steepest channel turns a code's error into 14 times as much of its peak.
-MOST, USUAL = 14 * 6e-4 * 24 / 64, 14 * 4e-5
+# Positions are as far from numpy's as in tests/test_node_cards.py, whose tables of white noise have up to 64 samples,
+# these at most 24; and the steepest channel turns a code's error into 14 times as much of its peak.
+MOST, USUAL = 14 * 6e-4 * 24 / 64, 14 * 4e-5 * 24 / 64
 
 
 @pytest.mark.parametrize("basis", TABLES)
@@ -99,7 +103,7 @@ def test_stochastic_slice_averages_to_the_blend(tmp_path: Path, filter: str) -> 
     mean = found.reshape(len(wi), steps, 3).mean(1)
     difference = np.abs(mean - table.evaluate(wi.astype(float), wo.astype(float), filter)) / CODES.peaks
     # An even grid of 400 numbers misses each of at most 3 jumps by half a step.
-    assert difference.max() < 3 * 0.5 / steps + MOST
+    assert difference.max() < 3 * 0.5 / steps + USUAL
 
 
 @pytest.mark.parametrize("name", ["normal", "half, folded"])
@@ -127,7 +131,8 @@ def test_anisotropic_lookup(tmp_path: Path, name: str, filter: str) -> None:
 @pytest.mark.parametrize("pack_into_blend", [False, True])
 def test_bytes_0_and_255_are_exactly_0_and_1(tmp_path: Path, interpolation: str, pack_into_blend: bool) -> None:
     """In Cycles: no conversion raises black, as that of half floats does, and a table's peak is kept."""
-    u = np.array([0.125, 0.2, 0.05, 0.875, 0.95, 0.8], np.float32)  # inside either half, away from the other
+    # Inside either half, away from the other.
+    u = np.concatenate([np.linspace(0.01, 0.3, 30), np.linspace(0.7, 0.99, 30)]).astype(np.float32)
     pixels = np.repeat(np.repeat(np.array([0.0, 1.0], np.float32), 8)[None, :, None], 3, 2)
     write_image(tmp_path / "ends.png", pixels, Storage.BYTE)
     image = load_data_image(tmp_path / "ends.png", "ends", pack=pack_into_blend)
@@ -137,13 +142,13 @@ def test_bytes_0_and_255_are_exactly_0_and_1(tmp_path: Path, interpolation: str,
         return texel, CODES.decode(expr, texel)
 
     texel, value = card(decoded, u)
-    assert (texel[:3] == 0).all() and (value[:3] == 0).all()
+    assert (texel[:30] == 0).all() and (value[:30] == 0).all()
     if interpolation == "Cubic":
         # The four weights of a B-spline sum to 1 but for their rounding.
-        assert np.abs(texel[3:] - 1).max() < 4e-7
+        assert np.abs(texel[30:] - 1).max() < 4e-7
     else:
-        assert (texel[3:] == 1).all()
-    assert np.abs(value[3:] / CODES.peaks - 1).max() < 14 * 4e-7 + 2e-6
+        assert (texel[30:] == 1).all()
+    assert np.abs(value[30:] / CODES.peaks - 1).max() < 14 * 4e-7 + 2e-6
     bpy.data.images.remove(image)
 
 
@@ -156,10 +161,13 @@ def test_decoding(ranges: tuple[float, float, float]) -> None:
     x = np.repeat(steps[:, None], 3, 1).astype(np.float32)
     expected = codes.decode(xp_numpy, x.astype(float))
     body = "value = mm_decode(color(x), r, g);"
-    ends = {name: np.tile(np.array(v, np.float32), (len(x), 1)) for name, v in (("r", codes.ranges), ("g", codes.gains))}
+    ends = {
+        name: np.tile(np.array(v, np.float32), (len(x), 1)) for name, v in (("r", codes.ranges), ("g", codes.gains))
+    }
     (nodes,) = card(lambda c: codes.decode(expr, c), x)
     (osl,) = header_card(body, {"value": "color"}, x=x, **ends)
-    for found in (nodes, osl):
+    # Relative to value + gain: exp is good to 1e-7 and its argument, up to 24, to as much of itself; OSL's is fast, and
+    # by OpenImageIO's own account up to 232 ulp off.
+    for found, most in ((nodes, 24 * 2e-7), (osl, 232 * 6e-8)):
         assert not found[0].any()
-        # Relative to value + gain: exp is good to 1e-7 and its argument, up to 24, to as much of itself.
-        assert (np.abs(found - expected) / (expected + codes.gains)).max() < 24 * 2e-7
+        assert (np.abs(found - expected) / (expected + codes.gains)).max() < most

@@ -19,8 +19,10 @@ from measured_materials.bake.anisotropic.facts import table_of as anisotropic_ta
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.image_io import read_image
 from measured_materials.bake.log_storage import LEAST_PEAK, MOST_PEAK, MOST_RANGE, LogCodes
+from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import IMAGE_STORAGES, Storage
 from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, pad_slices, tabulate
@@ -29,12 +31,13 @@ from measured_materials.bake.table_storage import store_table
 
 SMALL: dict[str, Any] = {"resolution": 12, "alpha": (0.5, 0.3), "sampler": SamplerLayout(n_o=8, n_h=8, n_phi=4)}
 PAIRS = direction_pairs(4096)
+GGX = analytic.Ggx(alpha=0.3, f0=(0.5, 0.5, 0.5), diffuse=(0.2, 0.1, 0.0))
 
 
 def stored(values: np.ndarray) -> BrdfTable:
-    """A table of these values as it comes back, its codes fitted for itself."""
+    """A table of these values as it comes back, its codes fitted for its steps: no range could meet those exactly."""
     table = BrdfTable(TableGrid(values.shape[0], "uniform"), values)
-    truth = table.evaluate(PAIRS.wi, PAIRS.wo)
+    truth = table.evaluate(PAIRS.wi, PAIRS.wo, "nearest")
     return store_table(table, pad_slices(values), Storage.LOG, "trilinear", PAIRS, truth).table
 
 
@@ -81,7 +84,7 @@ def test_scale_changes_nothing(scale: float) -> None:
 
 def test_too_large_is_refused() -> None:
     with pytest.raises(BakeError, match="cannot hold values above 1e\\+37"):
-        stored(random_values() * np.float32(2e38))
+        LogCodes.reaching(np.array([1, 2e37, 1]), np.full(3, 8.0))
 
 
 def test_black_and_even_tables() -> None:
@@ -101,13 +104,14 @@ def test_one_bright_texel() -> None:
     back = stored(values)
     assert back.values[3, 3, 5] == pytest.approx([1e4] * 3, rel=1e-4)
     rest = values < 2
-    # The range chosen reaches from 1e4 to 0.5 and on, ln(2e4) = 10 at least, MOST_RANGE at most: half a step of it.
-    assert np.abs(np.log(back.values[rest] / values[rest])).max() < 0.5 * MOST_RANGE / 255
+    # Even in the logarithm, the steps of ranges from ln(1e4 / 0.5) to the widest would be 4 to 9 %. A narrower range has
+    # coarser ones here and finer ones at the peak: that trade may be made, but not the one that loses the rest.
+    assert np.abs(np.log(back.values[rest] / values[rest])).max() < 0.3
 
 
 @pytest.mark.parametrize("filter", FILTERS)
 def test_evaluation_interpolates_codes_and_then_blends_slices(filter: str) -> None:
-    """Against a table of codes read with the plain filter, slice by slice."""
+    """Against the same table of codes read with the plain filter, where slices matter and where they do not."""
     table = stored(random_values())
     assert table.log is not None
     plain = BrdfTable(table.grid, table.log.encode(table.values))
@@ -136,8 +140,9 @@ def test_the_range_is_that_of_least_error() -> None:
     assert kept.log is not None
 
     def product(candidate: BrdfTable) -> float:
-        off = np.abs(candidate.evaluate(PAIRS.wi, PAIRS.wo) - truth)[:, 0] * PAIRS.cosines[:, 0]
-        return float(np.sqrt((PAIRS.weight * off**2).sum()) * (PAIRS.weight * off).sum())
+        found, light = (v[:, 0] * PAIRS.cosines[:, 0] for v in (candidate.evaluate(PAIRS.wi, PAIRS.wo), truth))
+        roots = np.abs(np.sqrt(found) - np.sqrt(light))
+        return float(np.sqrt((PAIRS.weight * (found - light) ** 2).sum()) * (PAIRS.weight * roots).sum())
 
     least, peaks = product(kept), pad_slices(table.values).reshape(-1, 3).max(0)
     for k in np.arange(4.0, 24.0, 2.0):
@@ -146,10 +151,10 @@ def test_the_range_is_that_of_least_error() -> None:
 
 
 def test_a_coarse_table_gains_by_it() -> None:
-    """In 3 bytes a texel instead of 6, and with a smaller error."""
+    """In the half-vector basis, where a highlight runs along one axis: 3 bytes a texel, not 6, and a smaller error."""
     source = analytic.Ggx(alpha=0.15)
     truth = source.evaluate(PAIRS.wi, PAIRS.wo)
-    table = tabulate(source, TableGrid(16, "bezier", 0.5, 0.2))
+    table = tabulate(source, HalfGrid((12, 16, 6), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp())))
     rms = {
         storage: PAIRS.rms(
             store_table(table, pad_slices(table.values), storage, "trilinear", PAIRS, truth).table.evaluate(
@@ -159,7 +164,7 @@ def test_a_coarse_table_gains_by_it() -> None:
         )
         for storage in (Storage.HALF, Storage.LOG)
     }
-    assert rms[Storage.LOG] < rms[Storage.HALF]
+    assert rms[Storage.LOG] < 0.9 * rms[Storage.HALF]
 
 
 def test_log_is_no_format_of_images() -> None:
@@ -170,8 +175,9 @@ def test_log_is_no_format_of_images() -> None:
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    source = analytic.Ggx(alpha=0.3, diffuse=(0.2, 0.1, 0.0), specular=(0.5, 0.5, 0.5))
-    return read_bundle(bake_source(source, tmp_path_factory.mktemp("log") / "b", BakeSettings(storage="log", **SMALL)).path)
+    return read_bundle(
+        bake_source(GGX, tmp_path_factory.mktemp("log") / "b", BakeSettings(storage="log", **SMALL)).path
+    )
 
 
 def test_round_trip(bundle: Bundle) -> None:
@@ -182,8 +188,7 @@ def test_round_trip(bundle: Bundle) -> None:
     texels = read_image(bundle.image_path("table"))
     assert set(np.unique(np.rint(texels * 255))) <= set(range(256))
     pairs = direction_pairs(32768)
-    source = analytic.Ggx(alpha=0.3, diffuse=(0.2, 0.1, 0.0), specular=(0.5, 0.5, 0.5))
-    rms = pairs.rms(table.evaluate(pairs.wi, pairs.wo) - source.evaluate(pairs.wi, pairs.wo))
+    rms = pairs.rms(table.evaluate(pairs.wi, pairs.wo) - GGX.evaluate(pairs.wi, pairs.wo))
     assert rms == pytest.approx(bundle.material["errors"]["rms"], rel=1e-4)
 
 
@@ -216,7 +221,6 @@ def changed(bundle: Bundle, change: Callable[[dict[str, Any]], None]) -> Bundle:
         (lambda m: m["table"]["log"].update(gain=[1, "1", 1]), "'gain' is not"),
         (lambda m: m["table"].update(storage="half"), "is stored as byte, and the table as half"),
         (lambda m: m["table"].update(storage="byte"), "not one of"),
-        (lambda m: m["images"]["table"].update(storage="half"), "is stored as half, and the table as log"),
     ],
 )
 def test_bad_facts_are_refused(bundle: Bundle, change: Callable[[dict[str, Any]], None], words: str) -> None:

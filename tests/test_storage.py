@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from measured_materials.bake.image_io import read_image, write_image
-from measured_materials.bake.storage import Storage, quantize, scale_for
+from measured_materials.bake.storage import IMAGE_STORAGES, Storage, quantize, scale_for
 
 LARGEST = {"float32": float(np.finfo(np.float32).max), "half": 65504.0, "rgbe": 1.69e38, "byte": 1.0}
 NEVER_NEGATIVE = {Storage.RGBE, Storage.BYTE}
@@ -25,7 +25,7 @@ def images(storage: Storage) -> st.SearchStrategy[np.ndarray]:
     return hnp.arrays(np.float32, shape, elements=st.floats(low, bound, width=32))
 
 
-@pytest.mark.parametrize("storage", Storage)
+@pytest.mark.parametrize("storage", IMAGE_STORAGES)
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_quantize_is_what_the_file_gives_back(tmp_path: Path, storage: Storage, data: st.DataObject) -> None:
