@@ -3,14 +3,13 @@
     value = gain * (exp(range * code) - 1),   code = byte / 255
 
 Code 0 is exactly 0 and code 1 the channel's largest value; far above the gain steps are even in the logarithm, below it
-even in the value. The range is that of least measured error, of the values times of their roots: a wide one reaches darker values with
-coarser steps.
+even in the value. The range is that of least measured error, of the values times of their roots: a wide one reaches
+darker values with coarser steps.
 
 The image's own filter interpolates codes. What it gives is decoded, and only then are slices blended, so that the mean
-over one slice chosen at random is the blend of all. A highlight is closer to a parabola in its logarithm than to a line,
-so that coarse tables gain by it (RMS 0.70 to 1.01 times that of linear interpolation at N = 16 over eight measured
-materials, codes unrounded); only where a table resolves its highlight already is it no better (0.88 to 1.03 at N = 64).
-There the 256 steps are what limits: `./run bench bytes`.
+over one slice chosen at random is the blend of all. Along a highlight the logarithm is closer to a line than the value
+is: in the half-vector basis coarse tables gain more by that than they lose by rounding. In the normal-vector basis,
+where a highlight runs askew, and in tables that resolve theirs, 256 steps are what limits: `./run bench bytes`.
 """
 
 from __future__ import annotations

@@ -104,8 +104,8 @@ def test_one_bright_texel() -> None:
     back = stored(values)
     assert back.values[3, 3, 5] == pytest.approx([1e4] * 3, rel=1e-4)
     rest = values < 2
-    # Even in the logarithm, the steps of ranges from ln(1e4 / 0.5) to the widest would be 4 to 9 %. A narrower range has
-    # coarser ones here and finer ones at the peak: that trade may be made, but not the one that loses the rest.
+    # Even in the logarithm, the steps of ranges from ln(1e4 / 0.5) to the widest would be 4 to 9 %. A narrower range
+    # has coarser ones here and finer ones at the peak: that trade may be made, but not the one that loses the rest.
     assert np.abs(np.log(back.values[rest] / values[rest])).max() < 0.3
 
 
