@@ -32,7 +32,7 @@ def clean_blend() -> Iterator[None]:
 
 @pytest.fixture(scope="module", params=["half", "normal"])
 def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    settings = BakeSettings(8, filter="bspline", sampler=SamplerLayout(16, 16, 16))
+    settings = BakeSettings(8, storage="log", filter="bspline", sampler=SamplerLayout(16, 16, 16))
     out = tmp_path_factory.mktemp(request.param) / "satin"
     bundle = read_bundle(bake_anisotropic(SATIN, out, settings, basis=request.param, viewers=(5, 3)).path)
     assert len(bundle.material["envelope"]["closures"]) >= 2
