@@ -1,6 +1,6 @@
 """Materials of 8-bit codes in Cycles, of nodes and OSL, against a quadrature of the table that their bundle holds.
 
-The table is so coarse that interpolating its values instead of its codes is another material: the test would find it.
+The table is so coarse that interpolating its values instead of its codes is another material, which would be found.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from support.scenes import furnace
 from test_unbiased import FINDS, assert_unbiased, clean_blend, stage  # noqa: F401
 
 SETTINGS = BakeSettings(
-    resolution=12, basis="half", storage="log", parameterization="fitted", sampler=SamplerLayout(32, 32, 16)
+    resolution=6, basis="half", storage="log", parameterization="fitted", sampler=SamplerLayout(32, 32, 16)
 )
 
 
@@ -57,9 +57,9 @@ def test_a_material_is_its_table(bundle: Bundle, mode: str, osl: bool) -> None:
 def test_values_interpolated_would_be_found(bundle: Bundle) -> None:
     """The instrument tells codes from values."""
     table = table_of(bundle)
-    with stage("small lamp") as lit:
+    with stage("sky") as lit:
         right, wrong = (lit.truth(t.evaluate)[lit.mask] for t in (table, values_alone(table)))
-    assert np.abs(wrong - right).mean() > 2 * FINDS * right.mean()
+    assert np.abs(wrong - right).mean() > 1.5 * FINDS * right.mean()
 
 
 def test_black_stays_black(tmp_path: Path) -> None:
