@@ -27,6 +27,7 @@ _WORDS = {
     "half": ("Half", "OpenEXR, 16 bits per channel"),
     "float32": ("Float", "OpenEXR, 32 bits per channel"),
     "rgbe": ("RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
+    "log": ("Log", "PNG, 8 bits of each channel's logarithm: the smallest, for tables of low resolution"),
     "nearest": ("Nearest", "No interpolation, the fastest"),
     "trilinear": ("Linear", "Between the nearest samples"),
     "bspline": ("B-Spline", "Smooth cubic spline"),

@@ -82,7 +82,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--storage",
         choices=TABLE_STORAGES,
         default=str(usual.storage),
-        help="of the texels (%(default)s)",
+        help="of the texels; log, 8 bits of the logarithm, is best for files below 100 KiB (%(default)s)",
     )
     parser.add_argument("--filter", choices=FILTERS, default=usual.filter, help="(%(default)s)")
     parser.add_argument(

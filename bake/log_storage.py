@@ -7,9 +7,9 @@ even in the value. The range is that of least measured error, of the values time
 darker values with coarser steps.
 
 The image's own filter interpolates codes. What it gives is decoded, and only then are slices blended, so that the mean
-over one slice chosen at random is the blend of all. Along a highlight the logarithm is closer to a line than the value
-is: in the half-vector basis coarse tables gain more by that than they lose by rounding. In the normal-vector basis,
-where a highlight runs askew, and in tables that resolve theirs, 256 steps are what limits: `./run bench bytes`.
+over one slice chosen at random is the blend of all. A highlight is closer to a line in its logarithm than in its value:
+coarse tables gain more by that than they lose by rounding; those whose error is below about 1 % of the signal, or of
+materials without a highlight, do not (`./run bench bytes`, `./run bench cost`).
 """
 
 from __future__ import annotations

@@ -16,8 +16,9 @@ from ..bspline_fit import fit_coefficients
 from ..grid_search import choose_grid
 from ..half_grid import HalfGrid
 from ..source import Array, BrdfSource
-from ..storage import Storage, as_stored, scale_for
-from ..table import BrdfTable, Filter, Grid, TreatedSource, tabulate
+from ..storage import Storage
+from ..table import BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
+from ..table_storage import store_table
 from .chart import Chart, Point
 from .journal import Journal
 from .page import Section, Table
@@ -34,7 +35,7 @@ KINDS = (
 RESOLUTIONS = (16, 24, 32, 48, 64, 96, 128)
 QUICK_RESOLUTIONS = (16, 32, 64)
 _FILTERS: tuple[Filter, ...] = ("nearest", "trilinear", "bspline")
-_STORAGES = (Storage.FLOAT32, Storage.HALF, Storage.RGBE)
+_STORAGES = (Storage.FLOAT32, Storage.HALF, Storage.RGBE, Storage.LOG)
 # The shapes of a grid are chosen at one resolution: they hardly change with it, and a choice takes seconds.
 _CHOSEN_AT = 48
 _PAIRS = 16384
@@ -98,8 +99,7 @@ def _measured(
     width, height = AtlasLayout(grid.shape).size
     rows = []
     for values, filter, storage in _variants(table):
-        scale = scale_for(values, storage)
-        stored = BrdfTable(grid, as_stored(values, scale, storage))
+        stored = store_table(BrdfTable(grid, values), pad_slices(values), storage, filter, pairs, truth).table
         difference = stored.evaluate(pairs.wi, pairs.wo, filter) - truth
         rows.append(
             {
