@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any, get_args
 
+from ..bake.alias_sampler import SamplerLayout
 from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
@@ -20,6 +21,8 @@ from .cli_jobs import Bake, Job, bake_jobs, usage_error
 from .cli_result import Result
 from .describe import bake_summary
 from .stages import bake_stages
+
+_SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
 
 
 def add_to(commands: Any) -> None:
@@ -92,6 +95,15 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         help="coefficients for --filter bspline: the plain samples, fitted ones, or the better (%(default)s)",
     )
     parser.add_argument(
+        "--sampler",
+        type=int,
+        choices=_SAMPLERS,
+        default=usual.sampler.n_o,
+        metavar="N",
+        help="directions are drawn by tables of N x N x N/2 cells, N from 16 to 128: most of the bytes of a small "
+        "bundle; fewer cells, more noise (%(default)s)",
+    )
+    parser.add_argument(
         "--envelope",
         action=argparse.BooleanOptionalAction,
         default=usual.envelope,
@@ -136,6 +148,7 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             storage=Storage(options.storage),
             filter=options.filter,
             spline=options.spline,
+            sampler=SamplerLayout(options.sampler, options.sampler, options.sampler // 2),
             envelope=options.envelope,
         )
     except BakeError as error:
