@@ -33,6 +33,7 @@ from rich.progress import track
 FULL, RESOLUTIONS, QUICK = 64, (4, 6, 8, 12, 16, 24, 32, 64), (4, 8, 16, 32, 64)
 # An RGL material as its authors publish it, isotropic and RGB, and a network of Sztrajman et al. 2021.
 MARKS = {"RGL 48 KiB": 48 * 1024, "neural 2.7 kB": 2700}
+SIZES, LIMITS = (2700, 10 * 1024, 48 * 1024, 256 * 1024), (0.05, 0.02, 0.01)
 SAMPLERS = (SamplerLayout(), SamplerLayout(32, 32, 16), SamplerLayout(16, 16, 8))
 
 
@@ -69,26 +70,25 @@ def of(rows: list[dict[str, Any]], **wanted: Any) -> list[dict[str, Any]]:
 
 
 def show(rows: list[dict[str, Any]]) -> None:
-    """Per material the smallest files that are as good as a full table, and the least error in two sizes."""
-    print(f"\nFile in KiB (storage, N) within a multiple of the RMS of N = {FULL} in half floats, and least error in")
-    print(f"{'':26s}{'full':>7s}{'1.1 x':>17s}{'2 x':>17s}{'48 KiB':>26s}{'2.7 kB':>26s}{'full':>9s}")
+    """Per material the smallest files within an error, the least error within two sizes, and the full table."""
+    print("\nSmallest file in KiB (storage, N) whose relative error is at most, and least relative error within")
+    print(f"{'':26s}" + "".join(f"{100 * limit:15.0f} %" for limit in LIMITS), end="")
+    print("".join(f"{words:>19s}" for words in MARKS) + f"{f'half {FULL}':>23s}")
     for name in dict.fromkeys(row["material"] for row in rows):
         mine = of(rows, material=name)
         (full,) = of(mine, storage="half", n=FULL)
 
         def least(limit: float, mine: list[dict[str, Any]] = mine) -> str:
-            row = min((row for row in mine if row["rms"] <= limit), key=lambda row: row["bytes"])
-            return f"{row['bytes'] / 1024:.3g} {row['storage']} {row['n']}"
+            row = min((r for r in mine if r["relative"] <= limit), key=lambda r: r["bytes"], default=None)
+            return f"{row['bytes'] / 1024:.3g} {row['storage']} {row['n']}" if row else "-"
 
         def best(limit: float, mine: list[dict[str, Any]] = mine) -> str:
-            row = min((row for row in mine if row["bytes"] <= limit), key=lambda row: row["rms"], default=None)
-            if row is None:
-                return "-"
-            return f"{100 * row['relative']:.2f} % {row['storage']} {row['n']}"
+            row = min((r for r in mine if r["bytes"] <= limit), key=lambda r: r["relative"], default=None)
+            return f"{100 * row['relative']:.2f} % {row['storage']} {row['n']}" if row else "-"
 
-        words = f"{least(1.1 * full['rms']):>17s}{least(2 * full['rms']):>17s}"
-        words += "".join(f"{best(size):>26s}" for size in MARKS.values())
-        print(f"{name:26s}{full['bytes'] / 1024:7.0f}{words}{100 * full['relative']:7.2f} %")
+        words = "".join(f"{least(limit):>17s}" for limit in LIMITS)
+        words += "".join(f"{best(size):>19s}" for size in MARKS.values())
+        print(f"{name:26s}{words}{100 * full['relative']:9.2f} % {full['bytes'] / 1024:7.0f} KiB")
 
 
 def show_storages(rows: list[dict[str, Any]]) -> None:
@@ -105,7 +105,8 @@ def show_storages(rows: list[dict[str, Any]]) -> None:
             size = np.median([row["bytes"] for row in mine]) / 1024
             cells.append(f"{size:9.3g} {np.median(ratio):6.3f} ({min(ratio):.2f} to {max(ratio):.2f})")
         print(f"{n:4d}" + "".join(f"{cell:>28s}" for cell in cells))
-    for limit in MARKS.values():
+    print("\nMedian over the materials of the least RMS within bytes, as a share of the signal's")
+    for limit in SIZES:
         shares = {
             storage: [
                 min((r["rms share"] for r in of(rows, material=m, storage=storage) if r["bytes"] <= limit), default=1.0)
@@ -114,7 +115,7 @@ def show_storages(rows: list[dict[str, Any]]) -> None:
             for storage in TABLE_STORAGES
         }
         words = ", ".join(f"{storage} {100 * np.median(found):.2f} %" for storage, found in shares.items())
-        print(f"median RMS of the best table within {limit} bytes, as a share of the signal's: {words}")
+        print(f"{limit:8d} bytes: {words}")
 
 
 def plot(rows: list[dict[str, Any]], file: Path) -> None:
