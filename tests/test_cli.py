@@ -85,20 +85,6 @@ def test_settings_reach_the_bundle(tmp_path: Path) -> None:
     assert settings.items() >= (wanted | {"spline": "plain"}).items()
 
 
-def test_log_storage_from_bake_to_render(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Baked, told of by `inspect`, and rendered."""
-    options = ["--resolution", "6", "--storage", "log", "--sampler", "16", "--parameterization", "uniform"]
-    assert main(["bake", "brdf", "--analytic", "ggx", "alpha=0.4", "--out", str(tmp_path), *options]) == 0
-    assert {p.name for p in (tmp_path / "ggx.mmat").glob("*.png")} == {"table.png", "residual.png", "preview.png"}
-    capsys.readouterr()
-    assert main(["inspect", str(tmp_path / "ggx.mmat")]) == 0
-    told = capsys.readouterr().out
-    assert "trilinear, log" in told and " byte" in told
-    picture = tmp_path / "ggx.png"
-    size = ["--samples", "1", "--resolution", "16"]
-    assert main(["render", str(tmp_path / "ggx.mmat"), "--out", str(picture), *size]) == 0 and picture.is_file()
-
-
 @pytest.mark.parametrize(
     "arguments, word",
     [

@@ -26,6 +26,7 @@ from measured_materials.nodes.table_lookup_group import table_lookup_group
 from support.cards import card
 from support.osl import header_card, shader_card, skip_without_osl
 from test_anisotropic_cards import GRIDS, directions
+from test_anisotropic_osl import HEADER, lookup_body
 from test_node_cards import direction_grid, evaluate_at_horizon
 
 CODES = LogCodes.reaching(np.array([1.0, 2.0, 0.5]), np.array([4.0, 9.0, 14.0]))
@@ -108,15 +109,22 @@ def test_stochastic_slice_averages_to_the_blend(tmp_path: Path, filter: str) -> 
 
 @pytest.mark.parametrize("name", ["normal", "half, folded"])
 @pytest.mark.parametrize("filter", FILTERS)
-def test_anisotropic_lookup(tmp_path: Path, name: str, filter: str) -> None:
+@pytest.mark.parametrize("language", ["nodes", "osl"])
+def test_anisotropic_lookup(tmp_path: Path, name: str, filter: str, language: str) -> None:
     grid = GRIDS[name]
     noise = np.random.default_rng(3).random((*grid.shape, 3)).astype(np.float32)
     table = AnisotropicTable(grid, CODES.rounded(CODES.decode(xp_numpy, noise)), filter, CODES)
     write_image(tmp_path / "table.png", CODES.encode(anisotropic_atlas.pack(grid, table.values)), Storage.BYTE)
-    image = load_data_image(tmp_path / "table.png", f"log {name}")
-    group = anisotropic_lookup_group(f"card log {name} {filter}", image, grid, filter, log=CODES)
     wi, wo = directions(3000)
-    (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
+    if language == "nodes":
+        image = load_data_image(tmp_path / "table.png", f"log {name}")
+        group = anisotropic_lookup_group(f"card log {name} {filter}", image, grid, filter, log=CODES)
+        (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
+    else:
+        skip_without_osl()
+        log = ", ".join("vector({:.9g}, {:.9g}, {:.9g})".format(*ends) for ends in (CODES.ranges, CODES.gains))
+        body = lookup_body(tmp_path / "table.png", grid, filter, log)
+        (found,) = header_card(body, {"value": "vector"}, HEADER, wi=wi, wo=wo)
     wi, wo = wi.astype(float), wo.astype(float)
     factor = np.broadcast_to(grid.factor(xp_numpy, wi, wo), len(wi))
     difference = (np.abs(found - table.evaluate(wi, wo)) / CODES.peaks).max(-1) * factor

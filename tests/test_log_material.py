@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.cli import main
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
@@ -87,3 +88,17 @@ def test_four_modes_build(bundle: Bundle) -> None:
     atlas.pixels.foreach_get(pixels)
     stored = bundle.load("table")[::-1]
     assert not atlas.is_float and np.array_equal(pixels.reshape(*stored.shape[:2], 4)[..., :3], stored)
+
+
+def test_from_bake_to_render(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Baked, told of by `inspect`, and rendered."""
+    options = ["--resolution", "6", "--storage", "log", "--sampler", "16", "--parameterization", "uniform"]
+    assert main(["bake", "brdf", "--analytic", "ggx", "alpha=0.4", "--out", str(tmp_path), *options]) == 0
+    assert {p.name for p in (tmp_path / "ggx.mmat").glob("*.png")} == {"table.png", "residual.png", "preview.png"}
+    capsys.readouterr()
+    assert main(["inspect", str(tmp_path / "ggx.mmat")]) == 0
+    told = capsys.readouterr().out
+    assert "trilinear, log" in told and " byte" in told
+    picture = tmp_path / "ggx.png"
+    size = ["--samples", "1", "--resolution", "16"]
+    assert main(["render", str(tmp_path / "ggx.mmat"), "--out", str(picture), *size]) == 0 and picture.is_file()

@@ -91,7 +91,7 @@ def test_report_from_end_to_end(
     page = (tmp_path / "report.html").read_text()
     assert len(re.findall("<svg", page)) == 5 and len(re.findall("<img", page)) == 11
     settings = document["tables"]["metallic-paint"]
-    assert len(settings) == len(tables.KINDS) * 2 * 5
+    assert len(settings) == len(tables.KINDS) * 2 * 6
     best = min(settings, key=lambda s: s["rms"])
     assert (best["basis"], best["parameterization"]) == ("half", "fitted")
     rendered = document["pictures"]["metallic-paint"]
