@@ -11,7 +11,7 @@ from ..bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ..bake.shading.bake_arc import TILEABLES, ArcSettings
 from ..bake.shading.map_store import COMPRESSIONS
 from ..bake.shading.shading_map import MAX_SLICES, MIN_SLICES
-from ..bake.storage import Storage
+from ..bake.storage import IMAGE_STORAGES, Storage
 from .lighting_properties import MEASURED, enum, lighting_of, number
 from .stages import USUAL_SIZE
 
@@ -93,7 +93,7 @@ class ArcProperties:
         "tileable": _enum("Tileable", "Make the swatch tile without seams", TILEABLES, _USUAL.tileable),
         "compression": _enum("Compression", "What is kept of each texel", COMPRESSIONS, _USUAL.compression),
         "rank": _whole("Rank", "Numbers per texel and channel", _USUAL.rank, 1, 3),
-        "storage": _enum("Storage", "Format of the texels", tuple(map(str, Storage)), _USUAL.storage),
+        "storage": _enum("Storage", "Format of the texels", tuple(map(str, IMAGE_STORAGES)), _USUAL.storage),
         "frame": _enum("Frame", "Where the swatch is in the photographs", ("whole", "crop", "corners"), "whole"),
         "crop": _rectangle("Crop", "The swatch"),
         **{name: _corner(name.removeprefix("corner_").replace("_", " ").title()) for name in _CORNERS},

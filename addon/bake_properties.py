@@ -5,10 +5,10 @@ from typing import Any, get_args
 
 import bpy
 
-from ..bake.bake_brdf import TABLE_STORAGES, AlphaChoice, BakeSettings, SplineFit
+from ..bake.bake_brdf import AlphaChoice, BakeSettings, SplineFit
 from ..bake.grid_search import BASES
 from ..bake.parameterization import Parameterization
-from ..bake.storage import Storage
+from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import Filter
 from ..bake.table_facts import MAX_RESOLUTION
 
@@ -27,6 +27,7 @@ _WORDS = {
     "half": ("Half", "OpenEXR, 16 bits per channel"),
     "float32": ("Float", "OpenEXR, 32 bits per channel"),
     "rgbe": ("RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
+    "log": ("Log", "PNG, 8 bits of each channel's logarithm: the smallest, for tables of low resolution"),
     "nearest": ("Nearest", "No interpolation, the fastest"),
     "trilinear": ("Linear", "Between the nearest samples"),
     "bspline": ("B-Spline", "Smooth cubic spline"),

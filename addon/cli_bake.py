@@ -6,20 +6,23 @@ import argparse
 from pathlib import Path
 from typing import Any, get_args
 
-from ..bake.bake_brdf import TABLE_STORAGES, BakeSettings, SplineFit, bake_file, bake_source
+from ..bake.alias_sampler import SamplerLayout
+from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
 from ..bake.grid_search import BASES
 from ..bake.parameterization import PARAMETERIZATIONS
 from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
-from ..bake.storage import Storage
+from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import FILTERS
 from . import cli_bake_arc
 from .cli_jobs import Bake, Job, bake_jobs, usage_error
 from .cli_result import Result
 from .describe import bake_summary
 from .stages import bake_stages
+
+_SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
 
 
 def add_to(commands: Any) -> None:
@@ -82,7 +85,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--storage",
         choices=TABLE_STORAGES,
         default=str(usual.storage),
-        help="of the texels (%(default)s)",
+        help="of the texels; log, 8 bits of the logarithm, is best for files below 100 KiB (%(default)s)",
     )
     parser.add_argument("--filter", choices=FILTERS, default=usual.filter, help="(%(default)s)")
     parser.add_argument(
@@ -90,6 +93,15 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         choices=get_args(SplineFit),
         default=usual.spline,
         help="coefficients for --filter bspline: the plain samples, fitted ones, or the better (%(default)s)",
+    )
+    parser.add_argument(
+        "--sampler",
+        type=int,
+        choices=_SAMPLERS,
+        default=usual.sampler.n_o,
+        metavar="N",
+        help="directions are drawn by tables of N x N x N/2 cells, N from 16 to 128: most of the bytes of a small "
+        "bundle; fewer cells, more noise (%(default)s)",
     )
     parser.add_argument(
         "--envelope",
@@ -136,6 +148,7 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             storage=Storage(options.storage),
             filter=options.filter,
             spline=options.spline,
+            sampler=SamplerLayout(options.sampler, options.sampler, options.sampler // 2),
             envelope=options.envelope,
         )
     except BakeError as error:

@@ -19,7 +19,7 @@ from ..bake.shading.bake_arc import TILEABLES, ArcSettings, bake_arc
 from ..bake.shading.lobes import Lobe
 from ..bake.shading.map_store import COMPRESSIONS
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.storage import Storage
+from ..bake.storage import IMAGE_STORAGES, Storage
 from .arc_plot import draw_arc, need_matplotlib
 from .cli_jobs import Bake, Job, bake_jobs, usage_error
 from .cli_lighting import add_lighting, known_lobes, lighting, parsed_lobe
@@ -133,7 +133,7 @@ def _add_map(group: Any) -> None:
     )
     group.add_argument(
         "--storage",
-        choices=[str(kind) for kind in Storage],
+        choices=[str(kind) for kind in IMAGE_STORAGES],
         default=str(usual.storage),
         help="of the texels (%(default)s)",
     )

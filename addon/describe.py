@@ -8,7 +8,7 @@ from typing import Any
 
 from ..bake.bundle import require
 from ..bake.source import BrdfSource
-from ..bake.storage import Storage
+from ..bake.storage import IMAGE_STORAGES, Storage
 
 Rows = list[tuple[str, str]]
 
@@ -166,7 +166,7 @@ def image_sizes(facts: Mapping[str, Any], where: str | Path, folder: Path | None
         width, height, channels = (
             require(entry, key, int, where, minimum=1, maximum=1 << 24) for key in ("width", "height", "channels")
         )
-        storage = Storage(require(entry, "storage", str, where, choices=[str(kind) for kind in Storage]))
+        storage = Storage(require(entry, "storage", str, where, choices=[str(kind) for kind in IMAGE_STORAGES]))
         sizes[name] = {
             "width": width,
             "height": height,

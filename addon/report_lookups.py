@@ -18,14 +18,14 @@ from ..bake.anisotropic.grid import Grid as AnisotropicGrid
 from ..bake.anisotropic.grid import HalfGrid as AnisotropicHalfGrid
 from ..bake.anisotropic.grid import NormalGrid
 from ..bake.atlas import AtlasLayout
-from ..bake.bake_brdf import TABLE_STORAGES
 from ..bake.grid_search import half_sizes
 from ..bake.half_grid import HalfGrid
 from ..bake.image_io import write_image
+from ..bake.log_storage import LogCodes
 from ..bake.report.journal import Journal
 from ..bake.report.tables import USUAL_FILTER, USUAL_STORAGE, LookupKey, TableSizes
 from ..bake.report.tabulation import ANISOTROPIC_KINDS, KINDS, Kind
-from ..bake.storage import Storage
+from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import FILTERS, Grid, TableGrid
 from ..nodes import expr
 from ..nodes.anisotropic_groups import anisotropic_lookup_group
@@ -36,13 +36,17 @@ from .render_timing import Build, Effort, evaluation_ns
 
 LOOKUPS = 4  # at a shading point
 # The kind whose time is measured for every filter and storage; others meet the usual storage.
-_THOROUGH: tuple[Kind, ...] = (("half", "fitted"), ANISOTROPIC_KINDS[1])
+_THOROUGH: tuple[Kind, ...] = (("half", "fitted"), ("half", "slopes"))
+
+# Any will do: all take the same time.
+_CODES = LogCodes((5.0, 5.0, 5.0), (0.01, 0.01, 0.01))
 
 
 @dataclass(frozen=True)
 class _Batch:
     """Lookups that share size and storage of their textures, and are rendered in turns."""
 
+    anisotropic: bool
     resolution: int
     storage: Storage
     ways: tuple[tuple[Kind, str], ...]  # with the filter
@@ -52,7 +56,7 @@ def measure_lookups(
     journal: Journal, sizes: TableSizes, anisotropic: bool, effort: Effort, progress: Callable[[float], None]
 ) -> dict[LookupKey, float]:
     """Nanoseconds of processor per lookup, one slice drawn at random as in materials."""
-    batches = list(_batches(sizes, ANISOTROPIC_KINDS if anisotropic else KINDS))
+    batches = list(_batches(sizes, anisotropic))
     found: dict[LookupKey, float] = {}
     for k, batch in enumerate(batches):
         progress(k / len(batches))
@@ -62,7 +66,8 @@ def measure_lookups(
     return found
 
 
-def _batches(sizes: TableSizes, kinds: Iterable[Kind]) -> Iterable[_Batch]:
+def _batches(sizes: TableSizes, anisotropic: bool) -> Iterable[_Batch]:
+    kinds = ANISOTROPIC_KINDS if anisotropic else KINDS
     for n in sizes.resolutions:
         for storage in map(Storage, TABLE_STORAGES):
             ways = [
@@ -73,7 +78,7 @@ def _batches(sizes: TableSizes, kinds: Iterable[Kind]) -> Iterable[_Batch]:
             ]
             if storage != USUAL_STORAGE:
                 ways = [way for way in ways if sizes.crossed or way[1] == USUAL_FILTER]
-            yield _Batch(n, storage, tuple(ways))
+            yield _Batch(anisotropic, n, storage, tuple(ways))
 
 
 def _measured(batch: _Batch, effort: Effort) -> list[tuple[Kind, str, float]]:
@@ -85,13 +90,13 @@ def _measured(batch: _Batch, effort: Effort) -> list[tuple[Kind, str, float]]:
         try:
             builds: dict[str, Build] = {}
             for name, (kind, filter) in names.items():
-                grid = _grid(kind, batch.resolution)
+                grid = _grid(kind, batch.resolution, batch.anisotropic)
                 size = _layout(grid).size
                 if size not in images:
                     images[size] = _white(
                         Path(folder) / f"{size[0]}_{size[1]}{batch.storage.suffix}", size, batch.storage
                     )
-                groups.append(_group(f"MM Timing {name}", images[size], grid, filter))
+                groups.append(_group(f"MM Timing {name}", images[size], grid, filter, batch.storage))
                 builds[name] = partial(_looked_up, groups[-1])
             ns = evaluation_ns(builds, _directions_only, LOOKUPS, effort)
         finally:
@@ -99,10 +104,12 @@ def _measured(batch: _Batch, effort: Effort) -> list[tuple[Kind, str, float]]:
     return [(*names[name], ns[name]) for name in names]
 
 
-def _grid(kind: Kind, n: int) -> Grid | AnisotropicGrid:
+def _grid(kind: Kind, n: int, anisotropic: bool) -> Grid | AnisotropicGrid:
     basis, spacing = kind
-    if kind in ANISOTROPIC_KINDS:
-        return AnisotropicHalfGrid(half_shape(n, True)) if basis == "half" else NormalGrid(normal_shape(n, True))
+    if anisotropic and basis == "half":
+        return AnisotropicHalfGrid(half_shape(n, True))
+    if anisotropic:
+        return NormalGrid(normal_shape(n, True), folded=True, parameterization=spacing)
     parameterization: Any = spacing
     return HalfGrid(half_sizes(n, True)[0], parameterization) if basis == "half" else TableGrid(n, parameterization)
 
@@ -113,14 +120,17 @@ def _layout(grid: Grid | AnisotropicGrid) -> AtlasLayout | SliceLayout:
 
 def _white(path: Path, size: tuple[int, int], storage: Storage) -> bpy.types.Image:
     """From a file, so that Cycles holds it as it would hold a bundle's."""
-    write_image(path, np.ones((size[1], size[0], 3), np.float32), storage)
+    write_image(path, np.ones((size[1], size[0], 3), np.float32), storage.image)
     return load_data_image(path, path.name, half=storage == Storage.HALF)
 
 
-def _group(name: str, image: bpy.types.Image, grid: Grid | AnisotropicGrid, filter: str) -> bpy.types.ShaderNodeTree:
+def _group(
+    name: str, image: bpy.types.Image, grid: Grid | AnisotropicGrid, filter: str, storage: Storage
+) -> bpy.types.ShaderNodeTree:
+    log = _CODES if storage is Storage.LOG else None
     if isinstance(grid, TableGrid | HalfGrid):
-        return table_lookup_group(name, image, grid, filter, stochastic=True)
-    return anisotropic_lookup_group(name, image, grid, filter, stochastic=True)
+        return table_lookup_group(name, image, grid, filter, stochastic=True, log=log)
+    return anisotropic_lookup_group(name, image, grid, filter, stochastic=True, log=log)
 
 
 def _looked_up(group: bpy.types.ShaderNodeTree, place: Any) -> Any:

@@ -33,16 +33,15 @@ from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
 from .sources import read_source
-from .storage import Storage, as_stored, offset_for, raised, scale_for
+from .storage import TABLE_STORAGES, Storage
 from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
 from .table_facts import MAX_RESOLUTION
+from .table_storage import StoredTable, store_table
 
 AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
 Progress = Callable[[str, float], None]
 
-# 256 steps do not reach from a shadow to a highlight of 10 000.
-TABLE_STORAGES = tuple(str(storage) for storage in Storage if storage is not Storage.BYTE)
 _ERROR_PAIRS = 32768
 KIND: Kind = "brdf"
 
@@ -175,7 +174,8 @@ def bake_source(
     choice = _choose_grid(treated, settings, say)
     grid = best_horizon(treated, choice.grid, pairs, truth)
     table = tabulate(treated, grid, lambda share: say("tabulating", share))
-    stored, scale, spline = _store(table, settings, pairs, truth, say)
+    kept, spline = _store(table, settings, pairs, truth, say)
+    stored = kept.table
     say("sampler", 0.0)
     sampler = build_sampler(_sampled(stored, settings.filter), settings.sampler)
     say("measuring", 0.0)
@@ -193,8 +193,7 @@ def bake_source(
             "filter": settings.filter,
             "spline": spline,
             "storage": str(settings.storage),
-            "scale": scale,
-            "offset": offset_for(settings.storage),
+            **kept.facts(),
             "total_intensity": table.total_intensity,
         },
         "search": choice.search and choice.search.facts(),
@@ -207,7 +206,7 @@ def bake_source(
         "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
     }
     images = {
-        "table": StoredImage(_texels(stored, scale, settings.storage), settings.storage),
+        "table": kept.image(pack(stored.values)),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     preview = fit_preview(treated)
@@ -248,16 +247,18 @@ def _envelope(
     say("envelope", 0.4)
     grid = _residual_grid(treated, fit, table.grid, settings)
     say("envelope", 0.7)
-    residual, scale = _quantized(residual_table(treated, fit, grid), settings.storage)
+    rest = residual_source(treated, fit).evaluate(pairs.wi, pairs.wo)
+    kept = _quantized(residual_table(treated, fit, grid), settings, pairs, rest)
+    residual = kept.table
     sampler = build_sampler(TableSource(residual, "trilinear"), settings.sampler)
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
     images = {
         "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
-        "residual": StoredImage(_texels(residual, scale, settings.storage), settings.storage),
+        "residual": kept.image(pack(residual.values)),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
     }
-    facts = {"scale": scale, "offset": offset_for(settings.storage), "grid": grid.facts(), "errors": errors}
+    facts = {**kept.facts(), "grid": grid.facts(), "errors": errors}
     return {"envelope": fit.facts(), "residual": facts}, images
 
 
@@ -298,33 +299,27 @@ def _choose_grid(treated: TreatedSource, settings: BakeSettings, say: Progress) 
 
 def _store(
     table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
-) -> tuple[BrdfTable, float, str]:
-    """The table as it will come back from the file (scale undone), the scale, and what its values are."""
+) -> tuple[StoredTable[BrdfTable], str]:
+    """The table as it will come back from the file, and what its values are."""
     if settings.filter != "bspline":
-        return *_quantized(table, settings.storage), "none"
+        return _quantized(table, settings, pairs, truth), "none"
     candidates = {}
     if settings.spline != "fitted":
-        candidates["plain"] = _quantized(table, settings.storage)
+        candidates["plain"] = _quantized(table, settings, pairs, truth)
     if settings.spline != "plain":
         coefficients = fit_coefficients(table.values, lambda share: say("fitting spline", share))
-        candidates["fitted"] = _quantized(BrdfTable(table.grid, coefficients), settings.storage)
+        candidates["fitted"] = _quantized(BrdfTable(table.grid, coefficients), settings, pairs, truth)
     if len(candidates) == 1:
         ((name, chosen),) = candidates.items()
     else:
-        rms = {k: table_errors(stored, "bspline", pairs, truth)["rms"] for k, (stored, _) in candidates.items()}
+        rms = {k: table_errors(kept.table, "bspline", pairs, truth)["rms"] for k, kept in candidates.items()}
         name = min(rms, key=rms.__getitem__)
         chosen = candidates[name]
-    return *chosen, name
+    return chosen, name
 
 
-def _quantized(table: BrdfTable, storage: Storage) -> tuple[BrdfTable, float]:
-    # What continues a table beyond a pole may exceed every sample.
-    scale = scale_for(pad_slices(table.values), storage)
-    return BrdfTable(table.grid, as_stored(table.values, scale, storage)), scale
-
-
-def _texels(table: BrdfTable, scale: float, storage: Storage) -> Array:
-    return raised(pack(table.values), scale, storage)
+def _quantized(table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array) -> StoredTable[BrdfTable]:
+    return store_table(table, pad_slices(table.values), settings.storage, settings.filter, pairs, truth)
 
 
 def _simpler_filters(

@@ -29,7 +29,7 @@ from .atomic import recover, replacing_folder
 from .errors import BakeError
 from .image_io import MAX_IMAGE_BYTES, read_header, read_image, write_image, write_png
 from .material_json import dump_json, load_json, require
-from .storage import Storage
+from .storage import IMAGE_STORAGES, Storage
 
 __all__ = ["SUFFIX", "Bundle", "Kind", "StoredImage", "read_bundle", "require", "write_bundle"]
 
@@ -227,7 +227,7 @@ def _check_entry(name: str, entry: Any, file: Path) -> None:
     where = f"{file}: images.{name}"
     if not isinstance(entry, dict):
         raise BakeError(where, "is not an object", "bake it again")
-    storage = Storage(require(entry, "storage", str, where, choices=[str(kind) for kind in Storage]))
+    storage = Storage(require(entry, "storage", str, where, choices=[str(kind) for kind in IMAGE_STORAGES]))
     require(entry, "file", str, where, choices=[name + storage.suffix])
     width = require(entry, "width", int, where, minimum=1, maximum=1 << 24)
     height = require(entry, "height", int, where, minimum=1, maximum=1 << 24)

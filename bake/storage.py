@@ -19,7 +19,8 @@ class Storage(StrEnum):
     """Format of a texel: OpenEXR float or half, Radiance RGBE (4 bytes, shared exponent, values >= 0), or a PNG's byte.
 
     A byte holds 256 evenly spaced, linear values from 0 to 1: for data of little range such as the slices of a
-    matte swatch, at a quarter of the memory of float32. The dark values of a glossy BRDF would be lost in it.
+    matte swatch, at a quarter of the memory of float32. The dark values of a glossy BRDF would be lost in it. "log" is
+    a byte too, of the logarithm of a BRDF table's values: `bake.log_storage` says how they come back.
 
     A str, so that `Storage("half")`, the JSON of a bundle and the choices of a command line agree.
     """
@@ -28,11 +29,17 @@ class Storage(StrEnum):
     HALF = "half"
     RGBE = "rgbe"
     BYTE = "byte"
+    LOG = "log"
+
+    @property
+    def image(self) -> Storage:
+        """Format of the image file."""
+        return Storage.BYTE if self is Storage.LOG else self
 
     @property
     def suffix(self) -> str:
         """Of the file, with the dot."""
-        return {Storage.RGBE: ".hdr", Storage.BYTE: ".png"}.get(self, ".exr")
+        return {Storage.RGBE: ".hdr", Storage.BYTE: ".png"}.get(self.image, ".exr")
 
     def file_bytes(self, channels: int) -> int:
         """Bytes per texel in the file before its lossless compression."""
@@ -45,13 +52,17 @@ class Storage(StrEnum):
         Blender's own RGBA buffer, of bytes for a PNG and of floats for everything else.
         """
         if packed:
-            return 4 if self is Storage.BYTE else 16
+            return 4 if self.image is Storage.BYTE else 16
         return self._sample_bytes * (1 if channels == 1 else 4)
 
     @property
     def _sample_bytes(self) -> int:
-        return {Storage.HALF: 2, Storage.BYTE: 1}.get(self, 4)
+        return {Storage.HALF: 2, Storage.BYTE: 1}.get(self.image, 4)
 
+
+IMAGE_STORAGES = tuple(storage for storage in Storage if storage.image is storage)
+# 256 even steps do not reach from a shadow to a highlight of 10 000.
+TABLE_STORAGES = tuple(str(storage) for storage in Storage if storage is not Storage.BYTE)
 
 # Added to scaled values before they are stored as half floats. Cycles' conversion on the processor knows no denormals:
 # a half of 0 comes back as 2^-15, which of a table scaled down by a bright peak was twice the light of all the rest.
@@ -72,6 +83,12 @@ _RANGE = {
 }
 
 
+def _range(storage: Storage) -> tuple[float, float]:
+    if storage not in _RANGE:
+        raise ValueError(f"{storage} is of tables alone, see bake.log_storage")
+    return _RANGE[storage]
+
+
 def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
     """Exactly the float32 values that come back after writing `pixels` in this storage and reading them.
 
@@ -82,7 +99,7 @@ def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
     Raises ValueError for values that are not finite or overflow the storage, and for negative ones in RGBE and bytes.
     """
     storage = Storage(storage)
-    largest = _RANGE[storage][1]
+    largest = _range(storage)[1]
     values = np.asarray(pixels)
     if not np.isfinite(values).all():
         raise ValueError("values that are not finite cannot be stored")
@@ -138,7 +155,7 @@ def scale_for(pixels: NDArray[Any], storage: Storage) -> float:
     magnitude = magnitude[magnitude > 0]
     if not magnitude.size:
         return 1.0
-    smallest_kept, largest_kept = _RANGE[storage]
+    smallest_kept, largest_kept = _range(storage)
     lowest = math.ceil(math.log2(smallest_kept) - _log2_floor(float(magnitude.min())))
     highest = math.floor(math.log2(largest_kept)) - _log2_floor(float(magnitude.max()))
     if math.ldexp(float(magnitude.max()), highest) > largest_kept:

@@ -17,6 +17,7 @@ import numpy as np
 from . import xp_numpy
 from .errors import BakeError
 from .half_grid import HalfGrid
+from .log_storage import LogCodes
 from .parameterization import LogWarp, Parameterization, Shape, normal_basis_coordinates, phi_nodes, theta_nodes
 from .source import Array, BrdfSource
 
@@ -156,14 +157,19 @@ def check_values(values: Array, name: str) -> None:
 
 @dataclass(frozen=True)
 class BrdfTable:
-    """Sampled values (or B-spline coefficients), float32, of shape grid.shape + (3,)."""
+    """Sampled values (or B-spline coefficients), float32, of shape grid.shape + (3,).
+
+    With `log` they are stored as its codes, and codes are what is interpolated within a slice.
+    """
 
     grid: Grid
     values: Array
+    log: LogCodes | None = None
 
     @cached_property
     def _padded(self) -> Array:
-        return pad_slices(self.values)
+        padded = pad_slices(self.values)
+        return self.log.encode(padded) if self.log else padded
 
     def evaluate(self, wi: Array, wo: Array, filter: Filter = "trilinear") -> Array:
         """BRDF (..., 3) reconstructed at direction pairs; the truth the shader nodes are compared with."""
@@ -173,7 +179,7 @@ class BrdfTable:
         out = np.empty((len(wi), 3))
         for start in range(0, len(wi), _CHUNK):
             part = slice(start, start + _CHUNK)
-            out[part] = _reconstruct(self._padded, self.grid.coordinates(wi[part], wo[part]), filter)
+            out[part] = _reconstruct(self._padded, self.grid.coordinates(wi[part], wo[part]), filter, self.log)
         # Positions below the horizon have no value; the lookup itself would return the horizon's.
         out[(wi[:, 2] <= 0) | (wo[:, 2] <= 0)] = 0
         return out.reshape(shape)
@@ -252,7 +258,7 @@ def filter_taps(position: Array, filter: Filter) -> list[tuple[Array, Array]]:
     return [(index + k - 1, w) for k, w in enumerate(bspline_weights(xp_numpy, t))]
 
 
-def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array], filter: Filter) -> Array:
+def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array], filter: Filter, log: LogCodes | None) -> Array:
     """Tensor-product filter over a padded table; coordinates are fractional indices of the unpadded one."""
     n_slices, n_rows, n_columns = padded.shape[:3]
     flat = padded.reshape(-1, 3)
@@ -260,9 +266,10 @@ def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array], filter:
     o_taps, i_taps, phi_taps = (filter_taps(c, filter) for c in coordinates)
     for o, w_o in o_taps:
         o = np.clip(o, 0, n_slices - 1)
+        within = np.zeros_like(out)
         for i, w_i in i_taps:
             row = (o * n_rows + (i + GUTTER)) * n_columns + GUTTER
-            w_oi = w_o * w_i
             for p, w_p in phi_taps:
-                out += flat[row + p] * (w_oi * w_p)[:, None]
+                within += flat[row + p] * (w_i * w_p)[:, None]
+        out += (log.decode(xp_numpy, within) if log else within) * w_o[:, None]
     return out

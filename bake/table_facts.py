@@ -6,13 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from . import xp_numpy
 from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
 from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from .errors import BakeError
 from .half_grid import HalfGrid
+from .log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
+from .source import Array
+from .storage import TABLE_STORAGES, Storage
 from .table import BrdfTable, Grid, TableGrid
 
 MAX_RESOLUTION = 256
@@ -82,17 +88,45 @@ def offset_of(bundle: Bundle, part: str = "table") -> float:
     return float(require(facts, "offset", float, where, minimum=0, maximum=1)) if "offset" in facts else 0.0
 
 
+def log_of(bundle: Bundle, part: str = "table") -> LogCodes | None:
+    """What codes of the table or the "residual" stand for; None where they are values. Raises BakeError."""
+    where = bundle.path / "material.json"
+    images, table = (require(bundle.material, key, dict, where) for key in ("images", "table"))
+    stored = require(require(images, part, dict, where), "storage", str, where)
+    named = require(table, "storage", str, where, choices=TABLE_STORAGES)
+    if stored != Storage(named).image:
+        raise BakeError(where, f"'{part}' is stored as {stored}, and the table as {named}", "bake it again")
+    if named != Storage.LOG:
+        return None
+    facts = require(require(bundle.material, part, dict, where), "log", dict, where)
+    ranges: Any = tuple(_numbers(facts, "range", 3, float, LEAST_RANGE, MOST_RANGE, where))
+    gains: Any = tuple(_numbers(facts, "gain", 3, float, 0, MOST_PEAK, where))
+    codes = LogCodes(ranges, gains)
+    if max(codes.peaks) > 1.01 * MOST_PEAK:
+        raise BakeError(where, f"'{part}.log' stands for values above {MOST_PEAK:g}", "bake it again")
+    return codes
+
+
+def decoded(bundle: Bundle, part: str, texels: Array) -> Array:
+    """Values of the table or the "residual", from what its file holds."""
+    codes = log_of(bundle, part)
+    if codes is not None:
+        return np.asarray(codes.decode(xp_numpy, texels.astype(np.float64)), np.float32)
+    values: Array = (texels - offset_of(bundle, part)) / scale_of(bundle, part)
+    return values
+
+
 def table_of(bundle: Bundle) -> BrdfTable:
     """The stored values, unscaled."""
     grid = grid_of(bundle)
-    return BrdfTable(grid, (unpack(bundle.load("table"), grid.shape) - offset_of(bundle)) / scale_of(bundle))
+    return BrdfTable(grid, decoded(bundle, "table", unpack(bundle.load("table"), grid.shape)), log_of(bundle))
 
 
 def residual_table_of(bundle: Bundle) -> BrdfTable:
     """The stored values of the residual, unscaled."""
     grid = residual_grid_of(bundle)
-    values = unpack(bundle.load("residual"), grid.shape) - offset_of(bundle, "residual")
-    return BrdfTable(grid, values / scale_of(bundle, "residual"))
+    values = decoded(bundle, "residual", unpack(bundle.load("residual"), grid.shape))
+    return BrdfTable(grid, values, log_of(bundle, "residual"))
 
 
 def envelope_of(bundle: Bundle) -> EnvelopeFit:

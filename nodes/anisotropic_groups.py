@@ -10,6 +10,7 @@ import bpy
 from ..bake.anisotropic.atlas import SliceLayout, slice_uv
 from ..bake.anisotropic.grid import Grid
 from ..bake.anisotropic.sampler import SlopeLayout, find_texel, reflect_from_cell, viewer_bin
+from ..bake.log_storage import LogCodes
 from ..bake.table import bspline_weights
 from . import expr
 from .group import node_group
@@ -25,6 +26,7 @@ def anisotropic_lookup_group(
     scale: float = 1.0,
     stochastic: bool = False,
     offset: float = 0.0,
+    log: LogCodes | None = None,
 ) -> bpy.types.ShaderNodeTree:
     """(wi, wo, random) to the BRDF in 1/sr without the cosine, of local directions.
 
@@ -33,6 +35,7 @@ def anisotropic_lookup_group(
     image : the atlas of `bake.anisotropic.atlas.pack`
     filter : "nearest", "trilinear" (here of four axes) or "bspline"
     scale, offset : what stored values are multiplied by, after the offset was subtracted
+    log : what stored values are the codes of; scale and offset are then 1 and 0
     stochastic : choose one slice with the filter's weights by the random number instead of blending 4 or 16. Unbiased
         where the value enters the picture linearly
     """
@@ -45,7 +48,8 @@ def anisotropic_lookup_group(
         def tap(i_a: Any, i_b: Any) -> Any:
             i_b = expr.minimum(expr.maximum(i_b, 0.0), float(last_b))
             index = _around(i_a, count_a) * layout.per_azimuth + i_b
-            return expr.image_tap(image, *slice_uv(expr, layout, index, r, c), _INTERPOLATION[filter])[0]
+            texel = expr.image_tap(image, *slice_uv(expr, layout, index, r, c), _INTERPOLATION[filter])[0]
+            return log.decode(expr, texel) if log else texel
 
         value = _across_slices(tap, a, b, filter, random if stochastic else None)
         value = value - expr.vec(offset, offset, offset) if offset else value

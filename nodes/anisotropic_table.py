@@ -11,7 +11,7 @@ from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import NormalGrid
 from ..bake.bundle import Bundle
 from ..bake.storage import Storage
-from ..bake.table_facts import offset_of, scale_of
+from ..bake.table_facts import log_of, offset_of, scale_of
 from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
 from .data_image import load_data_image
 from .drawn_direction import DrawnDirection, drawn_direction
@@ -55,8 +55,8 @@ def anisotropic_table_groups(
     cells = load_data_image(bundle.image_path(stored), f"{name} {stored.replace('_', ' ')}", pack=pack)
     filter = filter or filter_of(bundle)
     stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
-    scale, offset = 1 / scale_of(bundle, part), offset_of(bundle, part)
-    lookup = anisotropic_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset)
+    scale, offset, log = 1 / scale_of(bundle, part), offset_of(bundle, part), log_of(bundle, part)
+    lookup = anisotropic_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
     sampler = slope_sampler_group(f"MM Sampler {name}", cells, layout)
     density = slope_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return AnisotropicGroups(lookup, sampler, density)

@@ -19,6 +19,7 @@ from ..bake.table_facts import (
     check_shares,
     envelope_of,
     grid_of,
+    log_of,
     offset_of,
     preview_of,
     residual_grid_of,
@@ -179,7 +180,8 @@ def table_groups(
         filter = require(table, "filter", str, where, choices=FILTERS)
     half = require(table, "storage", str, where) == Storage.HALF
     atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
-    lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset_of(bundle, part))
+    offset, log = offset_of(bundle, part), log_of(bundle, part)
+    lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
     cells = load_data_image(bundle.image_path(sampler_image), f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
     density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None

@@ -13,8 +13,7 @@ from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.parameterization import shape_constants
 from ..bake.table import FILTERS
-from ..bake.table_facts import offset_of, scale_of
-from .osl_script import texture_file
+from .osl_script import texel_constants, texture_file
 
 
 def anisotropic_constants(
@@ -26,8 +25,7 @@ def anisotropic_constants(
         part = "table" if mode == "reference" else "residual"
         sampler = "sampler" if mode == "reference" else "residual_sampler"
         bundle.load(part)
-        constants["Table"], constants["Scale"] = texture_file(bundle, part), 1 / scale_of(bundle, part)
-        constants["Offset"] = offset_of(bundle, part)
+        constants |= {"Table": texture_file(bundle, part), **texel_constants(bundle, part)}
         chosen = filter or filter_of(bundle)
         if chosen not in FILTERS:
             raise BakeError(bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")

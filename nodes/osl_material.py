@@ -26,18 +26,16 @@ from ..bake.table_facts import (
     check_shares,
     envelope_of,
     grid_of,
-    offset_of,
     preview_of,
     residual_grid_of,
     sampler_of,
-    scale_of,
 )
 from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
 from .material import build_from, usual_mode
 from .osl_anisotropic import anisotropic_constants
-from .osl_script import output, script_node, shader_source, texture_file
+from .osl_script import output, script_node, shader_source, texel_constants, texture_file
 
 SHADER, ANISOTROPIC = "measured_material.osl", "measured_anisotropic.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
@@ -122,8 +120,7 @@ def table_constants(bundle: Bundle, part: str, filter: str | None = None, stocha
         raise BakeError(where, f"filter cannot be {filter[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
         "Table": texture_file(bundle, part),
-        "Scale": 1 / scale_of(bundle, part),
-        "Offset": offset_of(bundle, part),
+        **texel_constants(bundle, part),
         **grid_constants(grid),
         "Filter": filter,
         "Stochastic": int(stochastic),

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..bake.atlas import AtlasLayout, atlas_uv
+from ..bake.log_storage import LogCodes
 from ..bake.table import Grid, bspline_weights
 from . import expr
 from .group import call, node_group
@@ -34,6 +35,7 @@ def table_lookup_group(
     scale: float = 1.0,
     stochastic: bool = False,
     offset: float = 0.0,
+    log: LogCodes | None = None,
 ) -> bpy.types.ShaderNodeTree:
     """(wi, wo, random) to the BRDF in 1/sr without the cosine.
 
@@ -42,6 +44,7 @@ def table_lookup_group(
     image : the atlas of `bake.atlas.pack`
     filter : "nearest", "trilinear" or "bspline"
     scale, offset : what stored values are multiplied by, after the offset was subtracted
+    log : what stored values are the codes of; scale and offset are then 1 and 0
     stochastic : choose one slice with the filter's weights by the random number instead of blending all. Unbiased
         where the value enters the picture linearly, as in Reference mode, and one tap instead of two or four.
     """
@@ -52,7 +55,8 @@ def table_lookup_group(
 
         def tap(index: Any) -> Any:
             uv = atlas_uv(expr, layout, index, u_row, u_phi)
-            return expr.image_tap(image, *uv, _INTERPOLATION[filter])[0]
+            texel = expr.image_tap(image, *uv, _INTERPOLATION[filter])[0]
+            return log.decode(expr, texel) if log else texel
 
         position = u_slice * (grid.shape[0] - 1)
         value = _across_slices(tap, position, layout.slices - 1, filter, random if stochastic else None)

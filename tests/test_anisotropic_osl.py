@@ -10,7 +10,7 @@ from measured_materials.bake import xp_numpy
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.atlas import SliceLayout, pack
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.anisotropic.grid import HalfGrid
+from measured_materials.bake.anisotropic.grid import Grid, HalfGrid
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
 from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
@@ -36,24 +36,29 @@ def osl() -> None:
     skip_without_osl()
 
 
+def lookup_body(file: Path, grid: Grid, filter: str, log: str = "vector(0), vector(0)") -> str:
+    """Statements that look a table's file up; `log` are the range and gain of codes."""
+    layout = SliceLayout.of(grid)
+    shapes = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else grid.axis_shapes
+    first, second = ("vector({}, {}, {})".format(*shape_constants(shape)) for shape in shapes)
+    kind = "" if isinstance(grid, HalfGrid) else grid.parameterization
+    sizes = ", ".join(map(str, grid.shape))
+    return f"""
+      int sizes[4] = {{{sizes}}};
+      vector shape[2] = {{{first}, {second}}};
+      MMTable4 table = {{"{file}", 1, 0, {log}, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, "{kind}", shape,
+                         {int(grid.folded)}, "{filter}", 0}};
+      value = vector(mm_lookup4(table, wi, wo, 0.5));"""
+
+
 @pytest.mark.parametrize("name", GRIDS)
 @pytest.mark.parametrize("filter", FILTERS)
 def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
     grid = GRIDS[name]
-    table, layout, file = random_table(grid), SliceLayout.of(grid), tmp_path / "atlas.exr"
+    table, file = random_table(grid), tmp_path / "atlas.exr"
     write_image(file, pack(grid, table.values), Storage.FLOAT32)
-    shapes = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else grid.axis_shapes
-    first, second = ("vector({}, {}, {})".format(*shape_constants(shape)) for shape in shapes)
-    sizes = ", ".join(map(str, grid.shape))
-    body = f"""
-      int sizes[4] = {{{sizes}}};
-      vector shape[2] = {{{first}, {second}}};
-      MMTable4 table = {{"{file}", 1, 0, "{grid.basis}", sizes, {layout.columns}, {layout.rows},
-                         "{"" if isinstance(grid, HalfGrid) else grid.parameterization}", shape,
-                         {int(grid.folded)}, "{filter}", 0}};
-      value = vector(mm_lookup4(table, wi, wo, 0.5));"""
     wi, wo = directions(3000)
-    (found,) = header_card(body, {"value": "vector"}, HEADER, wi=wi, wo=wo)
+    (found,) = header_card(lookup_body(file, grid, filter), {"value": "vector"}, HEADER, wi=wi, wo=wo)
     wi, wo = wi.astype(float), wo.astype(float)
     factor = np.broadcast_to(grid.factor(xp_numpy, wi, wo), len(wi))
     off = np.abs(found - table.evaluate(wi, wo, filter)).max(-1) * factor

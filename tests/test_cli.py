@@ -72,8 +72,15 @@ def test_out_names_one_bundle(tmp_path: Path) -> None:
 
 def test_settings_reach_the_bundle(tmp_path: Path) -> None:
     options = "--resolution 6 --parameterization uniform --storage rgbe --filter bspline --spline plain".split()
+    options += ["--sampler", "16"]
     assert main(["bake", "brdf", "--analytic", "lambert", "--out", str(tmp_path), *options]) == 0
-    settings = read_bundle(tmp_path / "lambert.mmat").material["settings"]
+    bundle = read_bundle(tmp_path / "lambert.mmat")
+    settings = bundle.material["settings"]
+    assert {key: bundle.material["sampler"][key] for key in ("n_o", "n_h", "n_phi")} == {
+        "n_o": 16,
+        "n_h": 16,
+        "n_phi": 8,
+    }
     wanted = {"resolution": 6, "parameterization": "uniform", "storage": "rgbe", "filter": "bspline"}
     assert settings.items() >= (wanted | {"spline": "plain"}).items()
 
@@ -88,6 +95,9 @@ def test_settings_reach_the_bundle(tmp_path: Path) -> None:
         ("bake brdf x.binary --alpha 2,0", "two numbers in [0, 1]"),
         ("bake brdf x.binary --alpha nan,0", "two numbers in [0, 1]"),
         ("bake brdf x.binary --storage jpeg", "invalid choice"),
+        ("bake brdf x.binary --storage byte", "invalid choice"),
+        ("bake brdf x.binary --sampler 5", "invalid choice"),
+        ("bake arc x --storage log", "invalid choice"),
         ("bake brdf a.binary b.binary --out x.mmat", "names one bundle"),
         ("bake brdf a/x.binary b/X.binary", "two inputs would become"),
         ("bake brdf --analytic ggx 0.3", "KEY=VALUE"),

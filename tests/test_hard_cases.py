@@ -14,7 +14,7 @@ from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.parameterization import NARROWEST_END, WIDEST_END, LogWarp
 from measured_materials.bake.shading.shading_map import linearise
 from measured_materials.bake.shading.slice_atlas import level_position
-from measured_materials.bake.storage import Storage, as_stored, scale_for
+from measured_materials.bake.storage import IMAGE_STORAGES, Storage, as_stored, scale_for
 from measured_materials.bake.table import TableGrid
 from measured_materials.nodes import expr
 from support.cards import card
@@ -116,7 +116,7 @@ def test_half_vectors_are_reciprocal_to_the_last_bit(numbers: list[float]) -> No
 positive = st.one_of(st.just(0.0), st.floats(1e-44, 1e36), st.integers(-40, 36).map(lambda k: 10.0**k))
 
 
-@given(st.lists(positive, min_size=3, max_size=12), st.sampled_from(list(Storage)))
+@given(st.lists(positive, min_size=3, max_size=12), st.sampled_from(IMAGE_STORAGES))
 @settings(max_examples=300)
 def test_storages_hold_whatever_a_table_may(values: list[float], storage: Storage) -> None:
     """Never an overflow, never a negative value, and the largest within half a step."""

@@ -13,7 +13,7 @@ from measured_materials.addon import report_pictures, report_run, report_techniq
 from measured_materials.addon.cli import main
 from measured_materials.addon.render_timing import Effort
 from measured_materials.addon.report_inputs import read_inputs
-from measured_materials.bake.bake_brdf import TABLE_STORAGES, BakeSettings, bake_source
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.report import maps, tables, tabulation
@@ -24,7 +24,7 @@ from measured_materials.bake.report.page import Section, Table, write_page
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.table import FILTERS
 from support.stacks import write_stack
 

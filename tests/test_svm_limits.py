@@ -57,9 +57,17 @@ def clean_blend() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    """A BRDF whose envelope takes three closures, and a B-spline across its slices. Its textures may be small."""
+    """A BRDF whose envelope takes three closures, and a B-spline across its slices, each of which is decoded.
+
+    Its textures may be small.
+    """
     settings = BakeSettings(
-        resolution=8, alpha=(0.5, 0.4), filter="bspline", spline="plain", sampler=SamplerLayout(n_o=8, n_h=8, n_phi=8)
+        resolution=8,
+        alpha=(0.5, 0.4),
+        storage="log",
+        filter="bspline",
+        spline="plain",
+        sampler=SamplerLayout(n_o=8, n_h=8, n_phi=8),
     )
     bundle = read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "paint", settings).path)
     assert len(bundle.material["envelope"]["closures"]) == 3
@@ -70,7 +78,7 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 def half_paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """The same over the half vector, whose coordinates take more nodes."""
     sampler = SamplerLayout(n_o=8, n_h=8, n_phi=8)
-    settings = BakeSettings(8, "fitted", filter="bspline", spline="plain", sampler=sampler, basis="half")
+    settings = BakeSettings(8, "fitted", storage="log", filter="bspline", spline="plain", sampler=sampler, basis="half")
     return read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "half paint", settings).path)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,8 +16,9 @@ from ..bundle import StoredImage, write_bundle
 from ..errors import BakeError
 from ..preview import preview_sphere
 from ..source import Array, BrdfSource
-from ..storage import Storage, as_stored, offset_for, raised, scale_for
+from ..storage import Storage
 from ..table import FILTERS, Filter
+from ..table_storage import StoredTable, store_table
 from .accuracy import turned_pairs
 from .atlas import SliceLayout, pack
 from .choice import Symmetry, choose_grid, measured_symmetry
@@ -25,7 +26,7 @@ from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotr
 from .envelope_texture import guarded_share, pack_weights
 from .grid import Grid, HalfGrid
 from .sampler import SlopeLayout, build_slope_sampler
-from .table import AnisotropicTable, TreatedAnisotropic, tabulate
+from .table import AnisotropicTable, TreatedAnisotropic, pad_slices, tabulate
 from .views import ViewerGrid
 
 if TYPE_CHECKING:
@@ -83,9 +84,8 @@ def bake_anisotropic(
         alpha=settings.alpha,
     )
     SliceLayout.of(grid)
-    table, scale = quantized(
-        tabulate(treated, grid, lambda share: say("tabulating", share)), settings.storage, settings.filter
-    )
+    kept = quantized(tabulate(treated, grid, lambda share: say("tabulating", share)), settings, pairs, truth)
+    table = kept.table
     say("sampler", 0.0)
     layout = sampler_layout(settings, grid, symmetry, search)
     sampler = build_slope_sampler(table, layout)
@@ -101,8 +101,7 @@ def bake_anisotropic(
             "filter": settings.filter,
             "spline": "plain" if settings.filter == "bspline" else "none",
             "storage": str(settings.storage),
-            "scale": scale,
-            "offset": offset_for(settings.storage),
+            **kept.facts(),
             **symmetry.facts(),
         },
         "search": search,
@@ -112,7 +111,7 @@ def bake_anisotropic(
         "albedo": mean_albedo(treated),
     }
     images = {
-        "table": StoredImage(_texels(table, scale, settings.storage), settings.storage),
+        "table": kept.image(pack(grid, table.values)),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     if settings.envelope:
@@ -139,9 +138,9 @@ def _envelope(
     widths = layout.width_x, layout.width_y
     fit = fit_anisotropic_envelope(treated, nodes, widths)
     preview = fit_anisotropic_preview(treated, fit, widths)
-    residual, scale = quantized(
-        tabulate(AnisotropicResidual(treated, fit), table.grid), settings.storage, settings.filter
-    )
+    source = AnisotropicResidual(treated, fit)
+    kept = quantized(tabulate(source, table.grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
+    residual = kept.table
     sampler = build_slope_sampler(residual, layout)
     together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
     errors = {
@@ -149,10 +148,10 @@ def _envelope(
         "relative": pairs.relative_error(together - truth, truth),
     }
     plain = {key: fit.facts()[key] for key in ("closures", "n_theta", "n_phi", "folded")}
-    facts = {"scale": scale, "offset": offset_for(settings.storage), "errors": errors}
+    facts = {**kept.facts(), "errors": errors}
     images = {
         "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
-        "residual": StoredImage(_texels(residual, scale, settings.storage), settings.storage),
+        "residual": kept.image(pack(residual.grid, residual.values)),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
     }
@@ -171,14 +170,12 @@ def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, searc
     return SlopeLayout(bins, bins, cells, cells, _CELL_WIDTH * widths[0], _CELL_WIDTH * widths[1], symmetry.half_turn)
 
 
-def quantized(table: AnisotropicTable, storage: Storage, filter: Filter) -> tuple[AnisotropicTable, float]:
-    """The table as it will come back from the file, and what its values are multiplied by there."""
-    scale = scale_for(table.values, storage)
-    return AnisotropicTable(table.grid, as_stored(table.values, scale, storage), filter), scale
-
-
-def _texels(table: AnisotropicTable, scale: float, storage: Storage) -> Array:
-    return raised(pack(table.grid, table.values), scale, storage)
+def quantized(
+    table: AnisotropicTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array
+) -> StoredTable[AnisotropicTable]:
+    """The table as it will come back from the file, with the filter chosen."""
+    table = replace(table, filter=settings.filter)
+    return store_table(table, pad_slices(table.grid, table.values), settings.storage, settings.filter, pairs, truth)
 
 
 def mean_albedo(source: BrdfSource) -> dict[str, Any]:

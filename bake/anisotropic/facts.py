@@ -8,7 +8,7 @@ from typing import Any, cast
 from ..bundle import Bundle, require
 from ..errors import BakeError
 from ..table import FILTERS, Filter
-from ..table_facts import offset_of, scale_of, warps_of
+from ..table_facts import decoded, log_of, warps_of
 from .atlas import SliceLayout, unpack
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
@@ -70,8 +70,8 @@ def filter_of(bundle: Bundle) -> Filter:
 def table_of(bundle: Bundle, name: str = "table") -> AnisotropicTable:
     """The stored values of "table" or "residual", unscaled."""
     grid = grid_of(bundle, name)
-    values = unpack(grid, bundle.load(name)) - offset_of(bundle, name)
-    return AnisotropicTable(grid, values / scale_of(bundle, name), filter_of(bundle))
+    values = decoded(bundle, name, unpack(grid, bundle.load(name)))
+    return AnisotropicTable(grid, values, filter_of(bundle), log_of(bundle, name))
 
 
 def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SlopeLayout:

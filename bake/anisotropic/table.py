@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from .. import xp_numpy
+from ..log_storage import LogCodes
 from ..source import Array, BrdfSource
 from ..table import GUTTER, Filter, beyond_pole, check_values, filter_taps
 from .grid import Grid, NormalGrid
@@ -48,17 +49,19 @@ class TreatedAnisotropic:
 class AnisotropicTable:
     """Sampled values (or B-spline coefficients), float32, of shape grid.shape + (3,), times the grid's factor.
 
-    `filter` is what it is reconstructed with.
+    `filter` is what it is reconstructed with; with `log` codes are what is interpolated within a slice.
     """
 
     grid: Grid
     values: Array
     filter: Filter = "trilinear"
+    log: LogCodes | None = None
     isotropic = bilateral = False
 
     @cached_property
     def _padded(self) -> Array:
-        return pad_slices(self.grid, self.values)
+        padded = pad_slices(self.grid, self.values)
+        return self.log.encode(padded) if self.log else padded
 
     def evaluate(self, wi: Array, wo: Array, filter: Filter | None = None) -> Array:
         """BRDF (..., 3) reconstructed at direction pairs; the truth the shader nodes are compared with."""
@@ -70,7 +73,7 @@ class AnisotropicTable:
         for start in range(0, len(above), _CHUNK):
             part = above[start : start + _CHUNK]
             pair = wi[part], wo[part]
-            value = _reconstruct(self._padded, self.grid.coordinates(xp_numpy, *pair), filter or self.filter)
+            value = _reconstruct(self._padded, self.grid.coordinates(xp_numpy, *pair), filter or self.filter, self.log)
             out[part] = value / np.reshape(self.grid.factor(xp_numpy, *pair), (-1, 1))
         return out.reshape(shape)
 
@@ -126,7 +129,9 @@ def pad_slices(grid: Grid, values: Array) -> Array:
     return np.pad(values, ((0, 0), (0, 0), (GUTTER, GUTTER), (GUTTER, GUTTER), (0, 0)), mode="edge")
 
 
-def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array, Array], filter: Filter) -> Array:
+def _reconstruct(
+    padded: Array, coordinates: tuple[Array, Array, Array, Array], filter: Filter, log: LogCodes | None
+) -> Array:
     """Tensor-product filter over a padded table; coordinates are fractional indices of the unpadded one."""
     n_a, n_b, n_r, n_c = padded.shape[:4]
     flat = padded.reshape(-1, 3)
@@ -134,9 +139,10 @@ def _reconstruct(padded: Array, coordinates: tuple[Array, Array, Array, Array], 
     a_taps, b_taps, r_taps, c_taps = (filter_taps(p, filter) for p in coordinates)
     for (a, w_a), (b, w_b) in itertools.product(a_taps, b_taps):
         slices = (a % n_a) * n_b + np.clip(b, 0, n_b - 1)
+        within = np.zeros_like(out)
         for r, w_r in r_taps:
             row = (slices * n_r + r + GUTTER) * n_c + GUTTER
-            weight = w_a * w_b * w_r
             for c, w_c in c_taps:
-                out += flat[row + c] * (weight * w_c)[:, None]
+                within += flat[row + c] * (w_r * w_c)[:, None]
+        out += (log.decode(xp_numpy, within) if log else within) * (w_a * w_b)[:, None]
     return out

@@ -15,7 +15,7 @@ from ..shading import power_law, slice_basis
 from ..shading.map_store import Compression, check_storage, store_map
 from ..shading.shading_map import ShadingMap, at_level, averages_of, linearise
 from ..shading.slice_atlas import SliceLayout, unpack_slices
-from ..storage import Storage, quantize
+from ..storage import IMAGE_STORAGES, Storage, quantize
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
@@ -60,7 +60,7 @@ class MapSizes:
     parts: int
 
 
-FULL = MapSizes((3, 4, 6, 8, 12, 16, 24, 32), (3, 4, 6, 8, 12, 16, 24, 32), tuple(Storage), 4)
+FULL = MapSizes((3, 4, 6, 8, 12, 16, 24, 32), (3, 4, 6, 8, 12, 16, 24, 32), IMAGE_STORAGES, 4)
 QUICK = MapSizes((3, 8, 16), (8, 16), (Storage.HALF, Storage.BYTE), 2)
 
 

@@ -11,9 +11,8 @@ from typing import Any, cast
 import numpy as np
 
 from ..accuracy import DirectionPairs
-from ..bake_brdf import TABLE_STORAGES
 from ..source import BrdfSource
-from ..storage import Storage, as_stored, scale_for
+from ..storage import TABLE_STORAGES, Storage
 from ..table import FILTERS, Filter
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
@@ -91,7 +90,7 @@ def measure_tables(
         chosen = None
         if f"shape {source.name} {kind}" not in journal.found:
             chosen = made.chosen(kind)
-        ranked[kind] = journal.measure(f"shape {source.name} {kind}", lambda best=chosen: best and best[1])
+        ranked[kind] = journal.measure(f"shape {source.name} {kind}", partial(_rms, chosen))
         for j, n in enumerate(sizes.resolutions):
             progress((k + j / len(sizes.resolutions)) / len(made.kinds))
             key = f"tables {source.name} {kind} {n}"
@@ -102,6 +101,11 @@ def measure_tables(
     return Measured(found, min(made.auto, key=ranked.__getitem__))
 
 
+def _rms(chosen: tuple[Any, float] | None) -> float:
+    assert chosen is not None
+    return chosen[1]
+
+
 def _measured(made: Tabulation, chosen: Any, n: int, crossed: bool) -> list[dict[str, Any]]:
     grid = made.resized(chosen, n)
     if not made.texels(grid):
@@ -109,10 +113,12 @@ def _measured(made: Tabulation, chosen: Any, n: int, crossed: bool) -> list[dict
     samples, rows = made.values(grid), []
     for filter, storages in variants(crossed):
         values = made.coefficients(samples, filter)
-        lookup_ns = _lookup_ns(made.lookup(grid, values, filter), made.pairs)
-        for storage in storages:
-            stored = as_stored(values, scale_for(values, storage), storage)
-            difference = made.lookup(grid, stored, filter)(made.pairs.wi, made.pairs.wo) - made.truth
+        lookups = {storage: made.stored(grid, values, filter, storage) for storage in storages}
+        # Only codes have to be decoded.
+        timed = {storage is Storage.LOG: lookup for storage, lookup in lookups.items()}
+        times = {codes: _lookup_ns(lookup, made.pairs) for codes, lookup in timed.items()}
+        for storage, lookup in lookups.items():
+            difference = lookup(made.pairs.wi, made.pairs.wo) - made.truth
             rows.append(
                 {
                     "filter": filter,
@@ -120,7 +126,7 @@ def _measured(made: Tabulation, chosen: Any, n: int, crossed: bool) -> list[dict
                     "bytes": made.texels(grid) * storage.file_bytes(3),
                     "rms": made.pairs.rms(difference),
                     "relative": made.pairs.relative_error(difference, made.truth),
-                    "lookup_ns": lookup_ns,
+                    "lookup_ns": times[storage is Storage.LOG],
                 }
             )
     return rows
@@ -165,8 +171,8 @@ def tables_section(name: str, measured: Measured) -> Section:
         series = _series(rendered, _basis_and_filter, lambda s: s.render_ns or 0.0, spacing=True)
         title = f"{name}: time of a lookup in rendered nodes"
         section.charts.append(_times(title, RENDERED, series))
-    head = ("basis", "parameterisation", "N", "filter", "storage", "bytes", "RMS 1/sr", "energy off")
-    head = (*head, "ns, numpy", "ns, rendered")
+    told = ("basis", "parameterisation", "N", "filter", "storage", "bytes", "RMS 1/sr", "energy off")
+    head = (*told, "ns, numpy", "ns, rendered")
     section.tables = [Table(head, [list(vars(s).values()) for s in sorted(settings, key=lambda s: s.rms)])]
     section.notes = [
         "Times in nodes are of the lookup as materials use it: it draws one of the slices at random with the filter's "

@@ -21,7 +21,9 @@ from ..bspline_fit import fit_coefficients
 from ..grid_search import choose_grid
 from ..half_grid import HalfGrid
 from ..source import Array, BrdfSource
-from ..table import BrdfTable, Filter, Grid, TreatedSource, tabulate
+from ..storage import Storage
+from ..table import BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
+from ..table_storage import store_table
 
 Kind = tuple[str, str]
 # (wi, wo) to the BRDF, each (P, 3).
@@ -38,7 +40,14 @@ KINDS: tuple[Kind, ...] = (
     ("half", "bezier"),
     ("half", "fitted"),
 )
-ANISOTROPIC_KINDS: tuple[Kind, ...] = (("normal", "bezier"), ("half", "slopes"))
+ANISOTROPIC_KINDS: tuple[Kind, ...] = (
+    ("normal", "identity"),
+    ("normal", "uniform"),
+    ("normal", "bezier"),
+    ("normal", "fitted"),
+    ("half", "slopes"),
+)
+_ANISOTROPIC_NOT_AUTO = ("identity", "uniform")
 # What `--parameterization auto` leaves out, see `grid_search`.
 _NOT_AUTO = ("identity", "bezier")
 # The shapes of a grid are chosen at one resolution: they hardly change with it, and a choice takes seconds.
@@ -78,8 +87,8 @@ class Tabulation(Protocol):
         """What is stored of the samples for a filter."""
         ...
 
-    def lookup(self, grid: Any, values: Array, filter: Filter) -> Lookup:
-        """The table of what is stored."""
+    def stored(self, grid: Any, values: Array, filter: Filter, storage: Storage) -> Lookup:
+        """The table of what comes back from a storage."""
         ...
 
 
@@ -111,15 +120,17 @@ class Isotropic:
     def coefficients(self, values: Array, filter: Filter) -> Array:
         return fit_coefficients(values) if filter == "bspline" else values
 
-    def lookup(self, grid: Grid, values: Array, filter: Filter) -> Lookup:
-        table = BrdfTable(grid, values)
+    def stored(self, grid: Grid, values: Array, filter: Filter, storage: Storage) -> Lookup:
+        made = BrdfTable(grid, values)
+        table = store_table(made, pad_slices(values), storage, filter, self.pairs, self.truth).table
         return lambda wi, wo: table.evaluate(wi, wo, filter)
 
 
 class Anisotropic:
     """Tables of four axes; "bspline" takes the samples as they are, as a bake does."""
 
-    kinds = auto = ANISOTROPIC_KINDS
+    kinds = ANISOTROPIC_KINDS
+    auto = tuple(kind for kind in ANISOTROPIC_KINDS if kind[1] not in _ANISOTROPIC_NOT_AUTO)
 
     def __init__(self, source: BrdfSource) -> None:
         self._source = anisotropic_table.TreatedAnisotropic(source)
@@ -128,8 +139,11 @@ class Anisotropic:
         self._symmetry = four_axes.measured_symmetry(self._source, self.pairs, self.truth)
 
     def chosen(self, kind: Kind) -> tuple[AnisotropicGrid, float]:
-        grid, account = four_axes.choose_grid(self._source, CHOSEN_AT, self._symmetry, kind[0])
-        return grid, float(account["best"][kind[0]]["rms"])
+        basis, spacing = kind
+        named = "auto" if basis == "half" else spacing
+        grid, account = four_axes.choose_grid(self._source, CHOSEN_AT, self._symmetry, basis, parameterization=named)
+        (best,) = account["best"].values()
+        return grid, float(best["rms"])
 
     def resized(self, grid: AnisotropicGrid, n: int) -> AnisotropicGrid:
         return anisotropic_resized(grid, n)
@@ -144,8 +158,10 @@ class Anisotropic:
     def coefficients(self, values: Array, filter: Filter) -> Array:
         return values
 
-    def lookup(self, grid: AnisotropicGrid, values: Array, filter: Filter) -> Lookup:
-        return anisotropic_table.AnisotropicTable(grid, values, filter).evaluate
+    def stored(self, grid: AnisotropicGrid, values: Array, filter: Filter, storage: Storage) -> Lookup:
+        made = anisotropic_table.AnisotropicTable(grid, values, filter)
+        padded = anisotropic_table.pad_slices(grid, values)
+        return store_table(made, padded, storage, filter, self.pairs, self.truth).table.evaluate
 
 
 def tabulation(source: BrdfSource) -> Tabulation:

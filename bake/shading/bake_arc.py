@@ -19,7 +19,7 @@ from ..bundle import Bundle, StoredImage, read_bundle, require, write_bundle
 from ..errors import BakeError
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
 from ..source import BrdfSource
-from ..storage import Storage
+from ..storage import IMAGE_STORAGES, Storage
 from ..table import FILTERS
 from ..table_facts import sampler_of, table_of
 from .light_angle import level_by_cosine
@@ -71,7 +71,7 @@ class ArcSettings:
     stack: StackSettings = field(default_factory=StackSettings)
 
     def __post_init__(self) -> None:
-        for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", tuple(Storage))):
+        for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", IMAGE_STORAGES)):
             if str(getattr(self, name)) not in choices:
                 raise BakeError(name, f"cannot be {getattr(self, name)}", f"choose {' or '.join(choices)}")
         object.__setattr__(self, "storage", Storage(self.storage))

@@ -15,6 +15,8 @@ struct MMTable4 {
   string image;
   float scale;
   float offset;
+  vector log_range;
+  vector log_gain;
   string basis;
   int sizes[4];
   int columns;
@@ -98,7 +100,8 @@ color mm_slice4(MMTable4 table, float a, float b, float r, float c)
   else if (table.filter == "bspline")
     interpolation = "cubic";
   float alpha;
-  return mm_tap(table.image, x / (table.columns * width), y / (table.rows * height), interpolation, alpha);
+  color texel = mm_tap(table.image, x / (table.columns * width), y / (table.rows * height), interpolation, alpha);
+  return mm_decode(texel, table.log_range, table.log_gain);
 }
 
 // nodes/anisotropic_groups.py: _chosen

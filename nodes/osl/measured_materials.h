@@ -14,11 +14,13 @@
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py
 #define MM_LEAST_WEIGHT 2e-5 // above that of nodes/stochastic_mirror_group.py, where a metal carries most of these
 
-// A tabulated BRDF: the atlas of bake/atlas.py, and what its values are multiplied by.
+// A tabulated BRDF: the atlas of bake/atlas.py, and what its values are multiplied by, or their codes stand for.
 struct MMTable {
   string image;
   float scale;
   float offset;
+  vector log_range;
+  vector log_gain;
   int slices;
   int slice_rows;
   int slice_columns;
@@ -77,6 +79,12 @@ color mm_tap(string image, float s, float t, string interpolation, output float 
 {
   // Without derivatives no coarser mip level is ever read.
   return texture(image, s, t, 0.0, 0.0, 0.0, 0.0, "wrap", "clamp", "interp", interpolation, "alpha", alpha);
+}
+
+// bake/log_storage.py: LogCodes.decode; a range of 0 says that these are values
+color mm_decode(color code, vector range, vector gain)
+{
+  return range[0] > 0 ? color(gain) * (exp(color(range) * code) - 1) : code;
 }
 
 // bake/parameterization.py: forward
@@ -150,7 +158,8 @@ color mm_slice(MMTable table, float index, float u_row, float u_phi)
   else if (table.filter == "bspline")
     interpolation = "cubic";
   float alpha;
-  return mm_tap(table.image, x / (table.columns * width), y / (table.rows * height), interpolation, alpha);
+  color texel = mm_tap(table.image, x / (table.columns * width), y / (table.rows * height), interpolation, alpha);
+  return mm_decode(texel, table.log_range, table.log_gain);
 }
 
 // bake/table.py: bspline_weights

@@ -11,7 +11,8 @@ from pathlib import Path
 BENCHES = {
     "speed": "file to bundle; lookups per second; every kind of material beside Principled: time, memory, bake",
     "tables": "RMS and total intensity of identity, uniform and Bezier tables: 70 MERL reconstructions, 12 RGL files",
-    "bases": "RMS of both bases and every parameterisation at equal bytes, and the choice; error against bytes; a plot",
+    "bases": "RMS of both bases and every parameterisation at equal bytes, and the choice",
+    "bytes": "error against bytes of every storage's file, and of whole bundles; a plot",
     "cost": "error of a paint against table size, for every parameterisation and filter; a plot",
     "sampling": "variance of cosine against table sampling, and of the sampler's warps",
     "figures": "figures 3 to 7 of Mallett & Yuksel 2016: intensity, tables, turning light, resolution, filters",

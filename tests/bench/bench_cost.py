@@ -15,7 +15,8 @@ from measured_materials.bake.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.atlas import AtlasLayout
 from measured_materials.bake.bspline_fit import fit_coefficients
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import BrdfTable, TableGrid, tabulate
+from measured_materials.bake.table import BrdfTable, TableGrid, pad_slices, tabulate
+from measured_materials.bake.table_storage import store_table
 
 
 def run(out: Path, quick: bool) -> None:
@@ -26,7 +27,7 @@ def run(out: Path, quick: bool) -> None:
     print(f"{'table':24s} {'size':>15s} {'memory MB':>10s} {'RMS 1/sr':>9s} {'energy off':>10s} {'bake s':>7s}")
     for n in (16, 24, 32, 48) if quick else (16, 24, 32, 48, 64, 96, 128):
         width, height = AtlasLayout((n, n, 2 * n)).size
-        memory = width * height * Storage.HALF.render_bytes(3) / 1e6
+        memory = {storage: width * height * storage.render_bytes(3) / 1e6 for storage in (Storage.HALF, Storage.LOG)}
         started = time.perf_counter()
         bezier = with_alpha(TableGrid(n, "bezier"), search_alpha(PAINT, n).by_error)
         search_seconds = time.perf_counter() - started
@@ -34,16 +35,18 @@ def run(out: Path, quick: bool) -> None:
             started = time.perf_counter()
             table = tabulate(PAINT, grid or TableGrid(n, kind))  # type: ignore[arg-type]
             seconds = time.perf_counter() - started + (search_seconds if grid else 0)
-            variants = {f"{kind}, trilinear": (table, "trilinear")}
+            variants = {f"{kind}, trilinear": (table, "trilinear", Storage.HALF)}
             if grid:
-                variants[f"{kind}, nearest"] = (table, "nearest")
+                variants[f"{kind}, nearest"] = (table, "nearest", Storage.HALF)
                 fitted = BrdfTable(grid, fit_coefficients(table.values))
-                variants[f"{kind}, B-spline fitted"] = (fitted, "bspline")
-            for label, (values, filter) in variants.items():
+                variants[f"{kind}, B-spline fitted"] = (fitted, "bspline", Storage.HALF)
+                codes = store_table(table, pad_slices(table.values), Storage.LOG, "trilinear", pairs, truth).table
+                variants[f"{kind}, trilinear, log"] = (codes, "trilinear", Storage.LOG)
+            for label, (values, filter, storage) in variants.items():
                 errors = table_errors(values, filter, pairs, truth)
-                lines.setdefault(label, []).append((memory, errors["relative"]))
+                lines.setdefault(label, []).append((memory[storage], errors["relative"]))
                 size = f"{n} x {n} x {2 * n}"
-                row = f"{label:24s} {size:>15s} {memory:10.2f} {errors['rms']:9.4f} {errors['relative']:10.2%}"
+                row = f"{label:24s} {size:>15s} {memory[storage]:10.2f} {errors['rms']:9.4f} {errors['relative']:10.2%}"
                 print(row + f" {seconds:7.2f}")
     _plot(out / "cost.png", lines)
 
@@ -52,7 +55,7 @@ def _plot(path: Path, lines: dict[str, list[tuple[float, float]]]) -> None:
     figure, axes = plt.subplots(figsize=(7, 4), dpi=110)
     for label, points in lines.items():
         axes.loglog(*zip(*points), marker="o", markersize=4, label=label)
-    axes.set_xlabel("texture memory while rendering, MB (half)")
+    axes.set_xlabel("texture memory while rendering, MB (half but for log)")
     axes.set_ylabel("reflected energy that is off")
     axes.set_title("Metallic paint: error against size of the table")
     axes.grid(True, which="both", alpha=0.25)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -17,6 +18,7 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.bake.sources.merl import write_merl
+from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS
 from measured_materials.bake.table_facts import table_of
 from measured_materials.nodes import compat
@@ -86,11 +88,16 @@ def _samples_per_second(quick: bool) -> None:
         # The modes with native closures are compared by `bench engine`.
         settings = BakeSettings(envelope=False)
         bundle = read_bundle(bake_source(MetallicPaint(), Path(folder) / "paint", settings).path)
+        codes = read_bundle(
+            bake_source(MetallicPaint(), Path(folder) / "codes", replace(settings, storage=Storage.LOG)).path
+        )
         materials = {"Principled": principled()}
         for filter in FILTERS:
             materials[f"{filter}"] = build_material(bundle, filter=filter)
             if filter != "nearest":
                 materials[f"{filter}, slices blended"] = build_material(bundle, filter=filter, stochastic=False)
+        for words, stochastic in (("", True), (", slices blended", False)):
+            materials[f"trilinear, log{words}"] = build_material(codes, stochastic=stochastic)
         times: dict[str, list[float]] = {name: [] for name in materials}
         # Interleaved, so that whatever else the machine does meets all alike; the first round warms up.
         for repeat in range(2 if quick else 4):

@@ -18,6 +18,7 @@ from measured_materials.bake.atlas import pack
 from measured_materials.bake.bake_brdf import TableSource
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
+from measured_materials.bake.parameterization import shape_constants
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import BrdfTable, tabulate
@@ -171,17 +172,19 @@ def osl_table(grid: Any, file: Path, filter: str = "trilinear") -> str:
     c = grid_constants(grid)
     shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
     sizes = ", ".join(str(c[k]) for k in ("Slices", "SliceRows", "SliceColumns", "Columns", "Rows"))
-    return f"""MMTable table = {{"{file}", 1, 0, {sizes}, "{filter}", 0}};
+    return f"""MMTable table = {{"{file}", 1, 0, vector(0), vector(0), {sizes}, "{filter}", 0}};
       MMGrid g = {{"{c["Basis"]}", "{c["Parameterization"]}", {shapes}, {c["Reciprocal"]}}};"""
 
 
 def _osl_slopes(kind: Kind, file: Path) -> str:
     grid, layout = kind.grid, SliceLayout.of(kind.grid)
-    shape = (grid.width_x, grid.width_y) if grid.basis == "half" else (grid.alpha_theta, grid.alpha_phi)
+    shape = (grid.width_x, grid.width_y) if grid.basis == "half" else grid.axis_shapes
+    first, second = ("vector({}, {}, {})".format(*shape_constants(own)) for own in shape)
+    spacing = "" if grid.basis == "half" else grid.parameterization
     sizes = ", ".join(map(str, grid.shape))
-    return f"""int sizes[4] = {{{sizes}}}; float shape[2] = {{{shape[0]}, {shape[1]}}};
-      MMTable4 table = {{"{file}", 1, 0, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, shape,
-                         {int(grid.folded)}, "{kind.filter}", 0}};"""
+    return f"""int sizes[4] = {{{sizes}}}; vector shape[2] = {{{first}, {second}}};
+      MMTable4 table = {{"{file}", 1, 0, vector(0), vector(0), "{grid.basis}", sizes, {layout.columns}, {layout.rows},
+                         "{spacing}", shape, {int(grid.folded)}, "{kind.filter}", 0}};"""
 
 
 @cache

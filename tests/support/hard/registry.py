@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from . import angles, bakes, formulas_angles, formulas_curves, lobes, lookups, maps, reflectances, storages
+from . import angles, bakes, codes, formulas_angles, formulas_curves, lobes, lookups, maps, reflectances, storages
 from .bakes import Outcome
 from .case import IMPLEMENTATIONS, Case
 from .formula import Formula
@@ -29,7 +29,8 @@ FORMULA_HEAD = (
 @cache
 def cases() -> tuple[Case, ...]:
     """All cases with a truth."""
-    return tuple(case for module in (angles, lobes, reflectances, lookups, maps, storages) for case in module.cases())
+    modules = (angles, lobes, reflectances, lookups, maps, storages, codes)
+    return tuple(case for module in modules for case in module.cases())
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake.image_io import read_image, write_image
-from measured_materials.bake.storage import HALF_LARGEST, Storage, offset_for, raised, scale_for
+from measured_materials.bake.storage import HALF_LARGEST, IMAGE_STORAGES, Storage, offset_for, raised, scale_for
 from measured_materials.nodes import expr
 from measured_materials.nodes.data_image import load_data_image
 
@@ -33,7 +33,7 @@ STEPS = {Storage.FLOAT32: 2.0**-24, Storage.HALF: 2.0**-11, Storage.RGBE: 2.0**-
 
 def cases() -> list[Case]:
     """Of this module."""
-    return [_case(storage) for storage in Storage]
+    return [_case(storage) for storage in IMAGE_STORAGES]
 
 
 def _values(name: str) -> Array:

@@ -1,0 +1,84 @@
+"""A table as it comes back from its file, whatever the storage, and what a bundle has to say of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from .accuracy import DirectionPairs
+from .bundle import StoredImage
+from .log_storage import LogCodes, fit_codes
+from .source import Array
+from .storage import Storage, as_stored, offset_for, raised, scale_for
+from .table import Filter
+
+
+class _Table(Protocol):
+    """A `table.BrdfTable` or an `anisotropic.table.AnisotropicTable`."""
+
+    @property
+    def values(self) -> Array: ...
+
+    @property
+    def log(self) -> LogCodes | None: ...
+
+    def evaluate(self, wi: Array, wo: Array, filter: Filter) -> Array: ...
+
+
+T = TypeVar("T", bound=_Table)
+
+
+@dataclass(frozen=True)
+class StoredTable(Generic[T]):
+    """A table of the values that come back, the storage, and what they were multiplied by in the file."""
+
+    table: T
+    storage: Storage
+    scale: float = 1.0
+
+    def image(self, atlas: Array) -> StoredImage:
+        """Of its packed values."""
+        texels = raised(atlas, self.scale, self.storage) if self.table.log is None else self.table.log.encode(atlas)
+        return StoredImage(texels, self.storage.image)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready: how values come back from texels."""
+        log = {} if self.table.log is None else {"log": self.table.log.facts()}
+        return {"scale": self.scale, "offset": offset_for(self.storage), **log}
+
+
+def store_table(
+    table: T, padded: Array, storage: Storage, filter: Filter, pairs: DirectionPairs, truth: Array
+) -> StoredTable[T]:
+    """The table as it comes back.
+
+    Parameters
+    ----------
+    padded : its values with all that continues them beyond poles, which may exceed every sample
+    filter, pairs, truth : what the codes of storage "log" are fitted for, truth (P, 3) the BRDF that was tabulated
+
+    Raises ValueError or BakeError for values that the storage cannot hold.
+    """
+    if storage is not Storage.LOG:
+        scale = scale_for(padded, storage)
+        return StoredTable(replace(table, values=as_stored(table.values, scale, storage)), storage, scale)  # type: ignore[type-var]
+    light = truth * pairs.cosines
+
+    def channel_errors(codes: LogCodes) -> Array:
+        found = with_codes(table, codes).evaluate(pairs.wi, pairs.wo, filter) * pairs.cosines
+        # The RMS alone is of highlights: on chrome it would leave a tenth of the energy, all that is dark, in code 0.
+        # Roots are about what a display shows.
+        shown = pairs.weight @ np.abs(np.sqrt(found) - np.sqrt(light))
+        errors: Array = np.sqrt(pairs.weight @ (found - light) ** 2) * shown
+        return errors
+
+    codes = fit_codes(padded.reshape(-1, 3).max(0).astype(np.float64), channel_errors)
+    return StoredTable(with_codes(table, codes), storage)
+
+
+def with_codes(table: T, codes: LogCodes) -> T:
+    """The table as it comes back from these codes."""
+    made: T = replace(table, values=codes.rounded(table.values), log=codes)  # type: ignore[type-var]
+    return made
