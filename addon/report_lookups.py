@@ -39,7 +39,7 @@ LOOKUPS = 4  # at a shading point
 _THOROUGH: tuple[Kind, ...] = (("half", "fitted"), ("half", "slopes"))
 
 # Any will do: all take the same time.
-_CODES = LogCodes((5.0, 5.0, 5.0), (0.01, 0.01, 0.01))
+_CODES = LogCodes.reaching(np.ones(3), np.full(3, 5.0))
 
 
 @dataclass(frozen=True)
