@@ -22,8 +22,10 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TOOL = Path(bpy.utils.resource_path("LOCAL")) / "scripts/addons_core/bl_pkg/cli/blender_ext.py"
 BAKE = ["bake", "brdf", "lacquer.binary", "cut.binary", "--resolution", "32", "--out", "out", "--json"]
-RENDER = ["render", "out/lacquer.mmat", "--out", "out/lacquer.png", "--exr", "--resolution", "64"]
-RENDER += ["--samples", "64", "--json"]
+# Four dimensions, and codes that the shader decodes.
+BRUSHED = ["bake", "brdf", "--analytic", "ggx", "alpha=0.1", "alpha_y=0.4", "--storage", "log", "--resolution", "24"]
+BRUSHED += ["--out", "out/brushed.mmat", "--json"]
+RENDER = ["--exr", "--resolution", "64", "--samples", "64", "--json"]
 # Another arithmetic order under another numpy moves the error in its seventh digit.
 SAME_ERROR = 1e-4
 # 64 x 64 pixels of 64 samples: means of 4.3, 4.5 and 5.2 lay within 1.5 % of each other; a lost lamp, a black
@@ -90,19 +92,24 @@ def compare_bakes(blender: Blender, share: Path) -> None:
     check("bad file", [e["file"] for e in real["errors"]] == ["cut.binary"], real["errors"][0]["cause"])
     ours, theirs = (found["bundles"][0]["errors"]["rms"] for found in (wheel, real))
     check("bake", abs(ours - theirs) <= SAME_ERROR * ours, f"RMS error {theirs:.6g} 1/sr, the wheel's {ours:.6g}")
-    names = sorted(file.name for file in (share / "out/lacquer.mmat").iterdir())
-    check("bundle", names == ["material.json", "preview.png", "sampler.exr", "table.exr"], " ".join(names))
+    facts = json.loads((share / "out/lacquer.mmat/material.json").read_text())
+    expected = {"material.json", "preview.png", *(image["file"] for image in facts["images"].values())}
+    names = {file.name for file in (share / "out/lacquer.mmat").iterdir()}
+    check("bundle", names == expected, " ".join(sorted(names)))
     text = blender.run("--command", "measured_materials", "inspect", "out/lacquer.mmat")
-    check("inspect", "32 x 32 x 64, bezier" in text, "tells the table")
+    check("inspect", f"{facts['table']['basis']} basis" in text, "tells the table")
+    result(blender.run("--command", "measured_materials", *BRUSHED))
 
 
-def compare_renders(blender: Blender, share: Path) -> None:
-    """The bundle that the real Blender has baked, in both."""
-    real = result(blender.run("--command", "measured_materials", *RENDER))["mean_linear"]
-    check("files", all((share / f"out/lacquer.{kind}").stat().st_size for kind in ("png", "exr")), "png and exr")
-    wheel = in_wheel(share, RENDER)["mean_linear"]
+def compare_renders(blender: Blender, share: Path, name: str, *options: str) -> None:
+    """A bundle that the real Blender has baked, in both."""
+    call = ["render", f"out/{name}.mmat", "--out", f"out/{name}.png", *RENDER, *options]
+    real = result(blender.run("--command", "measured_materials", *call))["mean_linear"]
+    check("files", all((share / f"out/{name}.{kind}").stat().st_size for kind in ("png", "exr")), "png and exr")
+    wheel = in_wheel(share, call)["mean_linear"]
     worst = max(abs(a / b - 1) for a, b in zip(real, wheel))
-    check("render", worst <= SAME_LIGHT, f"mean {real[1]:.4f}, the wheel's {wheel[1]:.4f}, {100 * worst:.1f} % apart")
+    words = f"{name} {' '.join(options)}: mean {real[1]:.4f}, the wheel's {wheel[1]:.4f}, {100 * worst:.1f} % apart"
+    check("render", worst <= SAME_LIGHT, words)
 
 
 def main(place: Path) -> None:
@@ -122,7 +129,9 @@ def main(place: Path) -> None:
         blender.run("--command", "extension", "install-file", "-r", "user_default", "--enable", "built.zip")
         check("install", True, blender.run("--version").splitlines()[0])
         compare_bakes(blender, share)
-        compare_renders(blender, share)
+        compare_renders(blender, share, "lacquer")
+        compare_renders(blender, share, "lacquer", "--mode", "reference")
+        compare_renders(blender, share, "brushed")
         blender.run("--command", "measured_materials", "bake", "brdf", expect=2)
         check("usage", True, "exit code 2")
         lines = blender.run("--python-exit-code", "9", "--python", "inside.py").splitlines()

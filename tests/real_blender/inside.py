@@ -1,5 +1,6 @@
 """Run inside a real Blender by check.py: the operators as the window calls them, and what a .blend keeps."""
 
+import shutil
 from pathlib import Path
 
 import bpy
@@ -41,6 +42,13 @@ bpy.ops.wm.open_mainfile(filepath=str(Path(here, "saved.blend")))
 material = bpy.data.materials["lacquer"]
 require(material.measured_materials.resolution == 12, "the settings were not saved")
 images = [image for image in bpy.data.images if image.name.startswith("lacquer")]
-require(len(images) == 2 and all(image.packed_file for image in images), "the textures were not packed")
+require(len(images) > 2, f"the textures were not kept: {images}")
+unpacked = [image.name for image in images if not image.packed_file]
+require(not unpacked, f"textures were not packed: {unpacked}")
 require(all(image.colorspace_settings.name == "Non-Color" for image in images), "the textures have a colour space")
+shutil.rmtree(Path(here, "lacquer.mmat"))
+for mode in ("preview", "balanced", "reference", "exact"):
+    material.measured_quality.mode = mode
+    require(not material.measured_quality.problem, f"mode {mode}: {material.measured_quality.problem}")
+    require(material.measured_quality.mode == mode, f"mode {mode} was set back")
 print("inside: all is well")
