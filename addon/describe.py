@@ -62,8 +62,8 @@ def _choice_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     words = []
     for name in rivals:
         rms = min(require(c, "rms", float, where) for *other, c in found if tuple(other) == name)
-        words.append(f"{' '.join(name)} {rms / least:.3g}")
-    return [("Error x", ", ".join(words))] if words else []
+        words.append(f"{' '.join(name)} {rms / least:.3g} x")
+    return [("Others' error", ", ".join(words))] if words else []
 
 
 def _anisotropic_rows(table: Mapping[str, Any], where: str | Path) -> Rows:
@@ -74,7 +74,7 @@ def _anisotropic_rows(table: Mapping[str, Any], where: str | Path) -> Rows:
     rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), ("Texels", ", ".join(words))]
     if basis == "half":
         x, y = (require(table, f"width_{k}", float, where) for k in "xy")
-        return [*rows, ("Slope width", f"{x:.3g} along the tangent, {y:.3g} across")]
+        return [*rows, ("Spacing", f"half of it within slopes of {x:.3g} along the tangent, {y:.3g} across")]
     if table.get("parameterization", "bezier") != "bezier":
         return [*rows, ("Spacing", require(table, "parameterization", str, where))]
     theta, phi = (require(table, f"alpha_{g}", float, where) for g in ("theta", "phi"))

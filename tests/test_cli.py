@@ -65,7 +65,7 @@ def test_bakes_files_and_models_together(measurement: Path, tmp_path: Path, caps
 
 
 def test_out_names_one_bundle(tmp_path: Path) -> None:
-    target = tmp_path / "mine.MMAT"
+    target = tmp_path / "made" / "mine.MMAT"
     assert main(["bake", "brdf", "--analytic", "lambert", "--out", str(target), *QUICK]) == 0
     assert read_bundle(target).material["source"]["name"] == "lambert"
 
@@ -245,7 +245,7 @@ def test_inspect_tells_what_else_could_have_been_chosen(
     assert main(["inspect", str(tmp_path / "lacquer.mmat")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("Table ") and "half basis, fitted" in line for line in lines)
-    (rivals,) = [line for line in lines if line.startswith("Error x")]
+    (rivals,) = [line for line in lines if line.startswith("Others' error")]
     assert all(name in rivals for name in ("normal fitted", "normal uniform", "half squared", "half uniform"))
     assert main(["bake", "brdf", str(measurement), *out, "--basis", "half", "--alpha", "0.5,0.5"]) == 2
 
