@@ -35,7 +35,8 @@ __all__ = ["SUFFIX", "Bundle", "Kind", "StoredImage", "read_bundle", "require", 
 
 Kind = Literal["brdf", "shading_map"]
 KINDS: tuple[str, ...] = get_args(Kind)
-SCHEMA = 1
+# 2: half vectors, four dimensions, codes, raised half floats, all of which readers of 1 would take for plain tables.
+SCHEMA = 2
 SUFFIX = ".mmat"
 IMAGES = (
     "table",

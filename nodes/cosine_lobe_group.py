@@ -18,6 +18,8 @@ from .group import call, node_group
 from .lobe_group import lobe_group, lobe_pdf_group, sample_lobe_group
 
 LEAST_EXPONENT = 0.01
+# Far beyond it float32 overflows on the way to values and factors.
+FINITE_EXPONENT = 1e8
 # Directions of float32 cannot tell angles in a highlight narrower than this one's apart.
 MOST_EXPONENT = 1e4
 USUAL_EXPONENT = 50.0
@@ -35,7 +37,7 @@ def cosine_lobe_group(name: str) -> bpy.types.ShaderNodeTree:
     """
 
     def value(normal: Any, direction: Any, exponent: Any) -> tuple[Any, Any]:
-        n = expr.maximum(exponent, LEAST_EXPONENT)
+        n = expr.minimum(expr.maximum(exponent, LEAST_EXPONENT), FINITE_EXPONENT)
         toward = _or_geometry(direction, "Incoming")
         lobe = cosine_lobe(expr, name, half_chord_square(expr, _or_geometry(normal, "Normal"), toward), n)
         return lobe, lobe * lobe_norm(expr, name, n)

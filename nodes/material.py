@@ -282,6 +282,8 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
             tree.links.new(node.outputs[name], socket)
     if fresh:
         _connect_inputs(tree, node)
+    elif "Tangent" in node.inputs and "Tangent" not in kept:
+        _connect_tangent(tree, node)
 
 
 def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float] | None) -> bpy.types.Node:
@@ -322,15 +324,21 @@ def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> Non
         tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
 
 
-def _connect_tangent(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
-    """The direction in which UVs run; an artist may choose Radial, turn it, or link another vector."""
-    made = tree.nodes.new("ShaderNodeTangent")
-    made.direction_type, made.location = "UV_MAP", (-420, 40)
-    on_surface = tree.nodes.new("ShaderNodeGroup")
-    on_surface.node_tree, on_surface.location = surface_tangent_group(), (-220, 40)
-    geometry = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeNewGeometry")
-    tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
-    tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
+def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """The direction in which UVs run; an artist may choose Radial, turn it, or link another vector.
+
+    Where an anisotropic material was isotropic for a while, the nodes that turned it are still there.
+    """
+    group = surface_tangent_group()
+    on_surface = next((n for n in tree.nodes if getattr(n, "node_tree", None) == group), None)
+    if on_surface is None:
+        made, on_surface = tree.nodes.new("ShaderNodeTangent"), tree.nodes.new("ShaderNodeGroup")
+        made.direction_type, made.location = "UV_MAP", (-420, 40)
+        on_surface.node_tree, on_surface.location = group, (-220, 40)
+        geometry = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeNewGeometry"), None)
+        geometry = geometry or tree.nodes.new("ShaderNodeNewGeometry")
+        tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
+        tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
     tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
 
 

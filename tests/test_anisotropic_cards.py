@@ -45,12 +45,13 @@ def random_table(grid: Grid) -> AnisotropicTable:
 
 
 def directions(count: int = 6000) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs from the pole to a degree above the horizon, mirror pairs among them, in all azimuths."""
+    """Pairs from the pole to a degree above the horizon, mirror pairs and wo = n among them, in all azimuths."""
     rng = np.random.default_rng(6)
     wi, wo = (spherical(rng.uniform(0, 1.55, count), rng.uniform(-np.pi, np.pi, count)) for _ in range(2))
     part = slice(0, count // 3)
     half = spherical(rng.uniform(0, 0.3, count // 3), rng.uniform(-np.pi, np.pi, count // 3))
     wi[part] = 2 * np.sum(wo[part] * half, -1, keepdims=True) * half - wo[part]
+    wo[-40:-20] = 0, 0, 1
     keep = wi[:, 2] > 0.02
     return normalize(wi[keep]).astype(np.float32), normalize(wo[keep]).astype(np.float32)
 

@@ -13,6 +13,7 @@ from measured_materials.bake.anisotropic.envelope import (
     AnisotropicResidual,
     fit_anisotropic_envelope,
     fit_anisotropic_preview,
+    preview_error,
 )
 from measured_materials.bake.anisotropic.envelope_texture import fit_from_image, guarded_share, pack_weights
 from measured_materials.bake.anisotropic.lobes import AnisotropicLobe, lobe_from_facts
@@ -65,6 +66,16 @@ def test_preview_reflects_the_albedo(fit: AnisotropicFit) -> None:
     low = chords < 0.9
     # Two quadratures; beyond 70 degrees the horizon cuts both.
     np.testing.assert_allclose(reflected[low], views.energy[low], rtol=0.02)
+
+
+def test_preview_error_is_relative() -> None:
+    """Of weights that a material was made of it is 0, of half of them a half, and of none 1."""
+    grid, lobe = ViewerGrid(4, 4, folded=True), AnisotropicLobe("ggx", *WIDTHS)
+    weights = np.ones((4, 4, 1, 3), np.float32)
+    brushed = analytic.Ggx(alpha=WIDTHS[0], alpha_y=WIDTHS[1], f0=1)
+    for share, error in ((1, 0), (0.5, 0.5), (0, 1)):
+        made = AnisotropicFit((lobe,), grid, weights * np.float32(share), np.zeros((4, 4), np.float32), {})
+        assert preview_error(brushed, made, WIDTHS) == pytest.approx(error, abs=1e-6)
 
 
 def test_texture_round_trip(fit: AnisotropicFit) -> None:

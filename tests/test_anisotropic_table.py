@@ -150,6 +150,17 @@ def test_viewer_at_the_pole_sees_the_light_alone() -> None:
 
 
 @pytest.mark.parametrize("name", GRIDS)
+@pytest.mark.parametrize("filter", ["trilinear", "bspline"])
+def test_viewer_at_the_very_pole(name: str, filter: str) -> None:
+    """Where a camera looks straight down on a plate wo is n to the last bit, and the light still has a side."""
+    table = tabulate(BRUSHED, GRIDS[name])
+    light = spherical(0.4, np.arange(0, 6.3, 0.1))
+    at, beside = (table.evaluate(light, np.array(wo), filter) for wo in ([0.0, 0, 1], [1e-9, 0, 1]))
+    np.testing.assert_allclose(at, beside, rtol=1e-6)
+    assert at.max() > 2 * at.min()
+
+
+@pytest.mark.parametrize("name", GRIDS)
 def test_atlas_round_trip(name: str) -> None:
     grid = GRIDS[name]
     values = np.random.default_rng(1).random((*grid.shape, 3)).astype(np.float32)

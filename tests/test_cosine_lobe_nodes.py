@@ -104,6 +104,21 @@ def test_group_and_shader_of_two_directions(name: str) -> None:
         assert (np.abs(normalized / factor - truth))[inside].max() < 2e-5
 
 
+@every_lobe
+def test_any_exponent_gives_a_number(name: str) -> None:
+    """Typed in, or of a texture: at 1e38 the factors of two lobes overflowed, and were negative."""
+    skip_without_osl()
+    angle, n = (g.ravel() for g in np.meshgrid(np.linspace(0, 1.6, 60), [-1e30, -1, 0, 1e9, 1e10, 1e20, 1e38]))
+    a = np.broadcast_to(np.array([0, 0, 1], np.float32), (len(n), 3)).copy()
+    b, n = spherical(angle, np.full(len(n), 0.3)).astype(np.float32), n.astype(np.float32)
+    nodes = card(lambda a, b, n: call(cosine_lobe_group(name), a, b, n), a, b, n)
+    constants = {"Lobe": name}
+    osl = shader_card("cosine_lobe.osl", ["Value", "Normalized"], constants, Normal=a, Direction=b, Exponent=n)
+    for value, normalized in (nodes, osl):
+        assert np.isfinite(normalized).all() and normalized.min() >= 0
+        assert np.isfinite(value).all() and value.min() >= 0 and value.max() <= 1 + VALUE_ERROR
+
+
 def test_unlinked_inputs_are_the_surfaces_own() -> None:
     """A card seen from straight above: all directions agree, the lobe is 1."""
     group = cosine_lobe_group("cubic")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from measured_materials.addon.expectation import expectation
 from measured_materials.addon.measured_material import material_from
 from measured_materials.addon.panel import _expected
 from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sources import analytic
@@ -34,10 +37,13 @@ def test_facts_of_another_kind_give_the_time_alone(facts: dict[str, object], mod
     assert "%" not in expectation(facts, mode, "trilinear")
 
 
-def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path_factory: pytest.TempPathFactory) -> None:  # noqa: F811
-    folder = tmp_path_factory.mktemp("expectation")
+@pytest.mark.parametrize("kind", ["plastic", "brushed"])
+def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path: Path, kind: str) -> None:  # noqa: F811
     settings = BakeSettings(resolution=16, alpha=(0.5, 0.4), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8))
-    result = bake_source(analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), folder / "plastic", settings)
+    if kind == "plastic":
+        result = bake_source(analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), tmp_path / kind, settings)
+    else:
+        result = bake_anisotropic(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / kind, settings, viewers=(6, 4))
     material = material_from(result, pack=True)
     said = {}
     for mode in MODES:

@@ -68,6 +68,16 @@ def test_page_escapes_and_keeps_an_older_one_whole(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a_b.csv", "report.html", "report.json"]
 
 
+@pytest.mark.parametrize("names", [("бархат", "шёлк"), ("gold-1", "gold_1"), ("ш" * 200, "x\udcff")])
+def test_every_input_has_files_of_its_own(tmp_path: Path, names: tuple[str, str]) -> None:
+    sections = [Section(f"Tables: {name}", tables=[Table(("a",), [(k,)])] * 2) for k, name in enumerate(names)]
+    text = write_page(tmp_path, "T", [], sections, {}).read_text()
+    found = [path.read_text() for path in tmp_path.glob("*.csv")]
+    assert sorted(found) == ["a\n0\n", "a\n0\n", "a\n1\n", "a\n1\n"]
+    anchors = re.findall('h2 id="([^"]*)"', text)
+    assert len(set(anchors)) == 2 and re.findall('href="#([^"]*)"', text) == anchors
+
+
 def test_journal_takes_up_a_stopped_run(tmp_path: Path) -> None:
     path, calls = tmp_path / "deep" / "j.jsonl", []
 

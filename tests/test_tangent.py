@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.tangent_rows import draw_tangent, tangent_nodes
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import expr
-from measured_materials.nodes.material import build_material
+from measured_materials.nodes.material import build_material, measured_nodes
 from support.clean_blend import clean_blend  # noqa: F401
 from support.planes import SHAPES, plane_scene
 from test_addon import Stage
 
 SATIN = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
+SETTINGS = BakeSettings(8, sampler=SamplerLayout(16, 16, 16), envelope=False)
 RENDERED_NORMAL = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    settings = BakeSettings(8, sampler=SamplerLayout(16, 16, 16), envelope=False)
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_anisotropic(SATIN, out, settings, basis="half").path)
+    return read_bundle(bake_anisotropic(SATIN, out, SETTINGS, basis="half").path)
 
 
 def tangents(material: bpy.types.Material, shape: str) -> tuple[np.ndarray, np.ndarray]:
@@ -84,3 +87,21 @@ def test_panel_offers_what_has_an_effect(satin: Bundle) -> None:
     assert offered(material) == ["default_value"]
     material.node_tree.nodes.remove(group)
     assert offered(material) == []
+
+
+def test_a_material_that_becomes_anisotropic_gets_its_tangent(satin: Bundle, tmp_path: Path) -> None:
+    """By *Bake Again* from another file. What an artist has set outlives an isotropic file in between."""
+    paper = bake_source(analytic.OrenNayar(), tmp_path / "paper", replace(SETTINGS, basis="normal"))
+    isotropic = read_bundle(paper.path)
+    material = build_material(satin, build_material(isotropic))
+    made, group = tangent_nodes(material)
+    assert group is not None and group.inputs["Normal"].is_linked
+    made.direction_type, group.inputs["Rotation"].default_value = "RADIAL", 0.125
+    build_material(satin, build_material(isotropic, material))
+    made, group = tangent_nodes(material)
+    assert made.direction_type == "RADIAL" and group.inputs["Rotation"].default_value == 0.125
+    # A link that was taken away stays away.
+    (_, node), *_ = measured_nodes(material.node_tree)
+    material.node_tree.links.remove(node.inputs["Tangent"].links[0])
+    build_material(satin, material, filter="nearest")
+    assert tangent_nodes(material) == (None, None)

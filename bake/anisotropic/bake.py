@@ -22,7 +22,7 @@ from ..table_storage import StoredTable, store_table
 from .accuracy import turned_pairs
 from .atlas import SliceLayout, pack
 from .choice import Symmetry, choose_grid, measured_symmetry
-from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview
+from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview, preview_error
 from .envelope_texture import guarded_share, pack_weights
 from .grid import Grid, HalfGrid
 from .sampler import SlopeLayout, build_slope_sampler
@@ -148,7 +148,8 @@ def _envelope(
         "relative": pairs.relative_error(together - truth, truth),
     }
     plain = {key: fit.facts()[key] for key in ("closures", "n_theta", "n_phi", "folded")}
-    facts = {**kept.facts(), "errors": errors}
+    plain["error"] = round(preview_error(treated, replace(fit, weights=preview), widths), 6)
+    facts = {**kept.facts(), "errors": {"envelope_and_residual": errors}}
     images = {
         "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
         "residual": kept.image(pack(residual.grid, residual.values)),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..envelope.closures import closure_sum, closure_values
 from ..envelope.fit import node_weights
 from ..envelope.linear_program import solve
-from ..envelope.preview import albedo_weights
+from ..envelope.preview import albedo_weights, normal_equations
 from ..envelope.verification import within_budget
 from ..envelope.views import Views, chord_of, gauss_chords
 from ..errors import BakeError
@@ -138,6 +138,19 @@ def fit_anisotropic_preview(source: BrdfSource, fit: AnisotropicFit, widths: Wid
         for p in _parts(len(chords))
     ]
     return np.concatenate(found).reshape(fit.weights.shape).astype(np.float32)
+
+
+def preview_error(source: BrdfSource, preview: AnisotropicFit, widths: Widths) -> float:
+    """Relative error of preview weights, as that of `bake.envelope.PreviewFit`, at viewers and directions of no fit."""
+    chords, importance = gauss_chords(10)
+    phi = (np.arange(_AZIMUTHS) + 0.37) * (preview.grid.turn / _AZIMUTHS)
+    viewers = np.repeat(chords, _AZIMUTHS), np.tile(phi, len(chords))
+    views = slope_views(source, *viewers, widths, _INDEPENDENT)
+    matrices, sides, squares = normal_equations(views, preview.closures, views.values.sum(-1, keepdims=True))  # type: ignore[arg-type]
+    weights = preview.weights_at(views.wo[:, 0]).sum(-1)
+    left = squares[:, 0] - 2 * (weights * sides[..., 0]).sum(-1) + np.einsum("vk,vkl,vl->v", weights, matrices, weights)
+    shares = np.divide(left, squares[:, 0], out=np.zeros(len(left)), where=squares[:, 0] > 0)
+    return float(np.sqrt(max(np.repeat(importance, _AZIMUTHS) @ shares, 0) / (_AZIMUTHS * importance.sum())))
 
 
 class _Trial:

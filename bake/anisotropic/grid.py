@@ -28,6 +28,8 @@ from ..source import Array
 # The sample at the horizon is taken short of it, at this share of its neighbour's cosine (see bake.table).
 _HORIZON_SHARE = 1 / 3
 _POLE_CHORD = 1e-5
+# In x, so that a viewer at the pole has an azimuth: as float32 it changes no other, and its square is no denormal.
+_NO_AZIMUTH = 1e-12
 # Pairs of which one lies below the horizon hold the value at this share of the way to it.
 _WITHIN = 0.98
 # Below this sum of cosines, of pairs within a twentieth of a degree of the horizon, the stored value is held.
@@ -77,6 +79,8 @@ class NormalGrid:
         u_i = forward(xp, kind, _chord(xp, wi, normal), theta)
         xi, yi, _ = xp.components(wi)
         xo, yo, _ = xp.components(wo)
+        # Seen from the normal itself phi_o may be any, but phi_delta counts from it.
+        xo = xo + _NO_AZIMUTH
         ti, to = xp.normalize(xp.vec(xi, yi, 0.0)), xp.normalize(xp.vec(xo, yo, 0.0))
         near, far = xp.length(ti - to), xp.length(ti + to)
         s = forward(xp, kind, xp.minimum(xp.minimum(near, far) * (1 / np.sqrt(2)), 1.0), phi)

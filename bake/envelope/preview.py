@@ -88,7 +88,7 @@ def preview_from_image(facts: Mapping[str, Any], image: Array, where: str | Path
     return PreviewFit(closures, weights, float(require(facts, "error", float, where, minimum=0)))
 
 
-def _normal_equations(views: Views, closures: Sequence[Lobe], values: Array) -> tuple[Array, Array, Array]:
+def normal_equations(views: Views, closures: Sequence[Lobe], values: Array) -> tuple[Array, Array, Array]:
     """Matrices (V, K, K), right sides (V, K, C) and squares (V, C) of the relative problem for values (V, P, C)."""
     energy = np.einsum("vp,vpc->vc", views.areas, values)
     matte = (energy / np.pi)[:, None] * views.wi[..., 2:]
@@ -107,7 +107,7 @@ def _chosen(views: Views, importance: Array, most: int) -> tuple[tuple[Lobe, ...
     values = views.values.sum(-1, keepdims=True)
     if not values.any():
         return BASIS[:1], 0.0
-    matrices, sides, squares = _normal_equations(views, BASIS, values)
+    matrices, sides, squares = normal_equations(views, BASIS, values)
     worth = importance * np.divide(1.0, squares[:, 0], out=np.zeros(len(squares)), where=squares[:, 0] > 0)
     found: tuple[tuple[int, ...], float] = ((0,), np.inf)
     for count in range(1, most + 1):
@@ -126,7 +126,7 @@ def _chosen(views: Views, importance: Array, most: int) -> tuple[tuple[Lobe, ...
 
 def albedo_weights(views: Views, closures: Sequence[Lobe]) -> Array:
     """Weights (V, K, 3) that fit each channel and reflect its albedo; a channel that is black stays so."""
-    matrices, sides, _ = _normal_equations(views, closures, views.values)
+    matrices, sides, _ = normal_equations(views, closures, views.values)
     weights = np.stack([non_negative(matrices, sides[..., c]) for c in range(3)], -1)
     albedos = np.einsum("vp,vpk->vk", views.areas, closure_values(closures, views.wi, views.wo))
     reflected = np.einsum("vk,vkc->vc", albedos, weights)

@@ -39,6 +39,7 @@ details { margin: 1rem 0 } summary { cursor: pointer }
 
 # A longer table is folded up.
 _OPEN_ROWS = 12
+_MOST_LETTERS = 50
 
 
 @dataclass
@@ -52,14 +53,9 @@ class Section:
     galleries: list[Gallery] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    @property
-    def anchor(self) -> str:
-        """The title as a name of files and links."""
-        return re.sub(r"[^a-z0-9]+", "_", self.title.lower()).strip("_")
-
-    def html(self) -> str:
-        """Of the section."""
-        parts = [f'<h2 id="{self.anchor}">{escape(self.title)}</h2>']
+    def html(self, anchor: str) -> str:
+        """Of the section, to which links lead by `anchor`."""
+        parts = [f'<h2 id="{anchor}">{escape(self.title)}</h2>']
         parts += [f"<p>{escape(sentence)}</p>" for sentence in self.words]
         for chart in self.charts:
             parts += [chart.svg(), f'<p class="verdict">{escape(chart.verdict())}</p>']
@@ -127,24 +123,39 @@ def write_page(
     """Write report.html, report.json (`facts`) and a CSV file for each table; each is whole or the older one stays."""
     folder.mkdir(parents=True, exist_ok=True)
     words = "".join(f"<p>{escape(sentence)}</p>" for sentence in about)
-    links = "".join(f'<li><a href="#{s.anchor}">{escape(s.title)}</a></li>' for s in sections)
-    body = f"<nav><ul>{links}</ul></nav>" + "\n".join(section.html() for section in sections)
+    named = _named(sections)
+    links = "".join(f'<li><a href="#{name}">{escape(s.title)}</a></li>' for name, s in named.items())
+    body = f"<nav><ul>{links}</ul></nav>" + "\n".join(section.html(name) for name, section in named.items())
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{_STYLE}</style></head><body><h1>{escape(title)}</h1>{words}{body}</body></html>\n"
     )
-    for section in sections:
+    for name, section in named.items():
         for k, table in enumerate(section.tables):
-            _write(folder / f"{section.anchor}{'' if k == 0 else f'_{k + 1}'}.csv", table.csv())
+            _write(folder / f"{name}{'' if k == 0 else f'-{k + 1}'}.csv", table.csv())
     _write(folder / "report.json", json.dumps(facts, indent=1) + "\n")
     path = folder / "report.html"
     _write(path, page)
     return path
 
 
+def _named(sections: Iterable[Section]) -> dict[str, Section]:
+    """Sections by a name of files and links for each, made of the title; materials' names may differ in a sign only."""
+    named: dict[str, Section] = {}
+    for section in sections:
+        # In any script a file system takes names of this length.
+        title = re.sub(r"\W+", "_", section.title.lower()).strip("_")[:_MOST_LETTERS]
+        name, number = title, 2
+        while name in named:
+            name, number = f"{title}_{number}", number + 1
+        named[name] = section
+    return named
+
+
 def _write(path: Path, text: str) -> None:
     with replacing_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        # A file's name may hold bytes that are no text.
+        temporary.write_text(text, encoding="utf-8", errors="replace")
 
 
 def _cell(value: Any) -> str:

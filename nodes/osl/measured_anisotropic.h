@@ -61,9 +61,10 @@ float mm_slope_unwarp(float u, float width)
 void mm_normal_coordinates4(MMTable4 table, vector wi, vector wo, output float at[4])
 {
   MMGrid grid = {"normal", table.parameterization, table.shape[0], table.shape[0], table.shape[1], 0};
-  vector u = mm_coordinates(grid, wi, wo);
-  float turn = wo[0] * wi[1] < wi[0] * wo[1] ? 1 + u[2] : 1 - u[2];
-  at[0] = mm_azimuth_index(wo[0], wo[1], table.sizes[0], table.folded);
+  vector viewer = wo + vector(1e-12, 0, 0);
+  vector u = mm_coordinates(grid, wi, viewer);
+  float turn = viewer[0] * wi[1] < wi[0] * viewer[1] ? 1 + u[2] : 1 - u[2];
+  at[0] = mm_azimuth_index(viewer[0], viewer[1], table.sizes[0], table.folded);
   at[1] = u[0] * (table.sizes[1] - 1);
   at[2] = u[1] * (table.sizes[2] - 1);
   at[3] = turn * (table.sizes[3] / 2);
