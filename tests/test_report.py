@@ -58,6 +58,20 @@ def test_chart_is_well_formed_and_inside_its_frame() -> None:
     assert "a < b & c" in texts and "x & y" in texts
 
 
+def test_label_of_the_pick_hides_no_point() -> None:
+    """Where the usual place, above and towards the middle, is taken by another point."""
+    found = points((100, 1.0), (700, 0.001), (1000, 0.5))
+    usual = _label(Chart("t", "c", "e", {"a": found}, knee=False))
+    crowded = _label(Chart("t", "c", "e", {"a": found, "b": points((650, 0.0012))}, knee=False))
+    assert (usual["text-anchor"], crowded["text-anchor"]) == ("end", "start")
+
+
+def _label(chart: Chart) -> dict[str, str]:
+    picture = ElementTree.fromstring(chart.svg())
+    (label,) = [text for text in picture.iter("{http://www.w3.org/2000/svg}text") if text.get("paint-order")]
+    return dict(label.attrib)
+
+
 def test_page_escapes_and_keeps_an_older_one_whole(tmp_path: Path) -> None:
     section = Section("A: <b>", ["x < y"], tables=[Table(("a", "b"), [("<i>", 0.123456)])])
     path = write_page(tmp_path, "T", ["words"], [section], {"n": 1})
@@ -107,6 +121,20 @@ def test_costs_that_are_about_equal_leave_the_more_accurate_one() -> None:
 def test_series_apart_are_shown_but_not_picked() -> None:
     chart = Chart("t", "c", "e", {"a": points((1, 1)), "b": points((0.5, 0.1))}, apart=("b",))
     assert chart.front() == points((1, 1)) and chart.svg().count("<title>") == 2
+    assert "Pareto front of the others" in chart.svg() and "nothing beats it" not in chart.svg()
+
+
+@pytest.mark.parametrize(
+    "cost, axis, words",
+    [
+        (82944, "bytes in the file, before compression", "82.9 kB"),
+        (957, "bytes in the file, before compression", "957 bytes"),
+        (667, "ns per lookup, numpy", "667 ns per lookup"),
+    ],
+)
+def test_verdict_names_the_unit(cost: float, axis: str, words: str) -> None:
+    chart = Chart("t", axis, "e", {"a": points((cost, 0.5))})
+    assert chart.verdict() == f"Our pick: a, {cost:g} (error 0.5 at {words})."
 
 
 def test_noise_is_picked_by_accuracy() -> None:

@@ -125,12 +125,14 @@ class Chart:
         middle_x, middle_y = (_LEFT + _WIDTH - _RIGHT) / 2, (_TOP + _HEIGHT - _BOTTOM) / 2
         left = _WIDTH - _RIGHT + 10
         y = _TOP + 16 + _LEGEND_STEP * len(self.series)
+        # What stands apart may well lie below the front.
+        front = "Pareto front of the others" if self.apart else "Pareto front: nothing beats it"
         return (
             f'<text x="{_LEFT}" y="22" font-size="14" font-weight="600">{escape(self.title)}</text>'
             f'<text x="{middle_x}" y="{_HEIGHT - 12}" text-anchor="middle">{escape(self.cost)}</text>'
             f'<text transform="translate(18 {middle_y}) rotate(-90)" text-anchor="middle">{escape(self.error)}</text>'
             f'<line x1="{left}" x2="{left + 16}" y1="{y - 4}" y2="{y - 4}" stroke="#000" stroke-dasharray="5 4"/>'
-            f'<text x="{left + 22}" y="{y}">Pareto front: nothing beats it</text>'
+            f'<text x="{left + 22}" y="{y}">{front}</text>'
             f'<circle cx="{left + 8}" cy="{y + _LEGEND_STEP - 4}" r="7" fill="none" stroke="#000" stroke-width="2"/>'
             f'<text x="{left + 22}" y="{y + _LEGEND_STEP}">our pick</text>'
         )
@@ -140,9 +142,9 @@ class Chart:
         if point is None:
             return ""
         x, y = across.at(point.cost), up.at(point.error)
-        # Above the ring, on the side where the frame has room.
-        right = x < (_LEFT + _WIDTH - _RIGHT) / 2
-        place = f'x="{x + (11 if right else -11):.1f}" y="{max(y - 11, _TOP + 12):.1f}"'
+        others = [(across.at(p.cost), up.at(p.error)) for p in self.points if p != point]
+        left, base, right = _label_place(x, y, 7.5 * len(point.label), others)
+        place = f'x="{left:.1f}" y="{base:.1f}"'
         text = f'<text {place} text-anchor="{"start" if right else "end"}" font-weight="600" paint-order="stroke" '
         words = f'{text}stroke="#fff" stroke-width="4">{escape(point.label)}</text>'
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="9" fill="none" stroke="#000" stroke-width="2"/>{words}'
@@ -154,7 +156,7 @@ class Chart:
             return "Nothing was measured."
         name = next(name for name, points in self.series.items() if point in points)
         label = "" if point.label == name else f", {point.label}"
-        found = f"error {number(point.error)} at {number(point.cost)} {_unit(self.cost)}"
+        found = f"error {number(point.error)} at {_amount(point.cost, _unit(self.cost))}"
         return f"Our pick: {name}{label} ({found})."
 
 
@@ -226,6 +228,27 @@ def _log(value: float) -> float:
 def _unit(words: str) -> str:
     """Of an axis's words: "bytes" of "bytes in the file, before compression"."""
     return words.split(",")[0].split(" in ")[0]
+
+
+def _label_place(x: float, y: float, width: float, others: Sequence[tuple[float, float]]) -> tuple[float, float, bool]:
+    """Anchor of the words at the ring (x, y), and whether they go to its right: where they hide the fewest points."""
+    # Above the ring, on the side where the frame has room, unless another place is better.
+    roomy = x < (_LEFT + _WIDTH - _RIGHT) / 2
+    found = []
+    for away, base in ((11, max(y - 11, _TOP + 12)), (14, y + 4), (11, y + 20)):
+        for right in (roomy, not roomy):
+            anchor = x + away if right else x - away
+            start, end = (anchor, anchor + width) if right else (anchor - width, anchor)
+            outside = start < _LEFT or end > _WIDTH - _RIGHT or base > _HEIGHT - _BOTTOM - 3
+            hidden = sum(start - 6 < a < end + 6 and base - 16 < b < base + 8 for a, b in others)
+            found.append((outside, hidden, len(found), (anchor, base, right)))
+    return min(found)[3]
+
+
+def _amount(value: float, unit: str) -> str:
+    """With its unit: "82.9 kB", "957 bytes", "667 ns per lookup"."""
+    words = number(value)
+    return f"{words}B" if unit == "bytes" and words[-1].isalpha() else f"{words} {unit}"
 
 
 def number(value: float) -> str:
