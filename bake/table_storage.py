@@ -67,7 +67,9 @@ def store_table(
     light = truth * pairs.cosines
 
     def channel_errors(codes: LogCodes) -> Array:
-        found = with_codes(table, codes).evaluate(pairs.wi, pairs.wo, filter) * pairs.cosines
+        # Of values as they are, for these come to the same codes as rounded ones: the table is decoded once, not at
+        # every trial.
+        found = replace(table, log=codes).evaluate(pairs.wi, pairs.wo, filter) * pairs.cosines  # type: ignore[type-var]
         # The RMS alone is of highlights: on chrome it would leave a tenth of the energy, all that is dark, in code 0.
         # Roots are about what a display shows.
         shown = pairs.weight @ np.abs(np.sqrt(found) - np.sqrt(light))

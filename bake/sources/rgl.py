@@ -49,6 +49,9 @@ MAX_SAMPLES = 1 << 25
 # Angles are stored as float32.
 SLACK = 1e-6
 MAX_REDUCTION = 4
+# Incident azimuths of an isotropic file, whose samples turn with them; two are one measurement's ends, as all readers
+# of the format have it.
+MOST_ISOTROPIC = 2
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class RglSource:
 
     def __init__(self, name: str, tables: _Tables) -> None:
         self.name = name
-        self.isotropic = tables.phi_i.size == 1
+        self.isotropic = tables.phi_i.size <= MOST_ISOTROPIC
         self.bilateral = self.isotropic and _is_mirror_symmetric(tables)
         self._tables = tables
         size, height, width = tables.vndf.shape[1:]
@@ -131,7 +134,7 @@ class RglSource:
         phi_pole = phi_i + np.where(theta_i > 0, np.pi / 2, 0)
         phi_h = np.where(theta_h > POLE, _azimuth(half), phi_pole)
         if self.isotropic:
-            phi_h, phi_i = phi_h - phi_i, np.zeros_like(phi_i)
+            phi_h, phi_i = phi_h - phi_i, np.full_like(phi_i, tables.phi_i.mean())
         u_h, v_h = _unit_polar(theta_h), _unit_azimuth(phi_h)
         v_h -= np.floor(v_h)
         slices = self._slices(theta_i, phi_i)
@@ -225,7 +228,7 @@ class _Validator:
 
     def reduction(self, phi_i: Array) -> int:
         """How many symmetric copies of the measured azimuths make the circle: 1, 2 or 4."""
-        if phi_i.size == 1:
+        if phi_i.size <= MOST_ISOTROPIC:
             return 1
         for copies in (1, 2, MAX_REDUCTION):
             sector = 2 * np.pi / copies
