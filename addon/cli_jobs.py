@@ -45,7 +45,7 @@ def bake_jobs(
     """
     targets = _targets(jobs, out)
     done, errors = [], []
-    with _made(out if out.suffix.lower() != SUFFIX else None), Progress(stages, len(jobs)) as progress:
+    with _made(out.parent if out.suffix.lower() == SUFFIX else out), Progress(stages, len(jobs)) as progress:
         for job, target in zip(jobs, targets):
             progress.start(job.title)
             try:
@@ -84,16 +84,14 @@ def _targets(jobs: Sequence[Job], out: Path) -> list[Path]:
 
 
 @contextlib.contextmanager
-def _made(folder: Path | None) -> Iterator[None]:
+def _made(folder: Path) -> Iterator[None]:
     """Make the output folder for the block, and take back what nothing was put into."""
-    missing: list[Path] = []
-    if folder is not None:
-        missing = [place for place in (folder, *folder.parents) if not place.exists()]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except (OSError, ValueError) as error:
-            cause = f"cannot be made ({getattr(error, 'strerror', None) or error})"
-            raise BakeError(folder, cause, "choose a folder you may write to") from error
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        cause = f"cannot be made ({getattr(error, 'strerror', None) or error})"
+        raise BakeError(folder, cause, "choose a folder you may write to") from error
     try:
         yield
     finally:
