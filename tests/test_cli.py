@@ -65,7 +65,8 @@ def test_bakes_files_and_models_together(measurement: Path, tmp_path: Path, caps
 
 
 def test_out_names_one_bundle(tmp_path: Path) -> None:
-    target = tmp_path / "made" / "mine.MMAT"
+    """In a folder that is made for it, as for several: a bake of minutes would have nowhere to go."""
+    target = tmp_path / "made" / "here" / "mine.MMAT"
     assert main(["bake", "brdf", "--analytic", "lambert", "--out", str(target), *QUICK]) == 0
     assert read_bundle(target).material["source"]["name"] == "lambert"
 
@@ -207,6 +208,8 @@ def test_folder_without_permission(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_out_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "out").write_text("mine")
     assert main(["bake", "brdf", "--analytic", "lambert", "--out", str(tmp_path / "out"), *QUICK]) == 1
+    assert "cannot be made" in capsys.readouterr().err
+    assert main(["bake", "brdf", "--analytic", "lambert", "--out", str(tmp_path / "out" / "a.mmat"), *QUICK]) == 1
     assert "cannot be made" in capsys.readouterr().err
     assert (tmp_path / "out").read_text() == "mine"
 

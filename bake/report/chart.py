@@ -234,7 +234,7 @@ def _label_place(x: float, y: float, width: float, others: Sequence[tuple[float,
     """Anchor of the words at the ring (x, y), and whether they go to its right: where they hide the fewest points."""
     # Above the ring, on the side where the frame has room, unless another place is better.
     roomy = x < (_LEFT + _WIDTH - _RIGHT) / 2
-    found = []
+    found: list[tuple[bool, int, int, tuple[float, float, bool]]] = []
     for away, base in ((11, max(y - 11, _TOP + 12)), (14, y + 4), (11, y + 20)):
         for right in (roomy, not roomy):
             anchor = x + away if right else x - away
