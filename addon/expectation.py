@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-# Processor time of a camera sample, Principled BSDF = 1: geometric mean over 12 materials in 4 lightings
+# Processor time of a camera sample, Principled BSDF = 1: median over 12 materials in 4 lightings
 # (`./run bench engine`), and of the filters beside trilinear (`./run bench speed`).
-MODE_TIME = {"preview": 1.1, "balanced": 1.5, "exact": 1.5, "reference": 2.0}
+MODE_TIME = {"preview": 1.1, "balanced": 1.5, "exact": 1.5, "reference": 2.2}
 FILTER_TIME = {"nearest": 0.97, "trilinear": 1.0, "bspline": 1.05}
 
 

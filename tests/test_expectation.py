@@ -26,7 +26,7 @@ FACTS = {
 
 def test_words_of_every_mode() -> None:
     assert expectation(FACTS, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
-    assert expectation(FACTS, "reference", "trilinear").startswith("About 2.0 times")
+    assert expectation(FACTS, "reference", "trilinear").startswith("About 2.2 times")
     assert "; 4 % of" in expectation(FACTS, "reference", "nearest")
     assert expectation(FACTS, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
 

@@ -100,15 +100,15 @@ def _samples_per_second(quick: bool) -> None:
             materials[f"trilinear, log{words}"] = build_material(codes, stochastic=stochastic)
         times: dict[str, list[float]] = {name: [] for name in materials}
         # Interleaved, so that whatever else the machine does meets all alike; the first round warms up.
-        for repeat in range(2 if quick else 4):
+        for repeat in range(6 if quick else 4):
             for name, material in materials.items():
                 scene = build_studio(material, resolution=(size, size), samples=samples, seed=repeat)
-                started = time.perf_counter()
+                started = time.process_time()
                 render_linear(scene)
-                times[name].append(time.perf_counter() - started)
+                times[name].append(time.process_time() - started)
                 remove_studio(scene)
-    print("rendering the studio, million camera samples per second and time against Principled (Reference mode)")
-    base = float(np.median(times["Principled"][1:]))
-    for name, seconds in times.items():
-        median = float(np.median(seconds[1:]))
-        print(f"  {name:26s} {size * size * samples / median / 1e6:6.3f}   x {median / base:.2f}")
+    print("rendering the studio, processor time of a camera sample in ns, and against Principled (Reference mode)")
+    seconds = {name: np.array(rounds[1:]) for name, rounds in times.items()}
+    for name, mine in seconds.items():
+        ns = float(np.median(mine)) / (size * size * samples) * 1e9
+        print(f"  {name:32s} {ns:6.0f}   x {np.median(mine / seconds['Principled']):.2f}")

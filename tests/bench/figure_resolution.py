@@ -58,18 +58,25 @@ def run(out: Path, quick: bool) -> None:
             errors += _errors(kind.name, source, QUICK_RESOLUTIONS if quick else RESOLUTIONS)
             if kind.name == MIDDLE or not quick:
                 times += _times(kind.name, source, folder, _TIMED_TABLES, quick)
+            _write(out, errors, times)
         for label in BRUSHED:
             source = ANISOTROPIC[label]
             errors += _anisotropic_errors(label, source, QUICK_RESOLUTIONS[:2] if quick else RESOLUTIONS[:-1])
             if label == BRUSHED[0] or not quick:
                 times += _times(label, source, folder, (("normal", "auto"), ("half", "auto")), quick)
-    for stem, rows in (("figure-6", errors), ("figure-6-times", times)):
-        with (out / f"{stem}.csv").open("w", newline="") as stream:
-            writer = csv.DictWriter(stream, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
+            _write(out, errors, times)
     _print(errors, times)
     _plot(errors, times, out / "figure-6.png")
+
+
+def _write(out: Path, errors: list[dict[str, Any]], times: list[dict[str, Any]]) -> None:
+    """What there is so far: a whole run takes an hour, and one that is stopped should leave something."""
+    for stem, rows in (("figure-6", errors), ("figure-6-times", times)):
+        if rows:
+            with (out / f"{stem}.csv").open("w", newline="") as stream:
+                writer = csv.DictWriter(stream, rows[0])
+                writer.writeheader()
+                writer.writerows(rows)
 
 
 def _errors(name: str, source: BrdfSource, resolutions: tuple[int, ...]) -> Iterator[dict[str, Any]]:
