@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.bake import bake_brdf
+from measured_materials.bake import table_storage
 from measured_materials.bake.albedo import directional_albedo
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
@@ -103,7 +103,7 @@ def test_furnace_shows_the_albedo_of_gloss(tmp_path: Path, filter: str, stochast
 @pytest.mark.parametrize("storage", ["half", "rgbe"])
 def test_scaled_tables_are_scaled_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str) -> None:
     """Where values had to be scaled to fit their storage, the shader undoes it: the furnace shows the albedo."""
-    monkeypatch.setattr(bake_brdf, "scale_for", lambda values, storage: 1 / 16)
+    monkeypatch.setattr(table_storage, "scale_for", lambda values, storage: 1 / 16)
     source = analytic.Ggx(alpha=0.4)
     result = bake_source(
         source, tmp_path / "scaled", BakeSettings(resolution=32, alpha=(0.5, 0.3), storage=storage, envelope=False)

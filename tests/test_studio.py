@@ -21,6 +21,13 @@ def datablocks() -> dict[str, set[str]]:
     return {name: {block.name for block in getattr(bpy.data, name)} - {"Render Result"} for name in COLLECTIONS}
 
 
+@pytest.fixture(autouse=True, scope="module")
+def nothing_left_over() -> None:
+    """Aimed materials of other tests get other groups by every scene's lamps."""
+    for name in ("materials", "node_groups"):
+        bpy.data.batch_remove(set(getattr(bpy.data, name)))
+
+
 def image_pixels(path: Path) -> np.ndarray:
     """(H, W, 3) of a PNG in [0, 1], as encoded in the file, row 0 on top."""
     image = bpy.data.images.load(str(path), check_existing=False)
