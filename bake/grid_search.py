@@ -31,7 +31,7 @@ _ALPHAS, _FIRST_ALPHAS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0), (0.5, 0.0, 0.5)
 # What has to be gained for a step of the descent: less is chance.
 _GAIN = 0.995
 # Of "auto". No material is served best by identity, nor by Bezier in the normal-vector basis (`./run bench bases`).
-_AUTO = {"normal": ("uniform", "fitted"), "half": ("uniform", "squared", "fitted", "bezier")}
+AUTO = {"normal": ("uniform", "fitted"), "half": ("uniform", "squared", "fitted", "bezier")}
 # A Bezier warp is fitted by "auto" where it starts with at most this multiple of the least error: its steepest end
 # falls short of a glossy peak by factors, while on matte materials it is now and then the best by a few per cent.
 _HOPEFUL = 3.0
@@ -90,7 +90,7 @@ def choose_grid(
     truth, swapped = source.evaluate(pairs.wi, pairs.wo), source.evaluate(pairs.wo, pairs.wi)
     asymmetry = pairs.rms(truth - swapped) / 2
     chooser = _Chooser(source, n, pairs, truth, asymmetry)
-    wanted = [(b, k) for b in bases for k in (_AUTO[b] if parameterization == "auto" else (parameterization,))]
+    wanted = [(b, k) for b in bases for k in (AUTO[b] if parameterization == "auto" else (parameterization,))]
     for done, (basis, kind) in enumerate(wanted):
         if progress:
             progress(done / len(wanted))

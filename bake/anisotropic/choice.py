@@ -25,7 +25,7 @@ _NARROWEST, _WIDEST = 2e-3, 8.0
 _ALPHAS_THETA, _ALPHAS_PHI = (0.0, 0.25, 0.5, 0.75), (0.05, 0.15, 0.3, 0.5)
 _RANKING = 4096
 # Of "auto" in the normal basis.
-_AUTO = ("bezier", "fitted")
+AUTO = ("bezier", "fitted")
 _INTENSITY_N = 12
 
 
@@ -141,7 +141,7 @@ def _kinds(basis: str, parameterization: str) -> list[tuple[str, str]]:
     if basis == "half" and not own:
         cause = f"cannot be {parameterization!r} in the half basis of an anisotropic table, whose slopes are fitted"
         raise BakeError("parameterization", cause, "choose auto, or the normal basis")
-    normal = _AUTO if parameterization == "auto" else (parameterization,)
+    normal = AUTO if parameterization == "auto" else (parameterization,)
     wanted = [("half", "slopes")] if basis != "normal" and own else []
     return wanted + ([("normal", kind) for kind in normal] if basis != "half" else [])
 

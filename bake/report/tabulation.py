@@ -18,7 +18,7 @@ from ..anisotropic.grid import Grid as AnisotropicGrid
 from ..anisotropic.grid import HalfGrid as AnisotropicHalfGrid
 from ..atlas import AtlasLayout
 from ..bspline_fit import fit_coefficients
-from ..grid_search import choose_grid
+from ..grid_search import AUTO, choose_grid
 from ..half_grid import HalfGrid
 from ..source import Array, BrdfSource
 from ..storage import Storage
@@ -47,9 +47,6 @@ ANISOTROPIC_KINDS: tuple[Kind, ...] = (
     ("normal", "fitted"),
     ("half", "slopes"),
 )
-_ANISOTROPIC_NOT_AUTO = ("identity", "uniform")
-# What `--parameterization auto` leaves out, see `grid_search`.
-_NOT_AUTO = ("identity", "bezier")
 # The shapes of a grid are chosen at one resolution: they hardly change with it, and a choice takes seconds.
 CHOSEN_AT = 48
 _PAIRS, _TURNED_PAIRS = 16384, 8192
@@ -96,7 +93,7 @@ class Isotropic:
     """Tables of three axes; "bspline" with fitted coefficients."""
 
     kinds = KINDS
-    auto = tuple(kind for kind in KINDS if kind[1] not in _NOT_AUTO)
+    auto = tuple(kind for kind in KINDS if kind[1] in AUTO[kind[0]])
 
     def __init__(self, source: BrdfSource) -> None:
         self._source = TreatedSource(source)
@@ -130,7 +127,7 @@ class Anisotropic:
     """Tables of four axes; "bspline" takes the samples as they are, as a bake does."""
 
     kinds = ANISOTROPIC_KINDS
-    auto = tuple(kind for kind in ANISOTROPIC_KINDS if kind[1] not in _ANISOTROPIC_NOT_AUTO)
+    auto = (*(("normal", spacing) for spacing in four_axes.AUTO), ("half", "slopes"))
 
     def __init__(self, source: BrdfSource) -> None:
         self._source = anisotropic_table.TreatedAnisotropic(source)
