@@ -6,7 +6,7 @@ from typing import Any
 
 from ..bake.anisotropic.atlas import SliceLayout
 from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of
-from ..bake.anisotropic.grid import Grid, HalfGrid
+from ..bake.anisotropic.grid import Grid
 from ..bake.anisotropic.lobes import AnisotropicLobe
 from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.bundle import Bundle
@@ -47,15 +47,14 @@ def anisotropic_constants(
 def grid_constants(grid: Grid) -> dict[str, Any]:
     """Of a table's grid and its atlas."""
     layout = SliceLayout.of(grid)
-    shapes = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else grid.axis_shapes
     sizes = {f"Size{name}": size for name, size in zip("ABRC", grid.shape)}
     return {
         "Basis": grid.basis,
         **sizes,
         "Columns": layout.columns,
         "Rows": layout.rows,
-        "Parameterization": "" if isinstance(grid, HalfGrid) else grid.parameterization,
-        **{f"Shape{k}": shape_constants(shape) for k, shape in zip((1, 2), shapes)},
+        "Parameterization": grid.parameterization,
+        **{f"Shape{k}": shape_constants(shape) for k, shape in zip((1, 2), grid.axis_shapes)},
         "Folded": int(grid.folded),
     }
 

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.anisotropic.atlas import SliceLayout, pack
+from measured_materials.bake.anisotropic.atlas import pack
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.anisotropic.grid import Grid, HalfGrid
+from measured_materials.bake.anisotropic.grid import Grid
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
 from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
-from measured_materials.bake.parameterization import shape_constants
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS
@@ -24,7 +23,7 @@ from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 from support.monte_carlo import assert_agree, compare
-from support.osl import header_card, skip_without_osl
+from support.osl import declared_table4, header_card, skip_without_osl
 from support.planes import SHAPES, plane_scene
 from test_anisotropic_cards import BRUSHED, GRIDS, away_from_borders, directions, random_table
 
@@ -38,17 +37,7 @@ def osl() -> None:
 
 def lookup_body(file: Path, grid: Grid, filter: str, log: str = "vector(0), vector(0)") -> str:
     """Statements that look a table's file up; `log` are the range and gain of codes."""
-    layout = SliceLayout.of(grid)
-    shapes = (grid.width_x, grid.width_y) if isinstance(grid, HalfGrid) else grid.axis_shapes
-    first, second = ("vector({}, {}, {})".format(*shape_constants(shape)) for shape in shapes)
-    kind = "" if isinstance(grid, HalfGrid) else grid.parameterization
-    sizes = ", ".join(map(str, grid.shape))
-    return f"""
-      int sizes[4] = {{{sizes}}};
-      vector shape[2] = {{{first}, {second}}};
-      MMTable4 table = {{"{file}", 1, 0, {log}, "{grid.basis}", sizes, {layout.columns}, {layout.rows}, "{kind}", shape,
-                         {int(grid.folded)}, "{filter}", 0}};
-      value = vector(mm_lookup4(table, wi, wo, 0.5));"""
+    return declared_table4(grid, file, filter, log) + "value = vector(mm_lookup4(table, wi, wo, 0.5));"
 
 
 @pytest.mark.parametrize("name", GRIDS)

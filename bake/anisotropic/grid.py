@@ -147,7 +147,13 @@ class HalfGrid:
     width_y: float = 0.3
     folded: bool = True
     basis = "half"
+    parameterization = "slopes"
     periodic_columns = False
+
+    @property
+    def axis_shapes(self) -> tuple[float, float]:
+        """Of the slopes along x and y."""
+        return self.width_x, self.width_y
 
     def coordinates(self, xp: Any, wi: Any, wo: Any) -> Coordinates:
         """Fractional indices (a, b, r, c) of direction pairs above the horizon; `xp` is the namespace."""

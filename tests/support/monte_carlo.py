@@ -131,6 +131,15 @@ def assert_agree(result: Result, finds: float) -> None:
     assert result.detectable_effect <= finds, f"too noisy to find a change by {finds:.2%}: {result}"
 
 
+def assert_same(expected: Array, found: Array, mask: Array, tolerance: float, finds: float) -> None:
+    """`assert_agree` of two sets of pictures, and that a planted error of 2 % is found in them."""
+    result = compare(expected, found, mask, tolerance=tolerance)
+    print(result)
+    assert_agree(result, finds)
+    planted = compare(expected, found * 1.02, mask, tolerance=tolerance)
+    assert not planted.passed, f"a planted 2 % was not found: {planted}"
+
+
 @dataclass(frozen=True)
 class _Welch:
     """Welch t-tests of many quantities at once: arrays of one shape."""

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from measured_materials.bake.anisotropic.grid import Grid
 from measured_materials.bake.errors import BakeError
+from measured_materials.nodes.osl_anisotropic import grid_constants
 from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
 
 from .cards import card
+
+
+def declared_table4(grid: Grid, file: Path, filter: str, log: str = "vector(0), vector(0)") -> str:
+    """Statements that declare the `table` of an anisotropic atlas; `log` are the range and gain of codes."""
+    c = grid_constants(grid)
+    sizes, (first, second) = ", ".join(map(str, grid.shape)), (c["Shape1"], c["Shape2"])
+    return f"""int sizes[4] = {{{sizes}}};
+      vector shape[2] = {{vector{first}, vector{second}}};
+      MMTable4 table = {{"{file}", 1, 0, {log}, "{grid.basis}", sizes, {c["Columns"]}, {c["Rows"]},
+                         "{c["Parameterization"]}", shape, {c["Folded"]}, "{filter}", 0}};"""
 
 
 def skip_without_osl() -> None:

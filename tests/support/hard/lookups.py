@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.alias_sampler import SamplerLayout, build_sampler
-from measured_materials.bake.anisotropic.atlas import SliceLayout
 from measured_materials.bake.anisotropic.atlas import pack as pack_slopes
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
 from measured_materials.bake.anisotropic.table import AnisotropicTable
@@ -18,7 +17,6 @@ from measured_materials.bake.atlas import pack
 from measured_materials.bake.bake_brdf import TableSource
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
-from measured_materials.bake.parameterization import shape_constants
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import BrdfTable, tabulate
@@ -30,6 +28,7 @@ from measured_materials.nodes.osl_material import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 
 from ..cards import data_image
+from ..osl import declared_table4
 from .angles import AROUND, HALF, NORMAL, NORMAL_FITTED, SLOPES
 from .case import Array, Case, Osl
 from .points import DIRECTIONS, pairs_above
@@ -161,7 +160,7 @@ def _osl_lookup(kind: Kind, folder: Path) -> Osl:
     file = folder / f"{kind.name.replace(' ', '_')}.exr"
     packed = pack_slopes(kind.grid, _values(kind)) if kind.four else pack(_values(kind))
     write_image(file, packed, Storage.FLOAT32)
-    table = _osl_slopes(kind, file) if kind.four else osl_table(kind.grid, file, kind.filter)
+    table = declared_table4(kind.grid, file, kind.filter) if kind.four else osl_table(kind.grid, file, kind.filter)
     header = "measured_anisotropic.h" if kind.four else "measured_materials.h"
     value = "mm_lookup4(table, wi, wo, 0.5)" if kind.four else "mm_lookup(table, g, wi, wo, 0.5)"
     return Osl(f"{table}\ncolor c = {value}; for (int k = 0; k < 3; ++k) y[k] = c[k];", 3, ("wi", "wo"), header)
@@ -174,17 +173,6 @@ def osl_table(grid: Any, file: Path, filter: str = "trilinear") -> str:
     sizes = ", ".join(str(c[k]) for k in ("Slices", "SliceRows", "SliceColumns", "Columns", "Rows"))
     return f"""MMTable table = {{"{file}", 1, 0, vector(0), vector(0), {sizes}, "{filter}", 0}};
       MMGrid g = {{"{c["Basis"]}", "{c["Parameterization"]}", {shapes}, {c["Reciprocal"]}}};"""
-
-
-def _osl_slopes(kind: Kind, file: Path) -> str:
-    grid, layout = kind.grid, SliceLayout.of(kind.grid)
-    shape = (grid.width_x, grid.width_y) if grid.basis == "half" else grid.axis_shapes
-    first, second = ("vector({}, {}, {})".format(*shape_constants(own)) for own in shape)
-    spacing = "" if grid.basis == "half" else grid.parameterization
-    sizes = ", ".join(map(str, grid.shape))
-    return f"""int sizes[4] = {{{sizes}}}; vector shape[2] = {{{first}, {second}}};
-      MMTable4 table = {{"{file}", 1, 0, vector(0), vector(0), "{grid.basis}", sizes, {layout.columns}, {layout.rows},
-                         "{spacing}", shape, {int(grid.folded)}, "{kind.filter}", 0}};"""
 
 
 @cache
