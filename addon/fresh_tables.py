@@ -9,42 +9,27 @@ Extension gives the same; so the nodes take turns.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
 
 import bpy
 import numpy as np
 
-from ..nodes.aimed_light_group import SLOTS_KEY
-from ..nodes.group import HASH_KEY, content_hash
+from ..nodes.group import SWITCHED_KEY
 
 _EXTENSIONS = ("EXTEND", "MIRROR", "REPEAT")
 # By scene and image: the Extensions and the content that the last render of Persistent Data has read.
 _read: dict[tuple[int, int], tuple[set[str], str]] = {}
-# A group's hash before, the image and its new Extension: the hash after.
-_hashes: dict[tuple[str, str, str], str] = {}
 
 
-def extensions(image: bpy.types.Image, trees: Iterable[bpy.types.NodeTree] | None = None) -> set[str]:
-    """Those by which nodes, by default of all groups that aim, ask for a table."""
-    trees = _aiming_trees() if trees is None else trees
-    return {node.extension for tree in trees for node in _readers(tree, image)}
+def extensions(image: bpy.types.Image) -> set[str]:
+    """Those by which nodes ask for a table."""
+    return {node.extension for node in _readers(image)}
 
 
-def extend(image: bpy.types.Image, extension: str, trees: Iterable[bpy.types.NodeTree] | None = None) -> None:
-    """Let these nodes ask for a table by this one; to the scene check the groups stay as they were built."""
-    for tree in _aiming_trees() if trees is None else trees:
-        nodes = [node for node in _readers(tree, image) if node.extension != extension]
-        if not nodes:
-            continue
-        before = tree.get(HASH_KEY)
-        key = (str(before), image.name_full, extension)
-        as_built = key not in _hashes and content_hash(tree) == before
-        for node in nodes:
+def extend(image: bpy.types.Image, extension: str) -> None:
+    """Let all nodes ask for a table by this one."""
+    for node in _readers(image):
+        if node.extension != extension:
             node.extension = extension
-        if as_built:
-            _hashes[key] = content_hash(tree)
-        if key in _hashes:
-            tree[HASH_KEY] = _hashes[key]
 
 
 def for_the_viewport(image: bpy.types.Image) -> None:
@@ -76,12 +61,10 @@ def _change(image: bpy.types.Image, asked: set[str], known: set[str]) -> set[str
     return asked
 
 
-def _aiming_trees() -> list[bpy.types.NodeTree]:
-    return [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree]
-
-
-def _readers(tree: bpy.types.NodeTree, image: bpy.types.Image) -> list[bpy.types.Node]:
-    return [node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage" and node.image == image]
+def _readers(image: bpy.types.Image) -> list[bpy.types.Node]:
+    """In all groups that may be switched."""
+    trees = (tree for tree in bpy.data.node_groups if "extension" in tree.get(SWITCHED_KEY, "").split())
+    return [n for tree in trees for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage" and n.image == image]
 
 
 def _is_rendered(area: bpy.types.Area) -> bool:

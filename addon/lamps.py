@@ -1,6 +1,11 @@
 """The tables of a scene's lamps and world, kept current, that measured materials aim at (DESIGN.md section 5).
 
 They follow edits, frames and the start of a render; until then an old table costs noise, never bias.
+
+What handlers change are pixels and settings of nodes. Blender has closed its undo step when it calls them: a datablock
+that they made, removed or linked to another was one that the next undo did not know of, and crashed by. Images and
+groups are made, and groups of versions before exchanged, where a material is built, by operators, and when a file is
+loaded, which is before its first undo step.
 """
 
 from __future__ import annotations
@@ -13,7 +18,8 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..bake.light_sampling import TEXELS, lamp_table
-from ..nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aimed_light_group
+from ..nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aim_by, aimed_light_group, can_switch
+from ..nodes.light_images import new_table, world_table
 from . import fresh_tables, world_light
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
 from .world_light import PROBE
@@ -29,33 +35,50 @@ def lamp_image() -> bpy.types.Image:
     """The file's table of lamps; made, with nothing to aim at, where there is none."""
     image = bpy.data.images.get((TABLE, None))
     if image is None or not _is_table(image):
-        image = bpy.data.images.new(TABLE, TEXELS, CAPACITY, float_buffer=True, is_data=True, alpha=True)
-        image.name = TABLE
-        image.alpha_mode = "CHANNEL_PACKED"
-        image.use_half_precision = False
+        image = new_table(TABLE, TEXELS, CAPACITY)
         _write(image, lamp_table([], CAPACITY))
     return image
 
 
-def update_lamps(depsgraph: bpy.types.Depsgraph, *, rebuild: bool = True) -> LampReport:
+def update_lamps(depsgraph: bpy.types.Depsgraph, *, switch: bool = True) -> LampReport:
     """Bring the tables in line with an evaluated view layer; nothing is written where nothing has changed.
+
+    Makes, removes and links no datablock: for handlers.
 
     Parameters
     ----------
-    rebuild : also give materials the node group for as many lamps as there are, and for the world where that pays
+    switch : also let materials aim at as many lamps as there are, and at the world where that pays
     """
-    key = (depsgraph.scene.session_uid, depsgraph.view_layer.name)
-    return _follow(survey(depsgraph), key, rebuild, viewport=depsgraph.mode == "VIEWPORT")
+    key = (depsgraph.scene.session_uid, depsgraph.view_layer.name) if switch else None
+    return _follow(survey(depsgraph), key, viewport=depsgraph.mode == "VIEWPORT")
 
 
-def update_scene(scene: bpy.types.Scene, *, rebuild: bool = True, for_render: bool = False) -> LampReport:
-    """`update_lamps` for a scene that need not be shown anywhere, all of its view layers together.
+def update_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampReport:
+    """Bring the tables in line with a scene that need not be shown anywhere, all of its view layers together.
+
+    Makes what is missing, and exchanges groups of versions before: for operators and scripts, not for handlers.
 
     Parameters
     ----------
     for_render : take the lamps that a render will show, which the viewport may hide
     """
-    return _follow(survey_scene(scene, for_render=for_render), (scene.session_uid, for_render), rebuild)
+    make_ready()
+    return _follow_scene(scene, for_render)
+
+
+def make_ready() -> None:
+    """Make the file's tables, and give the groups of versions before, which aim at what they were built for, room."""
+    lamp_image()
+    world_table()
+    own = [tree for tree in bpy.data.node_groups if tree.library is None]
+    aiming = [node for tree in own for node in tree.nodes if _is_fixed(getattr(node, "node_tree", None))]
+    replaced = {node.node_tree for node in aiming}
+    for node in aiming:
+        tables = [n.image for n in node.node_tree.nodes if _is_table(getattr(n, "image", None))]
+        node.node_tree = aimed_light_group(tables[0] if tables else lamp_image())
+    for old in replaced:
+        if not old.users and old.library is None:
+            bpy.data.node_groups.remove(old)
 
 
 def table_of(report: LampReport) -> np.ndarray:
@@ -65,11 +88,12 @@ def table_of(report: LampReport) -> np.ndarray:
     return lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE, world)
 
 
-def _follow(report: LampReport, key: tuple[int, Any], rebuild: bool, viewport: bool = True) -> LampReport:
-    if rebuild:
-        lamp_image()
-        if report.world.aimed:
-            world_light.world_image(report.world)
+def _follow_scene(scene: bpy.types.Scene, for_render: bool) -> LampReport:
+    return _follow(survey_scene(scene, for_render=for_render), (scene.session_uid, for_render))
+
+
+def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = True) -> LampReport:
+    if key is not None:
         _needs[key] = (report.slots, report.world.aimed)
         _fit_slots()
     changed = world_light.write_world(report.world) if report.world.aimed else []
@@ -85,39 +109,18 @@ def _fit_slots() -> None:
     """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
     shown = {scene.session_uid for scene in bpy.data.scenes}
     needs = [need for (scene, _), need in _needs.items() if scene in shown]
-    world = bpy.data.images.get((world_light.IMAGE, None)) if any(aimed for _, aimed in needs) else None
-    for table in _tables():
-        _set_slots(table, max((slots for slots, _ in needs), default=0), world)
+    slots, world = max((slots for slots, _ in needs), default=0), any(aimed for _, aimed in needs)
+    for group in bpy.data.node_groups:
+        if can_switch(group) and (group[SLOTS_KEY], bool(group[WORLD_KEY])) != (slots, world):
+            aim_by(group, slots, world)
 
 
-def _set_slots(image: bpy.types.Image, slots: int, world: bpy.types.Image | None) -> None:
-    """Let every material aim at this many lamps, and at the world or not; nothing happens where they do already."""
-    wanted = (slots, world is not None)
-    groups = {t for t in bpy.data.node_groups if SLOTS_KEY in t and t.users and any(_shows(n, image) for n in t.nodes)}
-    if all((group[SLOTS_KEY], group.get(WORLD_KEY, False)) == wanted for group in groups):
-        return
-    own = [tree for tree in bpy.data.node_groups if tree.library is None]
-    aiming = [node for tree in own for node in tree.nodes if getattr(node, "node_tree", None) in groups]
-    if not aiming:
-        return
-    replaced = {node.node_tree for node in aiming}
-    group = aimed_light_group(image, slots, world)
-    for table in (image, world):
-        if table is not None and (asked := fresh_tables.extensions(table, replaced)):
-            fresh_tables.extend(table, min(asked), [group])
-    for node in aiming:
-        node.node_tree = group
-    for old in replaced - {group}:
-        if not old.users:
-            bpy.data.node_groups.remove(old)
+def _is_fixed(tree: bpy.types.NodeTree | None) -> bool:
+    return tree is not None and SLOTS_KEY in tree and not can_switch(tree)
 
 
-def _shows(node: bpy.types.Node, image: bpy.types.Image) -> bool:
-    return getattr(node, "image", None) == image
-
-
-def _is_table(image: bpy.types.Image) -> bool:
-    return image.name.startswith(TABLE) and tuple(image.size) == (TEXELS, CAPACITY)
+def _is_table(image: bpy.types.Image | None) -> bool:
+    return image is not None and image.name.startswith(TABLE) and tuple(image.size) == (TEXELS, CAPACITY)
 
 
 def _tables() -> list[bpy.types.Image]:
@@ -156,6 +159,10 @@ def _in_use() -> bool:
     return any(image.users > 0 for image in _tables())
 
 
+def _is_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
 @persistent
 def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if not _in_use():
@@ -180,10 +187,10 @@ def _concerns_lamps(update: bpy.types.DepsgraphUpdate) -> bool:
 @persistent
 def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     # Before every picture of a render too, then with the lamps that it shows; that may be outside Blender's main
-    # thread, and the nodes are evaluated already: none is touched, but where only that lets Cycles see the table, and
-    # then Blender evaluates them once more.
+    # thread, and the nodes are evaluated already: none is touched there, but where only that lets Cycles see the
+    # table, and then Blender evaluates them once more.
     if _in_use() and PROBE not in depsgraph.scene:
-        update_lamps(depsgraph, rebuild=False)
+        update_lamps(depsgraph, switch=depsgraph.mode == "VIEWPORT" and _is_main_thread())
         if depsgraph.mode == "RENDER" and depsgraph.scene.render.use_persistent_data:
             for image in (*_tables(), *world_light.tables()):
                 fresh_tables.for_a_render(depsgraph.scene, image)
@@ -192,8 +199,8 @@ def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
 @persistent
 def _before_a_render(scene: bpy.types.Scene, *_: Any) -> None:
     # The last chance to change nodes, for lamps that only a render shows.
-    if threading.current_thread() is threading.main_thread():
-        keep_current(scene)
+    if _is_main_thread() and _in_use() and PROBE not in scene:
+        _follow_scene(scene, for_render=True)
 
 
 @persistent
@@ -206,8 +213,17 @@ def _after_loading(*_: Any) -> None:
 
 
 @persistent
+def _after_importing(*_: Any) -> None:
+    # Inside of the operator that appends or links, before its undo step is closed.
+    if _in_use():
+        make_ready()
+
+
+@persistent
 def _after_undo(*_: Any) -> None:
+    # What has come back may be older than the tables, and the other way round: the next evaluation looks again.
     world_light.distrust_tables()
+    _needs.clear()
 
 
 @persistent
@@ -220,20 +236,27 @@ _HANDLERS = {
     "frame_change_post": _after_a_frame,
     "render_init": _before_a_render,
     "load_post": _after_loading,
+    "blend_import_post": _after_importing,
     "undo_post": _after_undo,
     "redo_post": _after_undo,
     "save_pre": _before_saving,
 }
 
 
+def _registered() -> list[tuple[list[Any], Any]]:
+    """Blender's lists of handlers, those of this version, each with ours."""
+    handlers = bpy.app.handlers
+    return [(getattr(handlers, event), own) for event, own in _HANDLERS.items() if hasattr(handlers, event)]
+
+
 def register() -> None:
     """Called by `addon.register`."""
-    for event, handler in _HANDLERS.items():
-        getattr(bpy.app.handlers, event).append(handler)
+    for handlers, handler in _registered():
+        handlers.append(handler)
 
 
 def unregister() -> None:
     """Called by `addon.unregister`."""
-    for event, handler in _HANDLERS.items():
-        getattr(bpy.app.handlers, event).remove(handler)
+    for handlers, handler in _registered():
+        handlers.remove(handler)
     _needs.clear()

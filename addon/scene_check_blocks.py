@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..nodes import compat
-from ..nodes.aimed_light_group import SLOTS_KEY
+from ..nodes.aimed_light_group import SLOTS_KEY, can_switch
 from ..nodes.group import HASH_KEY, content_hash
 from ..nodes.material import BUNDLE_KEY
 from . import aim, lamps, rebuild
@@ -203,11 +203,13 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
     narrow = [group for group in groups if group[SLOTS_KEY] < report.slots]
     where = f"scene {scene.name}"
-    if any(group.is_editable for group in narrow) or not all(_holds(image, table) for image in tables):
+    if any(group.is_editable or can_switch(group) for group in narrow) or not all(
+        _holds(image, table) for image in tables
+    ):
         why = "mirrors aim at lamps that are no longer so; without aiming, a small lamp is found by chance only"
         found = f"table {lamps.TABLE} is out of date"
         yield Finding("lamp_table", SLOW, where, found, "brought up to date", why, lambda: lamps.keep_current(scene))
-    linked = sorted(group.name for group in narrow if not group.is_editable)
+    linked = sorted(group.name for group in narrow if not (group.is_editable or can_switch(group)))
     if linked:
         found = f"linked group {', '.join(linked)} aims at fewer lamps than there are"
         why = "only chance finds the others; a group of another .blend cannot be built anew, but one made local can"

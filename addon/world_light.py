@@ -24,8 +24,9 @@ from ..bake.source import Array
 from ..bake.world_sampling import COLUMNS, ROWS, WorldStructure, cell_light, world_structure, world_texels
 from ..nodes import compat
 from ..nodes.group import content_hash
+from ..nodes.light_images import WORLD as IMAGE
+from ..nodes.light_images import world_tables as tables
 
-IMAGE = "MM World"
 # Custom property of a scene that exists to be measured by: tables do not follow it.
 PROBE = "measured_materials_probe"
 _KEY, _FACTS, _SUM = "measured_materials_key", "measured_materials_facts", "measured_materials_sum"
@@ -118,28 +119,12 @@ def measure_world(scene: bpy.types.Scene) -> WorldLight:
     return world_light(world)
 
 
-def world_image(light: WorldLight) -> bpy.types.Image:
-    """The file's table of the world, brought in line with a world that is aimed at."""
-    image = bpy.data.images.get((IMAGE, None))
-    if image is None or image not in tables():
-        image = bpy.data.images.new(IMAGE, COLUMNS, ROWS, float_buffer=True, is_data=True, alpha=True)
-        image.name = IMAGE
-        image.alpha_mode = "CHANNEL_PACKED"
-        image.use_half_precision = False
-    image.use_fake_user = light.measured  # even while another scene is shown
-    write_world(light)
-    return image
-
-
-def tables() -> list[bpy.types.Image]:
-    """The file's table, and those that came along with linked and appended materials."""
-    return [i for i in bpy.data.images if i.name.startswith(IMAGE) and tuple(i.size) == (COLUMNS, ROWS)]
-
-
 def write_world(light: WorldLight) -> list[bpy.types.Image]:
     """Write the tables of a world that is aimed at, where they are of another one; returns those."""
     texels, written = None, []
     for image in tables():
+        if image.library is None:
+            image.use_fake_user = light.measured  # even while another scene is shown
         if light.key not in _known or (image.get(_KEY) == light.key and _intact(image)):
             continue
         structure, weights = _known[light.key]

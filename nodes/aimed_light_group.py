@@ -1,26 +1,40 @@
-"""Node group: aim at the scene's lamps and at the bright parts of its world."""
+"""Node group: aim at the scene's lamps and at the bright parts of its world.
+
+One group has room for as many lamps as are ever aimed at, and for the world. What a scene calls for is chosen among its
+Group Outputs, of which one is active: `aim_by`. Cycles compiles what the active one depends on and no more, so that
+room costs no time; and a lamp that comes or goes while an artist works changes settings of nodes, never a datablock or
+a link to one. (Blender's undo keeps datablocks from step to step, and does not know of what a handler has done to them
+since: a group that a handler exchanged for another was a crash at the next undo, in 4.3 and 5.2.)
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import Any
 
 import bpy
 
-from ..bake.light_sampling import TEXELS, aim_at, density_towards, draw_towards, expected_light
+from ..bake.light_sampling import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
 from ..bake.world_sampling import choose_cell, draw_in_world, expected_world_light, world_coordinates
 from . import expr
-from .group import FAMILY_KEY, node_group
+from .group import FAMILY_KEY, HASH_KEY, SWITCHED_KEY, active_output, call, content_hash, node_group, nodes_before
+from .light_images import world_table
 
 NAME = "MM Aim"
-# Custom properties of the group: how many lamps it aims at, and whether at the world.
+# Custom properties of the group and of its outputs: how many lamps they aim at, and whether at the world.
 SLOTS_KEY = "measured_materials_lamps"
 WORLD_KEY = "measured_materials_world"
-# Lamps that are aimed at. The first adds 155 nodes, each other about 120, the world 53.
+# Lamps that are aimed at. The first takes 155 nodes of the compiled shader, each other about 120, the world 53.
 MAX_SLOTS = 4
+_SWITCHED = "mute extension"
+_INPUTS = {"Position": "vector", "Normal": "vector", "wi": "vector"}
+_INPUTS |= dict.fromkeys(("Random Lamp", "Random Aim", "Random 1", "Random 2"), "float")
+_OUTPUTS = {"wi": "vector", "Aimed": "float", "Rest": "float"}
+_AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f in fields(Aim)}
 
 
 def aimed_light_group(
-    lamps: bpy.types.Image, slots: int = 0, world: bpy.types.Image | None = None
+    lamps: bpy.types.Image, slots: int | None = None, world: bpy.types.Image | None = None
 ) -> bpy.types.ShaderNodeTree:
     """Exchange a drawn direction for one towards a light, now and then; world space.
 
@@ -31,75 +45,198 @@ def aimed_light_group(
     Parameters
     ----------
     lamps : the table of `bake.light_sampling.lamp_table`, one lamp a row from the top
-    slots : lamps to aim at, the first of the table; with 0 and no world the direction passes through and costs nothing
-    world : the table of `bake.world_sampling.world_texels`, or None to leave the world to chance
+    slots : lamps to aim at, the first of the table; by default as many as the group does already, a new one at none
+    world : the table of `bake.world_sampling.world_texels` to aim at too; by default as the group does already, a new
+        one not, with the file's own table
     """
     columns, rows = lamps.size[0], lamps.size[1]
-    if columns != TEXELS or not 0 <= slots <= min(MAX_SLOTS, rows) or (world is not None and rows < 2):
+    room = min(MAX_SLOTS, rows)
+    if columns != TEXELS or not 0 <= (slots or 0) <= room or (world is not None and rows < 2):
         raise ValueError(
             f"{slots} lamps of {columns} texels; a lamp has {TEXELS}, at most {MAX_SLOTS} are aimed at, and a world "
             "takes a second row"
         )
-
-    def texel(index: Any, column: int) -> tuple[Any, Any]:
-        v = 1 - (index + 0.5) * (1 / rows)
-        return expr.image_tap(lamps, (column + 0.5) / TEXELS, v, "Closest")
-
-    def aim_and_power(index: Any, position: Any) -> tuple[Any, Any]:
-        (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(index, k) for k in range(4))
-        return aim_at(expr, position, centre, kind, u, v, axis, fourth), power
-
-    def build(position: Any, normal: Any, wi: Any, u_lamp: Any, u_aim: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
-        if slots == 0 and world is None:
-            texel(0.0, 0)  # linked to nothing, but the table is known to be this group's
-            return wi, 0.0, 1.0
-        seen = [aim_and_power(float(k), position) for k in range(slots)]
-        light = [expected_light(expr, aim, normal, power) for aim, power in seen]
-        if world is not None:
-            light.append(expected_world_light(expr, *texel(1.0, 4), normal))
-        total = sum(light[1:], start=light[0])
-        sky, largest, _ = expr.components(texel(0.0, 4)[0])
-        share = expr.minimum(expr.divide(total, total + sky), largest)
-        # Which light: how many of the running sums the number has passed.
-        threshold, passed, index = u_lamp * total, light[0], 0.0
-        for part in light[1:]:
-            index = (threshold > passed) + index
-            passed = passed + part
-        aimed = u_aim < share
-        chosen, density = wi, 0.0
-        if seen:
-            target = seen[0][0] if slots == 1 else aim_and_power(index, position)[0]
-            chosen = expr.where_vector(aimed, draw_towards(expr, target, u1, u2), chosen)
-        if world is not None:
-            # Below the share u_aim is even from 0 to it: it may decide about the alias too.
-            at, cell, place = choose_cell(expr, *world.size, u1, u2)
-            alias, acceptance = _world_texel(world, at)
-            drawn = draw_in_world(expr, *world.size, cell, alias, u_aim < share * acceptance, place)
-            chosen = expr.where_vector(aimed * (index > slots - 0.5) if seen else aimed, drawn, chosen)
-            u, v = world_coordinates(expr, chosen)
-            density = expr.components(_world_texel(world, expr.vec(u, v, 0.0))[0])[2] * light[slots]
-        for k, ((aim, _), part) in enumerate(zip(seen, light)):
-            here = aimed if len(light) == 1 else aimed * (_same(index, k))
-            density = density_towards(expr, aim, chosen, here) * part + density
-        return chosen, expr.divide(density * share, total), 1 - share
-
-    numbers = dict.fromkeys(("Random Lamp", "Random Aim", "Random 1", "Random 2"), "float")
-    group = node_group(
-        NAME,
-        {"Position": "vector", "Normal": "vector", "wi": "vector", **numbers},
-        {"wi": "vector", "Aimed": "float", "Rest": "float"},
-        build,
-    )
-    group[SLOTS_KEY], group[WORLD_KEY] = slots, world is not None
-    group[FAMILY_KEY] = f"{NAME} by {lamps.name_full}"
+    group = _made_before(lamps, world or world_table()) or _new_group(lamps, world or world_table(), room)
+    if slots is not None or world is not None:
+        aim_by(group, slots or 0, world is not None)
     return group
+
+
+def can_switch(group: bpy.types.NodeTree) -> bool:
+    """Whether it has room; groups of versions before have none, and aim at what they were built for."""
+    return SLOTS_KEY in group and SWITCHED_KEY in group
+
+
+def aim_by(group: bpy.types.NodeTree, slots: int, world: bool) -> None:
+    """Let a group aim at so many lamps, at most at those it has room for, and at the world or not.
+
+    With none and no world the direction passes through and costs nothing.
+    """
+    outputs = [n for n in group.nodes if n.bl_idname == "NodeGroupOutput"]
+    slots = min(slots, max(n[SLOTS_KEY] for n in outputs))
+    chosen = next(n for n in outputs if (n[SLOTS_KEY], bool(n[WORLD_KEY])) == (slots, world))
+    if not chosen.is_active_output:
+        chosen.is_active_output = True  # Blender lets go of the other
+    needed = nodes_before(chosen)
+    for node in group.nodes:
+        # Cycles does not look into a muted group, and so is ready sooner.
+        if node.bl_idname == "ShaderNodeGroup" and node.mute == (node in needed):
+            node.mute = node not in needed
+    group[SLOTS_KEY], group[WORLD_KEY] = slots, world
+
+
+def _made_before(lamps: bpy.types.Image, world: bpy.types.Image) -> bpy.types.ShaderNodeTree | None:
+    family = _family(lamps, world)
+    # One of a linked library would be lost with the library.
+    own = (t for t in bpy.data.node_groups if t.library is None and t.get(FAMILY_KEY) == family and can_switch(t))
+    return next((t for t in own if content_hash(t) == t[HASH_KEY]), None)
+
+
+def _family(lamps: bpy.types.Image, world: bpy.types.Image) -> str:
+    return f"{NAME} by {lamps.name_full} and {world.name_full}"
+
+
+def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int) -> bpy.types.ShaderNodeTree:
+    parts = _Parts(
+        _lamp_group(lamps), _draw_group(), _density_group(), _world_draw_group(world), _world_density_group(world)
+    )
+
+    def build(position: Any, normal: Any, wi: Any, *numbers: Any) -> tuple[Any, Any, Any]:
+        seen = [call(parts.lamp, float(k), position, normal) for k in range(room)]
+        for slots in range(room + 1):
+            for with_world in (False, True) if lamps.size[1] > 1 else (False,):
+                if slots or with_world:
+                    results = _mixture(lamps, parts, seen[:slots], with_world, (position, normal, wi), numbers)
+                    _output(results, slots, with_world)
+        return wi, 0.0, 1.0
+
+    group = node_group(NAME, _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
+    nothing = active_output(group)
+    nothing[SLOTS_KEY], nothing[WORLD_KEY], nothing.label = 0, False, "Aim at nothing"
+    group[FAMILY_KEY] = _family(lamps, world)
+    aim_by(group, 0, False)
+    return group
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Groups inside: a small tree is built and edited in a fraction of the time of a large one."""
+
+    lamp: bpy.types.ShaderNodeTree
+    draw: bpy.types.ShaderNodeTree
+    density: bpy.types.ShaderNodeTree
+    world_draw: bpy.types.ShaderNodeTree
+    world_density: bpy.types.ShaderNodeTree
+
+
+def _mixture(
+    lamps: bpy.types.Image,
+    parts: _Parts,
+    seen: list[tuple[Any, ...]],
+    with_world: bool,
+    ray: tuple[Any, Any, Any],
+    numbers: tuple[Any, ...],
+) -> tuple[Any, Any, Any]:
+    """The group's outputs for these lamps, each the results of `_lamp_group`, and for the world or not."""
+    (position, normal, wi), (u_lamp, u_aim, u1, u2) = ray, numbers
+    slots, light = len(seen), [found[-1] for found in seen]
+    if with_world:
+        light.append(expected_world_light(expr, *_texel(lamps, 1.0, 4), normal))
+    total = sum(light[1:], start=light[0])
+    sky, largest, _ = expr.components(_texel(lamps, 0.0, 4)[0])
+    share = expr.minimum(expr.divide(total, total + sky), largest)
+    # Which light: how many of the running sums the number has passed.
+    threshold, passed, index = u_lamp * total, light[0], 0.0
+    for part in light[1:]:
+        index = (threshold > passed) + index
+        passed = passed + part
+    aimed = u_aim < share
+    chosen, density = wi, 0.0
+    if seen:
+        target = seen[0] if slots == 1 else call(parts.lamp, index, position, normal)
+        chosen = expr.where_vector(aimed, call(parts.draw, *target[:-1], u1, u2), chosen)
+    if with_world:
+        drawn = call(parts.world_draw, u1, u2, u_aim, share)
+        chosen = expr.where_vector(aimed * (index > slots - 0.5) if seen else aimed, drawn, chosen)
+        density = call(parts.world_density, chosen) * light[slots]
+    for k, found in enumerate(seen):
+        density = call(parts.density, *found, chosen, aimed, index, float(k)) + density
+    return chosen, expr.divide(density * share, total), 1 - share
+
+
+def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:
+    """A Group Output beside the first."""
+    made = expr.node("NodeGroupOutput", {}, dict(zip(_OUTPUTS, results)))
+    made.is_active_output = False
+    made[SLOTS_KEY], made[WORLD_KEY] = slots, world
+    targets = [f"{slots} lamp{'s' * (slots > 1)}"] * (slots > 0) + ["the world"] * world
+    made.label = f"Aim at {' and '.join(targets)}"
+
+
+def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(Row, Position, Normal) to what `Aim` holds of a lamp, and about the irradiance that it brings there."""
+
+    def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
+        (centre, kind), (u, power), (v, _), (axis, fourth) = (_texel(lamps, row, k) for k in range(4))
+        aim = aim_at(expr, position, centre, kind, u, v, axis, fourth)
+        return *(getattr(aim, name) for name in _AIM), expected_light(expr, aim, normal, power)
+
+    inputs = {"Row": "float", "Position": "vector", "Normal": "vector"}
+    return node_group("MM Lamp", inputs, _AIM | {"Light": "float"}, build, switched=_SWITCHED)
+
+
+def _draw_group() -> bpy.types.ShaderNodeTree:
+    """(Aim, two random numbers) to a direction."""
+    inputs = _AIM | {"Random 1": "float", "Random 2": "float"}
+    return node_group(
+        "MM Draw Towards Lamp", inputs, {"wi": "vector"}, lambda *a: draw_towards(expr, Aim(*a[:-2]), *a[-2:])
+    )
+
+
+def _density_group() -> bpy.types.ShaderNodeTree:
+    """(Aim, Light, wi, Aimed, Index, Row) to the density of wi, times the lamp's light.
+
+    Index is the row of the lamp that was drawn towards, if Aimed is 1.
+    """
+
+    def build(*values: Any) -> Any:
+        *aim, light, wi, aimed, index, row = values
+        here = aimed * ((index > row - 0.5) * (index < row + 0.5))
+        return density_towards(expr, Aim(*aim), wi, here) * light
+
+    numbers = dict.fromkeys(("Aimed", "Index", "Row"), "float")
+    inputs = _AIM | {"Light": "float", "wi": "vector"} | numbers
+    return node_group("MM Density Towards Lamp", inputs, {"Density": "float"}, build)
+
+
+def _world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(two random numbers, that which has decided to aim, the share of draws to aim) to a direction."""
+
+    def build(u1: Any, u2: Any, u_aim: Any, share: Any) -> Any:
+        at, cell, place = choose_cell(expr, *world.size, u1, u2)
+        alias, acceptance = _world_texel(world, at)
+        # Below the share u_aim is even from 0 to it: it may decide about the alias too.
+        return draw_in_world(expr, *world.size, cell, alias, u_aim < share * acceptance, place)
+
+    inputs = dict.fromkeys(("Random 1", "Random 2", "Random Aim", "Share"), "float")
+    return node_group("MM Draw Towards World", inputs, {"wi": "vector"}, build, switched=_SWITCHED)
+
+
+def _world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """A direction to its density per solid angle."""
+
+    def build(wi: Any) -> Any:
+        u, v = world_coordinates(expr, wi)
+        return expr.components(_world_texel(world, expr.vec(u, v, 0.0))[0])[2]
+
+    return node_group("MM Density Towards World", {"wi": "vector"}, {"Density": "float"}, build, switched=_SWITCHED)
+
+
+def _texel(lamps: bpy.types.Image, row: Any, column: int) -> tuple[Any, Any]:
+    v = 1 - (row + 0.5) * (1 / lamps.size[1])
+    return expr.image_tap(lamps, (column + 0.5) / TEXELS, v, "Closest")
 
 
 def _world_texel(world: bpy.types.Image, at: Any) -> tuple[Any, Any]:
     made = expr.node("ShaderNodeTexImage", {"image": world, "interpolation": "Closest", "extension": "EXTEND"}, {0: at})
     return expr.Vector(made.outputs["Color"]), expr.Scalar(made.outputs["Alpha"])
-
-
-def _same(index: Any, k: int) -> Any:
-    """1 where the whole number `index` is k, else 0."""
-    return (index > k - 0.5) * (index < k + 0.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from typing import Any
 
 import bpy
@@ -14,6 +14,8 @@ from . import expr
 HASH_KEY = "measured_materials_hash"
 # Groups of one family may take each other's place without a change of what they are in.
 FAMILY_KEY = "measured_materials_family"
+# Settings of a group's nodes that the extension switches while it is in use: no part of what the group is known by.
+SWITCHED_KEY = "measured_materials_switched"
 _SOCKETS = {
     "float": "NodeSocketFloat",
     "vector": "NodeSocketVector",
@@ -33,6 +35,8 @@ def node_group(
     outputs: Mapping[str, str],
     function: Callable[..., Any],
     defaults: Mapping[str, Any] | None = None,
+    *,
+    switched: str = "",
 ) -> bpy.types.ShaderNodeTree:
     """A group whose inputs are the function's arguments and whose outputs are its results, in order.
 
@@ -42,6 +46,7 @@ def node_group(
     inputs, outputs : socket name to "float", "vector", "color" or "shader"
     function : takes `expr` values and returns one or a tuple of them
     defaults : of inputs
+    switched : names of the nodes' properties, between blanks, that may change without making it another group
 
     Returns
     -------
@@ -65,6 +70,8 @@ def node_group(
     except BaseException:
         bpy.data.node_groups.remove(tree)
         raise
+    if switched:
+        tree[SWITCHED_KEY] = switched
     digest = content_hash(tree)
     # One of a linked library would be lost with the library.
     for other in (group for group in bpy.data.node_groups if group.library is None):
@@ -98,6 +105,24 @@ def is_measured_tree(tree: Any) -> bool:
     return any(n.bl_idname == "ShaderNodeGroup" and n.node_tree and HASH_KEY in n.node_tree for n in tree.nodes)
 
 
+def active_output(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """The Group Output that counts; a group that can be switched has several."""
+    return next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
+
+
+def nodes_before(node: bpy.types.Node) -> set[bpy.types.Node]:
+    """The node and all in its tree that it depends on."""
+    sources: dict[str, list[bpy.types.Node]] = {}
+    for link in node.id_data.links:
+        sources.setdefault(link.to_node.name, []).append(link.from_node)
+    found, pending = {node}, [node]
+    while pending:
+        new = [source for source in sources.get(pending.pop().name, ()) if source not in found]
+        found.update(new)
+        pending += new
+    return found
+
+
 def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
     """The tree and every group in it, each once."""
     found: dict[bpy.types.NodeTree, None] = {}
@@ -118,7 +143,8 @@ def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
         for i in tree.interface.items_tree
         if i.item_type == "SOCKET"
     ]
-    nodes = [(n.bl_idname, _properties(n), _defaults(n)) for n in tree.nodes]
+    skipped = _SKIPPED.union(tree.get(SWITCHED_KEY, "").split())
+    nodes = [(n.bl_idname, _properties(n, skipped), _defaults(n)) for n in tree.nodes]
     links = sorted(
         (order[k.from_node.name], k.from_socket.identifier, order[k.to_node.name], k.to_socket.identifier)
         for k in tree.links
@@ -127,11 +153,11 @@ def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _properties(node: Any) -> dict[str, Any]:
+def _properties(node: Any, skipped: Set[str]) -> dict[str, Any]:
     return {
         p.identifier: _plain(getattr(node, p.identifier))
         for p in node.bl_rna.properties
-        if p.identifier not in _SKIPPED and not p.identifier.startswith("bl_") and p.type != "COLLECTION"
+        if p.identifier not in skipped and not p.identifier.startswith("bl_") and p.type != "COLLECTION"
     }
 
 

@@ -27,7 +27,7 @@ def lamp_share_group(shares: bpy.types.Image, lamps: bpy.types.Image) -> bpy.typ
         return lamp_probability(shares, lamps, position, incoming, normal, wo, usual)
 
     inputs = {"wo": "vector", "Normal": "vector", "Usual": "float"}
-    return node_group("MM Mirror Probability", inputs, {"Probability": "float"}, build)
+    return node_group("MM Mirror Probability", inputs, {"Probability": "float"}, build, switched="extension")
 
 
 def lamp_probability(

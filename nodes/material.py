@@ -344,14 +344,15 @@ def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:
     """Remove a group that nothing uses, and with it the groups and textures that only it used."""
-    if group.users:
-        return
-    inner = {n.node_tree for n in group.nodes if n.bl_idname == "ShaderNodeGroup" and n.node_tree}
-    images = {n.image for n in group.nodes if n.bl_idname == "ShaderNodeTexImage" and n.image}
-    bpy.data.node_groups.remove(group)
-    for child in inner:
-        remove_unused(child)
-    for image in images:
+    pending, images = {group.session_uid: group}, {}
+    while pending:
+        _, tree = pending.popitem()
+        if tree.users:
+            continue  # if by a group that goes too, that one leads here again
+        pending |= {t.session_uid: t for n in tree.nodes if (t := getattr(n, "node_tree", None))}
+        images |= {i.session_uid: i for n in tree.nodes if (i := getattr(n, "image", None))}
+        bpy.data.node_groups.remove(tree)
+    for image in images.values():
         if not image.users:
             bpy.data.images.remove(image)
 

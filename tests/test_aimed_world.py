@@ -30,6 +30,7 @@ from measured_materials.nodes.group import call
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.cards import card, data_image
 from support.monte_carlo import assert_agree, compare
+from support.node_count import count_nodes
 from support.scenes import TestScene, diffuse_material, lit_sphere
 from support.swatches import identity_map, map_bundle
 from test_aimed_light import add_lamp
@@ -202,7 +203,7 @@ def test_worlds_that_nothing_stands_out_of_are_not_aimed_at(tmp_path: Path) -> N
     """Neither an even sky nor a smooth one costs a node; sky is all that is left to the material's own sampler."""
     with lit_sphere(diffuse_material(0.5), 16, lamp=False) as scene:
         scene.show(mirror_only(tmp_path))
-        nodes = len(aim_group().nodes)
+        nodes = count_nodes(aim_group())
         for radiance, reason in ((np.full((16, 32, 3), 0.5), "even"), (gradient(32), "nearly even")):
             show_world(scene, radiance, 2.0)
             report = update_scene(scene.scene)
@@ -214,14 +215,14 @@ def test_worlds_that_nothing_stands_out_of_are_not_aimed_at(tmp_path: Path) -> N
         plain.nodes["Background"].inputs["Color"].default_value = (0.3, 0.3, 0.3, 1)
         report = update_scene(scene.scene)
         assert report.world.why_not == "the world is even" and report.sky == pytest.approx(0.6 * math.pi, rel=1e-3)
-        assert len(aim_group().nodes) == nodes and world_light.IMAGE not in bpy.data.images
+        assert count_nodes(aim_group()) == nodes
         show_world(scene, spot(64, ABOVE, 4, 3.0))
         words = update_scene(scene.scene).words()[0]
         assert "Aims at the world" in words and "%" in words
-        assert nodes + 40 < len(aim_group().nodes) < nodes + 60
+        assert nodes + 40 < count_nodes(aim_group()) < nodes + 60
         scene.scene.world.cycles_visibility.glossy = False
         assert "hidden from glossy" in update_scene(scene.scene).world.why_not
-        assert len(aim_group().nodes) == nodes
+        assert count_nodes(aim_group()) == nodes
         scene.scene.world = None
         assert survey(scene.scene.view_layers[0].depsgraph).sky == 0
 

@@ -138,7 +138,7 @@ def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Mate
     quality.mode = "reference"
     assert not quality.problem
     reference = images_in(material.node_tree)
-    assert {name.split()[-1] for name in reference} == {"table", "sampler", "weights", "Lamps"}
+    assert {name.split()[-1] for name in reference} == {"table", "sampler", "weights", "Lamps", "World"}
     quality.mode = "preview"
     assert images_in(material.node_tree) == images_of_preview(exact)
     quality.mode = "balanced"

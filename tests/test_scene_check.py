@@ -17,6 +17,8 @@ from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.addon.scene_check import check_scene, measured_names, mend, mend_scene
 from measured_materials.addon.scene_check_subject import NOTE, SLOW, WRONG, Finding
 from measured_materials.bake.bundle import Bundle
+from measured_materials.nodes.aimed_light_group import SLOTS_KEY
+from measured_materials.nodes.group import HASH_KEY, SWITCHED_KEY, content_hash
 from measured_materials.nodes.material import build_material
 from support.scene_check_cases import (
     CASES,
@@ -219,11 +221,16 @@ def test_linked_materials_are_told_and_left_alone(bundle: Bundle, tmp_path: Path
         assert not mend_scene(scene.scene)
 
 
-def test_linked_groups_with_too_few_slots_are_told_and_left_alone(bundle: Bundle, tmp_path: Path) -> None:
-    """Built under one lamp there, used under two here; what can be mended, the table, is."""
+@pytest.mark.parametrize("has_room", [True, False])
+def test_linked_groups_with_too_few_slots(bundle: Bundle, tmp_path: Path, has_room: bool) -> None:
+    """Built under one lamp there, used under two here: a group with room follows, one of versions before is told of."""
     library = tmp_path / "library.blend"
     with lit_sphere(build_material(bundle, lamps=lamp_image()), 16) as scene:
         update_scene(scene.scene)
+        for tree in bpy.data.node_groups if not has_room else ():
+            if SLOTS_KEY in tree:
+                del tree[SWITCHED_KEY]
+                tree[HASH_KEY] = content_hash(tree)
         bpy.data.libraries.write(str(library), {material_of(scene)})
     clear_blend()
     with bpy.data.libraries.load(str(library), link=True) as (source, target):
@@ -232,6 +239,10 @@ def test_linked_groups_with_too_few_slots_are_told_and_left_alone(bundle: Bundle
         scene.sphere.shadow_terminator_geometry_offset = 0
         another_lamp("POINT", energy=9, shadow_soft_size=0.1)(scene)
         found = rules(scene)
+        if has_room:
+            assert not found  # the handlers have seen to it
+            assert {tree[SLOTS_KEY] for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users} == {2}
+            return
         assert set(found) == {"linked_slots"} and found["linked_slots"].mend is None
         assert "made local" in found["linked_slots"].wanted
         lamp_of(scene).location.x += 1

@@ -33,11 +33,12 @@ from measured_materials.bake.shading.map_facts import render_of
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import MetallicPaint, by_name
 from measured_materials.bake.storage import Storage
-from measured_materials.nodes.aimed_light_group import MAX_SLOTS
+from measured_materials.nodes.aimed_light_group import MAX_SLOTS, aim_by, aimed_light_group
 from measured_materials.nodes.shading_map_material import build_shading_map
 from rich.console import Console
 from rich.table import Table
 from scipy import stats
+from support.node_count import count_nodes
 
 EDGE, SAMPLES, SEEDS = 64, 64, 8
 
@@ -170,11 +171,10 @@ def _holding(scene: bpy.types.Scene, material: bpy.types.Material, *, everything
     slots = next(obj for obj in scene.objects if obj.name.startswith("sphere")).data.materials
     slots.clear()
     slots.append(material)
-    report = lamps.update_scene(scene)
+    lamps.update_scene(scene)
     before = lamps.keep_current
     if everything:
-        image = lamps.lamp_image()
-        lamps._set_slots(image, MAX_SLOTS, lamps.world_light.world_image(report.world))
+        aim_by(aimed_light_group(lamps.lamp_image()), MAX_SLOTS, world=True)
         # Rendering would bring the graph back in line with the scene.
         lamps.keep_current = lambda scene: None
     try:
@@ -189,15 +189,6 @@ def _render(scene: bpy.types.Scene, samples: int, seed: int) -> tuple[Array, flo
     began = time.process_time()
     pixels = render_linear(scene)
     return pixels, time.process_time() - began
-
-
-def count_nodes(tree: bpy.types.NodeTree) -> int:
-    """Nodes that Cycles meets behind the surface, those of groups each time they are used."""
-    return sum(
-        count_nodes(node.node_tree) if node.bl_idname == "ShaderNodeGroup" and node.node_tree else 1
-        for node in tree.nodes
-        if node.bl_idname not in ("NodeGroupInput", "NodeGroupOutput")
-    )
 
 
 def _compare(a: list[Array], b: list[Array]) -> tuple[float, float]:

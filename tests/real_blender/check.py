@@ -6,7 +6,6 @@ Compared are the bake's measured error, which does not depend on chance, and the
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -14,13 +13,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import bpy
+from application import HERE, Blender
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-TOOL = Path(bpy.utils.resource_path("LOCAL")) / "scripts/addons_core/bl_pkg/cli/blender_ext.py"
 BAKE = ["bake", "brdf", "lacquer.binary", "cut.binary", "--resolution", "32", "--out", "out", "--json"]
 # Four dimensions, and codes that the shader decodes.
 BRUSHED = ["bake", "brdf", "--analytic", "ggx", "alpha=0.1", "alpha_y=0.4", "--storage", "log", "--resolution", "24"]
@@ -31,35 +27,6 @@ SAME_ERROR = 1e-4
 # 64 x 64 pixels of 64 samples: means of 4.3, 4.5 and 5.2 lay within 1.5 % of each other; a lost lamp, a black
 # material or another table shows as tens of per cent.
 SAME_LIGHT = 0.04
-
-
-class Blender:
-    """The program under test, run in the folder `share` with a home of its own there."""
-
-    def __init__(self, place: Path, share: Path) -> None:
-        self.share = share
-        (share / "home").mkdir()
-        if place.is_dir():
-            self.command = [str(HERE / "enter.sh"), str(place), str(share)]
-            self.command += ["bash", "-c", 'cd /share && exec blender "$@"', "blender"]
-            self.variables = dict(os.environ)
-        else:
-            self.command = [str(place.resolve())]
-            self.variables = {**os.environ, "BLENDER_USER_RESOURCES": str(share / "home")}
-
-    def run(self, *arguments: str, expect: int = 0) -> str:
-        """Its output, after checking the exit code and that no traceback was printed."""
-        done = subprocess.run(
-            [*self.command, "--quiet", "--background", *arguments],
-            cwd=self.share,
-            env=self.variables,
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
-        if done.returncode != expect or "Traceback" in done.stderr:
-            sys.exit(f"check: {' '.join(arguments[:3])} gave {done.returncode}\n{done.stdout}\n{done.stderr}")
-        return done.stdout
 
 
 def in_wheel(share: Path, arguments: list[str], expect: int = 0) -> dict[str, Any]:
@@ -117,17 +84,11 @@ def main(place: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         share = Path(folder)
         share.chmod(0o755)
-        subprocess.run(
-            [sys.executable, TOOL, "build", "--source-dir", ROOT, "--output-filepath", share / "built.zip"],
-            check=True,
-            stdout=subprocess.DEVNULL,
-        )
         write_merl(share / "lacquer.binary", by_name("ggx", alpha=0.2, f0=(0.5, 0.3, 0.2), diffuse=0.2))
         (share / "cut.binary").write_bytes((share / "lacquer.binary").read_bytes()[:-8])
         shutil.copy(HERE / "inside.py", share)
         blender = Blender(place, share)
-        blender.run("--command", "extension", "install-file", "-r", "user_default", "--enable", "built.zip")
-        check("install", True, blender.run("--version").splitlines()[0])
+        check("install", True, blender.install())
         compare_bakes(blender, share)
         compare_renders(blender, share, "lacquer")
         compare_renders(blender, share, "lacquer", "--mode", "reference")

@@ -13,16 +13,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-import numpy as np
 from measured_materials.addon import studio
-from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.world_light import PROBE
 from measured_materials.nodes import compat, expr
-from measured_materials.nodes.aimed_light_group import MAX_SLOTS, NAME, SLOTS_KEY, WORLD_KEY, aimed_light_group
+from measured_materials.nodes.aimed_light_group import MAX_SLOTS, aim_by, can_switch
 from measured_materials.nodes.feature_passes import store_feature_passes
 from measured_materials.nodes.group import call, node_group
-
-from support.cards import data_image
 
 CLOSURES = 64
 _VECTORS = 84  # of three floats: nearly the whole stack
@@ -51,13 +47,8 @@ def closures_in(material: bpy.types.Material) -> int:
 
 def aim_at_everything() -> None:
     """Let all materials aim at as many lamps as are ever aimed at, and at a world; the tables' content is no matter."""
-    groups = [t for t in bpy.data.node_groups if t.name.startswith(NAME)]
-    full = next((t for t in groups if t[SLOTS_KEY] == MAX_SLOTS and t[WORLD_KEY]), None)
-    full = full or aimed_light_group(lamp_image(), MAX_SLOTS, data_image("world", np.ones((4, 8, 3), np.float32)))
-    for tree in bpy.data.node_groups:
-        for node in tree.nodes:
-            if node.bl_idname == "ShaderNodeGroup" and node.node_tree in groups:
-                node.node_tree = full
+    for group in filter(can_switch, bpy.data.node_groups):
+        aim_by(group, MAX_SLOTS, world=True)
 
 
 @contextmanager

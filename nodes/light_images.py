@@ -1,0 +1,29 @@
+"""Images by which mirrors aim: tables of numbers that live in the .blend."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..bake.world_sampling import COLUMNS, ROWS
+
+WORLD = "MM World"
+
+
+def new_table(name: str, columns: int, rows: int) -> bpy.types.Image:
+    """An image of zeros whose numbers reach the shader as they are, RGBA in float32."""
+    image = bpy.data.images.new(name, columns, rows, float_buffer=True, is_data=True, alpha=True)
+    image.name = name
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.use_half_precision = False
+    return image
+
+
+def world_tables() -> list[bpy.types.Image]:
+    """The file's table of the world, and those that came along with linked and appended materials."""
+    return [i for i in bpy.data.images if i.name.startswith(WORLD) and tuple(i.size) == (COLUMNS, ROWS)]
+
+
+def world_table() -> bpy.types.Image:
+    """The file's own; made, of zeros, where there is none."""
+    image = bpy.data.images.get((WORLD, None))
+    return image if image in world_tables() else new_table(WORLD, COLUMNS, ROWS)

@@ -1,0 +1,76 @@
+"""A real Blender with the extension, built as users get it and installed in a home of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+TOOL = Path(bpy.utils.resource_path("LOCAL")) / "scripts/addons_core/bl_pkg/cli/blender_ext.py"
+_HEADLESS = 'cd "$0" && exec "$@"'
+# A window that nobody sees, drawn by software. The X server chooses a display that is free.
+_WINDOW = """
+cd "$0"
+chosen=$(mktemp)
+Xvfb -displayfd 4 -screen 0 960x640x24 +extension GLX +render -noreset -nolisten tcp 4>"$chosen" >/dev/null 2>&1 &
+server=$!
+trap 'kill $server; rm -f "$chosen"' EXIT
+for _ in $(seq 100); do [ -s "$chosen" ] && break; sleep 0.1; done
+export DISPLAY=":$(cat "$chosen")" LIBGL_ALWAYS_SOFTWARE=1 GALLIUM_DRIVER=llvmpipe
+"$@"
+"""
+
+
+class Blender:
+    """The program under test, run in the folder `share` with a home of its own there.
+
+    Parameters
+    ----------
+    place : the program, or a folder with a whole Linux system and Blender in it
+    """
+
+    def __init__(self, place: Path, share: Path) -> None:
+        self.share = share
+        (share / "home").mkdir()
+        if place.is_dir():
+            self.enter = [str(HERE / "enter.sh"), str(place), str(share)]
+            self.program, self.inside = "blender", "/share"
+            self.variables = dict(os.environ)
+        else:
+            self.enter, self.program, self.inside = [], str(place.resolve()), str(share)
+            self.variables = {**os.environ, "BLENDER_USER_RESOURCES": str(share / "home")}
+
+    def install(self) -> str:
+        """Build the extension and enable it; returns Blender's name and version."""
+        subprocess.run(
+            [sys.executable, TOOL, "build", "--source-dir", ROOT, "--output-filepath", self.share / "built.zip"],
+            check=True,
+            stdout=subprocess.DEVNULL,
+        )
+        self.run("--command", "extension", "install-file", "-r", "user_default", "--enable", "built.zip")
+        return self.run("--version").splitlines()[0]
+
+    def run(self, *arguments: str, expect: int = 0) -> str:
+        """Its output without a window, after checking the exit code and that no traceback was printed."""
+        done = self._call(_HEADLESS, ["--quiet", "--background", *arguments], 300)
+        if done.returncode != expect or "Traceback" in done.stderr:
+            sys.exit(f"check: {' '.join(arguments[:3])} gave {done.returncode}\n{done.stdout}\n{done.stderr}")
+        return done.stdout
+
+    def window(self, *arguments: str, timeout: float) -> subprocess.CompletedProcess[str]:
+        """Run it in a window until it quits by itself, with whatever exit code; 124 where it did not in time."""
+        try:
+            return self._call(_WINDOW, ["-p", "0", "0", "960", "640", *arguments], timeout)
+        except subprocess.TimeoutExpired as error:
+            return subprocess.CompletedProcess(error.cmd, 124, "", "")
+
+    def _call(self, script: str, arguments: list[str], timeout: float) -> subprocess.CompletedProcess[str]:
+        command = [*self.enter, "bash", "-c", script, self.inside, self.program, *arguments]
+        return subprocess.run(
+            command, cwd=self.share, env=self.variables, capture_output=True, text=True, timeout=timeout
+        )

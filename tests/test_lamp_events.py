@@ -1,0 +1,340 @@
+"""Each event of Blender with each kind of edit: the tables are those of a scene that was just opened.
+
+And handlers, which Blender calls after it has closed its undo step, make, remove and link no datablock: one that they
+did such a thing to was a crash at the next undo (4.3, 5.2; `./run test --ui` edits in a real window).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.addon import lamps
+from measured_materials.addon.lamps import lamp_image, survey, table_of
+from measured_materials.bake.image_io import write_image
+from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.storage import Storage
+from measured_materials.nodes import compat
+from measured_materials.nodes.aimed_light_group import (
+    MAX_SLOTS,
+    SLOTS_KEY,
+    WORLD_KEY,
+    aim_by,
+    aimed_light_group,
+    can_switch,
+)
+from measured_materials.nodes.group import (
+    FAMILY_KEY,
+    HASH_KEY,
+    SWITCHED_KEY,
+    active_output,
+    content_hash,
+    nodes_before,
+)
+from measured_materials.nodes.shading_map_material import build_shading_map
+from support.swatches import identity_map, map_bundle
+
+KINDS = ("POINT", "SUN", "SPOT", "AREA")
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[bpy.types.Scene]:
+    """In the window, because only what it shows is undone: a ball of mirrors, and a lamp."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    compat.ensure_cycles()
+    mesh = bpy.data.meshes.new("ball")
+    mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [], [(0, 1, 2)])
+    ball = bpy.data.objects.new("ball", mesh)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.collection.objects.link(ball)
+    bundle = map_bundle(tmp_path / "grey", identity_map(), RenderSettings(sigma=0.5, mode="reference"))
+    mesh.materials.append(build_shading_map(bundle, lamps=lamp_image()))
+    add(scene, "POINT", (0, -1, 3))
+    sky = np.full((16, 32, 3), 0.1, np.float32)
+    sky[3, 7] = 900
+    write_image(tmp_path / "spot.exr", sky, Storage.FLOAT32)
+    scene["sky"] = str(tmp_path / "spot.exr")
+    lamps.register()
+    scene.view_layers[0].update()
+    bpy.ops.ed.undo_push(message="Start")
+    yield scene
+    lamps.unregister()
+    bpy.ops.wm.read_factory_settings(use_empty=False)
+
+
+def add(scene: bpy.types.Scene, kind: str, place: tuple[float, float, float], energy: float = 100) -> Any:
+    data = bpy.data.lights.new(kind, kind)
+    data.energy = energy
+    if kind == "SUN":
+        data.angle = 0.1
+    elif kind == "AREA":
+        data.size = 0.3
+    else:
+        data.shadow_soft_size = 0.1
+    obj = bpy.data.objects.new(kind, data)
+    obj.location = place
+    scene.collection.objects.link(obj)
+    return obj
+
+
+def lamp(scene: bpy.types.Scene) -> Any:
+    return next(obj for obj in scene.collection.objects if obj.type == "LIGHT")
+
+
+def four_more(scene: bpy.types.Scene) -> None:
+    for k, kind in enumerate(KINDS):
+        add(scene, kind, (k - 1.5, 1, 3))
+
+
+def parent(scene: bpy.types.Scene) -> None:
+    empty = bpy.data.objects.new("empty", None)
+    empty.location, empty.scale = (1, 2, 0), (2, 2, 2)
+    scene.collection.objects.link(empty)
+    lamp(scene).parent = empty
+
+
+def hide_collection(scene: bpy.types.Scene) -> None:
+    collection, hidden = bpy.data.collections.new("more"), lamp(scene)
+    scene.collection.children.link(collection)
+    collection.objects.link(hidden)
+    scene.collection.objects.unlink(hidden)
+    scene.view_layers[0].layer_collection.children["more"].exclude = True
+
+
+def instances(scene: bpy.types.Scene) -> None:
+    collection = bpy.data.collections.new("lit")
+    collection.objects.link(add(scene, "POINT", (0, 0, 1)))
+    empty = bpy.data.objects.new("instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection
+    empty.location = (2, 0, 0)
+    scene.collection.objects.link(empty)
+
+
+def spot_world(scene: bpy.types.Scene) -> None:
+    world, background = compat.new_world("spot")
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(scene["sky"])
+    world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    scene.world = world
+
+
+def grey_world(scene: bpy.types.Scene) -> None:
+    world, background = compat.new_world("grey")
+    background.inputs["Strength"].default_value = 0.4
+    scene.world = world
+
+
+EDITS: dict[str, Callable[[bpy.types.Scene], object]] = {
+    **{f"add {kind.lower()}": lambda s, kind=kind: add(s, kind, (1, -1, 2)) for kind in KINDS},
+    "add four": four_more,
+    "move": lambda s: setattr(lamp(s), "location", (2, 1, 2)),
+    "scale": lambda s: setattr(lamp(s), "scale", (2, 2, 2)),
+    "parent": parent,
+    "delete": lambda s: bpy.data.objects.remove(lamp(s)),
+    "dim": lambda s: setattr(lamp(s).data, "energy", 0.0),
+    "brighten": lambda s: setattr(lamp(s).data, "energy", 500.0),
+    "colour": lambda s: setattr(lamp(s).data, "color", (1, 0.2, 0.2)),
+    "another type": lambda s: setattr(lamp(s).data, "type", "AREA"),
+    "hide": lambda s: setattr(lamp(s), "hide_viewport", True),
+    "hide from glossy rays": lambda s: setattr(lamp(s), "visible_glossy", False),
+    "hide its collection": hide_collection,
+    "instance": instances,
+    "grey world": grey_world,
+    "spotted world": spot_world,
+    "no world": lambda s: setattr(s, "world", None),
+}
+
+
+# --- events: each lets Blender call the handlers -----------------------------------------------------------
+
+
+def evaluated(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], _: Path) -> bpy.types.Scene:
+    edit(scene)
+    untouched(lambda: scene.view_layers[0].update())
+    return scene
+
+
+def undone(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], folder: Path) -> bpy.types.Scene:
+    before = written()
+    bpy.ops.ed.undo_push(message="Before")
+    evaluated(scene, edit, folder)
+    bpy.ops.ed.undo_push(message="Edit")
+    bpy.ops.ed.undo()
+    scene = bpy.context.scene
+    scene.view_layers[0].update()
+    assert np.array_equal(written(), before)
+    return scene
+
+
+def redone(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], folder: Path) -> bpy.types.Scene:
+    evaluated(scene, edit, folder)
+    after = written()
+    bpy.ops.ed.undo_push(message="Edit")
+    bpy.ops.ed.undo()
+    bpy.context.scene.view_layers[0].update()
+    bpy.ops.ed.redo()
+    scene = bpy.context.scene
+    scene.view_layers[0].update()
+    assert np.array_equal(written(), after)
+    return scene
+
+
+def loaded(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], folder: Path) -> bpy.types.Scene:
+    """A file that was saved by a Blender without the extension."""
+    lamps.unregister()
+    edit(scene)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "edited.blend"))
+    finally:
+        lamps.register()
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "edited.blend"))
+    return bpy.context.scene
+
+
+def framed(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], _: Path) -> bpy.types.Scene:
+    edit(scene)
+    scene.frame_set(2)
+    scene.view_layers[0].update()
+    return scene
+
+
+def rendered(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], _: Path) -> bpy.types.Scene:
+    """What the table holds when the render is done: lamps that the render shows, and groups for them."""
+    edit(scene)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, scene.cycles.samples = camera, 1
+    scene.render.resolution_x = scene.render.resolution_y = 4
+    bpy.ops.render.render()
+    return scene
+
+
+EVENTS = {f.__name__: f for f in (evaluated, undone, redone, loaded, framed, rendered)}
+# What every event is tried with; the handler looks at the edit itself only after an evaluation.
+SOME = ("add point", "dim", "another type", "spotted world", "instance", "hide", "delete", "add four")
+
+
+def written() -> np.ndarray:
+    """The file's table of lamps, row 0 first."""
+    image = lamp_image()
+    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(image.size[1], image.size[0], 4)[::-1]
+
+
+def untouched(action: Callable[[], object]) -> None:
+    """The action makes, removes and links no datablock."""
+    before = datablocks()
+    action()
+    assert datablocks() == before
+
+
+def datablocks() -> dict[tuple[str, int], list[Any]]:
+    """All of the kinds that materials are made of, each with those that its nodes refer to."""
+    found: dict[tuple[str, int], list[Any]] = {}
+    for name in ("materials", "node_groups", "images", "worlds", "lights", "objects", "scenes", "texts"):
+        for block in getattr(bpy.data, name):
+            tree = block if name == "node_groups" else getattr(block, "node_tree", None)
+            nodes = tree.nodes if tree else ()
+            refers = [getattr(n, kind, None) for n in nodes for kind in ("node_tree", "image")]
+            found[name, block.session_uid] = [other and (other.name, other.session_uid) for other in refers]
+    return found
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_after_each_event_the_tables_are_those_of_a_fresh_start(
+    scene: bpy.types.Scene, tmp_path: Path, event: str
+) -> None:
+    for name in EDITS if event == "evaluated" else SOME:
+        if not any(obj.type == "LIGHT" for obj in scene.collection.objects):
+            add(scene, "POINT", (0, -1, 3))
+        scene = EVENTS[event](scene, EDITS[name], tmp_path)
+        report = survey(scene.view_layers[0].depsgraph, for_render=event == "rendered")
+        assert np.array_equal(written(), table_of(report)), name
+        groups = [tree for tree in bpy.data.node_groups if can_switch(tree)]
+        assert groups, name
+        for group in groups:
+            assert (group[SLOTS_KEY], group[WORLD_KEY]) == (report.slots, report.world.aimed), name
+            chosen = active_output(group)
+            assert (chosen[SLOTS_KEY], chosen[WORLD_KEY]) == (report.slots, report.world.aimed), name
+        if report.world.aimed:
+            assert np.array(bpy.data.images["MM World"].pixels[:]).any(), name
+
+
+def test_undo_of_a_lamp_and_redo_keep_every_datablock(scene: bpy.types.Scene) -> None:
+    """The edit that crashed: the group of one lamp had gone when undo asked for it."""
+    known = {key for key in datablocks() if key[0] == "node_groups"}
+    for _ in range(3):
+        add(scene, "AREA", (1, 1, 2))
+        bpy.ops.ed.undo_push(message="Add Light")
+        untouched(lambda: bpy.context.scene.view_layers[0].update())
+        for step in (bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.undo):
+            step()
+            scene = bpy.context.scene
+            untouched(lambda: bpy.context.scene.view_layers[0].update())
+            assert {key for key in datablocks() if key[0] == "node_groups"} == known
+
+
+# --- the group ---------------------------------------------------------------------------------------------
+
+
+def test_one_group_has_room_and_is_known_however_it_is_switched(scene: bpy.types.Scene) -> None:
+    group = aimed_light_group(lamp_image())
+    for slots in range(MAX_SLOTS + 1):
+        for world in (False, True):
+            aim_by(group, slots, world)
+            assert content_hash(group) == group[HASH_KEY] and aimed_light_group(lamp_image()) == group
+            needed = nodes_before(active_output(group))
+            assert all(node.mute == (node not in needed) for node in group.nodes if hasattr(node, "node_tree"))
+    group.nodes[next(n.name for n in group.nodes if n.bl_idname == "ShaderNodeMath")].operation = "WRAP"
+    assert aimed_light_group(lamp_image()) != group  # an artist's now
+
+
+def old_group() -> bpy.types.ShaderNodeTree:
+    """As versions before made it: without room, known by its slots."""
+    group = aimed_light_group(lamp_image()).copy()
+    for node in [n for n in group.nodes if n.bl_idname == "NodeGroupOutput" and not n.is_active_output]:
+        group.nodes.remove(node)
+    del group[SWITCHED_KEY]
+    group[FAMILY_KEY] = f"MM Aim by {lamp_image().name_full}"
+    group[HASH_KEY] = content_hash(group)
+    return group
+
+
+def exchange_all(old: bpy.types.ShaderNodeTree) -> int:
+    """Put it in the place of every group that aims."""
+    nodes = [n for t in bpy.data.node_groups for n in t.nodes if can_switch(getattr(n, "node_tree", None) or {})]
+    for node in nodes:
+        node.node_tree = old
+    return len(nodes)
+
+
+def test_files_of_versions_before_get_room_when_they_are_opened(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    assert exchange_all(old_group()) == 1
+    add(scene, "POINT", (1, 1, 3))
+    untouched(lambda: scene.view_layers[0].update())
+    lamps.unregister()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"))
+    lamps.register()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
+    aiming = [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users]
+    assert aiming and all(can_switch(tree) and tree[SLOTS_KEY] == 2 for tree in aiming)
+
+
+def test_materials_of_versions_before_get_room_when_they_are_appended(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    exchange_all(old_group())
+    bpy.data.materials[0].use_fake_user = True
+    name = bpy.data.materials[0].name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"), copy=True)
+    lamps.unregister()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    lamps.register()
+    folder = str(tmp_path / "old.blend" / "Material")
+    bpy.ops.wm.append(filepath=str(Path(folder, name)), directory=folder, filename=name)
+    aiming = [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users]
+    assert aiming and all(map(can_switch, aiming))
