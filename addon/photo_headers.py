@@ -22,7 +22,7 @@ _MOST_TAGS = 4096
 # Size in bytes and struct code of the TIFF types that matter here.
 _TYPES = {1: (1, "B"), 3: (2, "H"), 4: (4, "I"), 5: (8, "II"), 13: (4, "I")}
 _WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES, _FORMAT, _EXIF = 256, 257, 258, 274, 277, 339, 0x8769
-_SECONDS, _F_NUMBER, _ISO, _WHITE_BALANCE, _COLOR_SPACE = 0x829A, 0x829D, 0x8827, 0xA403, 0xA001
+_SECONDS, _F_NUMBER, _ISO, _WHITE_BALANCE = 0x829A, 0x829D, 0x8827, 0xA403
 _FLOAT = 3  # of _FORMAT
 
 
@@ -61,23 +61,16 @@ def _png(stream: BinaryIO) -> Header:
         start = stream.tell()
         if kind == b"IHDR":
             width, height, bits, color = _read(stream, ">IIBB")
-            info = PhotoInfo("png", width, height, _PNG_CHANNELS[color], color_space="sRGB")
+            info = PhotoInfo("png", width, height, _PNG_CHANNELS[color])
         elif info is None:
             raise ValueError("no header")
-        elif kind == b"gAMA":
-            (gamma,) = _read(stream, ">I")
-            info = replace(info, color_space=f"gamma{1e5 / gamma:.4g}") if gamma else info
-        elif kind == b"sRGB":
-            info = replace(info, color_space="sRGB")
-        elif kind == b"iCCP":
-            info = replace(info, profile=stream.read(min(length, 80)).split(b"\0")[0].decode("latin-1"))
         elif kind == b"IEND":
             return Header(info, max(bits, 8))
         stream.seek(start + length + 4)
 
 
 def _jpeg(stream: BinaryIO) -> Header:
-    info = PhotoInfo("jpeg", 0, 0, color_space="sRGB")
+    info = PhotoInfo("jpeg", 0, 0)
     stream.seek(2)
     while True:
         marker, kind = _read(stream, "BB")
@@ -152,7 +145,7 @@ def _tiff_header(tiff: _Tiff) -> Header:
     width, height = int(tiff.tags[_WIDTH][0]), int(tiff.tags[_HEIGHT][0])
     channels, bits = int(tiff.number(_SAMPLES, 1) or 1), int(tiff.number(_BITS, 1) or 1)
     is_float = tiff.number(_FORMAT) == _FLOAT
-    info = PhotoInfo("tiff", width, height, channels, is_float, "sRGB" if tiff.number(_COLOR_SPACE) == 1 else "")
+    info = PhotoInfo("tiff", width, height, channels, is_float)
     return Header(_noted(info, tiff), bits)
 
 

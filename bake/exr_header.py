@@ -70,15 +70,18 @@ class _Unsuitable(Exception):
     pass
 
 
-def header_attributes(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
-    """Name to (type, value) of a header, and where the file goes on; raises what struct and bytes do on damage."""
+def header_attributes(data: bytes, any_kind: bool = False) -> tuple[dict[str, tuple[str, bytes]], int]:
+    """Name to (type, value) of a header, and where the file goes on; raises what struct and bytes do on damage.
+
+    With `any_kind` tiled and deep images too, and the first header of several parts.
+    """
     if data[:4] != _MAGIC:
         raise ValueError
     (version,) = struct.unpack_from("<I", data, 4)
     if version & 0xFF != 2:
         raise _Unsuitable(f"has OpenEXR version {version & 0xFF}, not 2")
     for flag, what in _FLAGS.items():
-        if version & flag:
+        if version & flag and not any_kind:
             raise _Unsuitable(what)
     found: dict[str, tuple[str, bytes]] = {}
     position = 8
@@ -114,6 +117,16 @@ def _judge(attributes: dict[str, tuple[str, bytes]]) -> tuple[ExrHeader, int]:
         raise _Unsuitable("has integer channels or channels of different types")
     strings = {name: value.decode("utf-8", "replace") for name, (kind, value) in attributes.items() if kind == "string"}
     return ExrHeader(width, height, ordered, kinds == {1}, strings), compression
+
+
+def channel_names(data: bytes) -> list[str]:
+    """Names in a channel list, whatever their types; raises as `header_attributes`."""
+    names, position = [], 0
+    while data[position]:
+        name, position = _name(data, position)
+        names.append(name)
+        position += 16
+    return names
 
 
 def _channels(data: bytes) -> tuple[list[str], set[int]]:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ..errors import BakeError
 from .calibration import flat_gain
 from .development import Development
+from .encoding import choose_encoding
 from .folder import find_photographs
 from .frame import Placement
 from .light_entry import name_key
 from .photograph import Decoder, read_photograph
-from .response import choose_response
 from .settings import Rectangle
 
 Gain = NDArray[np.float32]
@@ -47,8 +47,8 @@ class FlatField:
             return self._cached
         file = self._source if self._by_stem is None else self._of(names)
         photo = read_photograph(file, self._decoder)
-        response, _ = choose_response(photo.info, self._rule)
-        view = Development([file], [photo], [response], [1.0], self._turn)
+        encoding = choose_encoding(file, photo.info, self._rule)
+        view = Development([file], [photo], [encoding], [1.0], self._turn)
         if view.size != self._size:
             cause = f"is {view.size[0]} x {view.size[1]}, the photographs are {self._size[0]} x {self._size[1]}"
             raise BakeError(file, cause, "photograph the board with the same camera, uncropped")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import stat
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..image_io import load_openimageio, read_header, read_image
+from ..image_io import load_openimageio, read_header, read_image, same_exr_reader
+from .color_marks import NOTHING, ColorMarks, read_color_marks
 
 MAX_PIXELS = 120_000_000
 """Of one photograph; a header that declares more is refused before memory is taken."""
@@ -40,7 +41,7 @@ class Exposure:
 
 @dataclass(frozen=True)
 class PhotoInfo:
-    """Header of a photograph; `channels` counts those of the file, `color_space` and `profile` are "" where unknown.
+    """Header of a photograph; `channels` counts those of the file, `color` is what it says of its colours.
 
     `orientation` is the Exif one, 1 to 8. `automatic_white` tells that the camera chose the white balance itself.
     """
@@ -50,8 +51,7 @@ class PhotoInfo:
     height: int
     channels: int = 3
     is_float: bool = False
-    color_space: str = ""
-    profile: str = ""
+    color: ColorMarks = NOTHING
     exposure: Exposure = Exposure()
     orientation: int = 1
     automatic_white: bool = False
@@ -79,6 +79,15 @@ def read_photograph(path: Path, decoder: Decoder | None = None) -> Photograph:
 
 
 def _read(path: Path, decoder: Decoder | None, pixels: bool) -> Photograph:
+    photo = _opened(path, decoder, pixels)
+    try:
+        color = read_color_marks(path)
+    except OSError as error:
+        raise BakeError(path, f"cannot be read ({error.strerror or error})", "try again") from error
+    return replace(photo, info=replace(photo.info, color=color))
+
+
+def _opened(path: Path, decoder: Decoder | None, pixels: bool) -> Photograph:
     head = _head(path)
     try:
         if head.startswith(b"#?"):  # OpenImageIO does not divide the EXPOSURE of an .hdr out
@@ -119,7 +128,7 @@ def _check_size(path: Path, width: int, height: int, channels: int) -> None:
 def _plain(path: Path, kind: str, pixels: bool) -> Photograph:
     header = read_header(path, MAX_PIXELS * 16)
     _check_size(path, header.width, header.height, header.channels)
-    info = PhotoInfo(kind, header.width, header.height, header.channels, is_float=True, color_space="linear")
+    info = PhotoInfo(kind, header.width, header.height, header.channels, is_float=True)
     if not pixels:
         return Photograph(info, np.zeros((0, 0, 3), np.float32))
     values = read_image(path, MAX_PIXELS * 16)
@@ -144,7 +153,8 @@ def _with_openimageio(oiio: ModuleType, path: Path, pixels: bool) -> Photograph:
     try:
         hints = oiio.ImageSpec()
         hints.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
-        stream = oiio.ImageInput.open(str(path), hints)
+        with same_exr_reader(oiio):
+            stream = oiio.ImageInput.open(str(path), hints)
         if stream is None:
             raise BakeError(path, f"is not an image ({_line(oiio.geterror())})", "export it again or take it out")
         try:
@@ -198,6 +208,8 @@ def _color_channels(path: Path, kind: str, names: tuple[str, ...]) -> list[int]:
         wanted = [f"{layer}.{c}" if layer else c for c in "RGB"]
         if all(name in upper for name in wanted):
             return [upper.index(name) for name in wanted]
+    if all(name in upper for name in "XYZ"):
+        return [upper.index(name) for name in "XYZ"]
     if "Y" in upper:
         return [upper.index("Y")]
     raise BakeError(path, f"has channels {', '.join(names[:8])}, not R, G and B", "export its colour as R, G, B")
@@ -207,10 +219,6 @@ def _info(path: Path, kind: str, spec: Any) -> PhotoInfo:
     if kind not in FORMATS:
         raise BakeError(path, f"holds the format {kind}", "export it as JPEG, PNG, TIFF, EXR or HDR")
     orientation = _positive(spec, "Orientation")
-    gamma = _positive(spec, "oiio:Gamma")
-    color_space = str(spec.getattribute("oiio:ColorSpace") or "")
-    if color_space.lower() == "gammacorrected" and gamma:
-        color_space = f"gamma{gamma:.4g}"
     iso = next((value for name in _ISO_NAMES if (value := _positive(spec, name))), None)
     return PhotoInfo(
         format=kind,
@@ -218,8 +226,6 @@ def _info(path: Path, kind: str, spec: Any) -> PhotoInfo:
         height=spec.height,
         channels=spec.nchannels,
         is_float=str(spec.format) in ("half", "float", "double"),
-        color_space=color_space,
-        profile=str(spec.getattribute("ICCProfile:profile_description") or ""),
         exposure=Exposure(_positive(spec, "ExposureTime"), _positive(spec, "FNumber"), iso),
         orientation=int(orientation) if orientation and orientation in _ORIENTATIONS else 1,
         automatic_white=spec.getattribute("Exif:WhiteBalance") == 0,

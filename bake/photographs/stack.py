@@ -130,7 +130,7 @@ def _read_images(
         view = Development(
             [plan.paths[i] for i in group],
             [read_photograph(plan.paths[i], decoder) for i in group],
-            [plan.responses[i] for i in group],
+            [plan.encodings[i] for i in group],
             [plan.exposures.relative[i] for i in group],
             plan.turn_upright,
         )

@@ -15,6 +15,7 @@ from .shifts import Shifts
 
 _CLIPPED_WARNING = 0.05
 _CLIPPED_ERROR = 0.9
+_OUTSIDE_WARNING = 0.001
 _BLACK = 1e-20
 
 
@@ -40,7 +41,15 @@ def judge_brightness(
     if negative:
         total = sum(negative.values())
         warnings.append(f"{total} negative values were set to 0 in {list_names(list(negative))}")
-    return {"clipped_share": [round(share, 6) for share in clipped], "negative_values": negative}
+    outside = {name: round(count.outside_share, 6) for name, count in zip(names, counts) if count.outside}
+    if (most := max(outside.values(), default=0.0)) > _OUTSIDE_WARNING:
+        told = list_names([name for name, share in outside.items() if share > _OUTSIDE_WARNING])
+        warnings.append(f"up to {most:.1%} of the values lie outside Rec.709's colours and were set to 0 in {told}")
+    return {
+        "clipped_share": [round(share, 6) for share in clipped],
+        "negative_values": negative,
+        "outside_rec709_share": outside,
+    }
 
 
 def shift_report(names: list[str], found: Shifts, corrects: bool, warnings: list[str]) -> dict[str, Any]:
