@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from ..exr_header import channel_names, header_attributes
+from ..exr_header import Unsuitable, channel_names, header_attributes
 from .tiff_tags import TiffTags
 
 MAX_PROFILE = 16 << 20
@@ -22,7 +22,7 @@ Chromaticities = tuple[float, float, float, float, float, float, float, float]
 
 _MOST_PARTS = 1 << 18
 _HEADER_LIMIT = 1 << 24
-_DAMAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, zlib.error, ZeroDivisionError)
+_DAMAGE = (Unsuitable, struct.error, ValueError, IndexError, KeyError, OverflowError, zlib.error, ZeroDivisionError)
 _COLOR_SPACE, _INTEROPERABILITY, _ICC, _WHITE, _PRIMARIES = 0xA001, 1, 34675, 318, 319
 
 
@@ -128,7 +128,7 @@ def _jpeg(stream: BinaryIO) -> ColorMarks:
             break
         start = stream.tell()
         data = stream.read(length - 2) if head[1] in (0xE1, 0xE2) else b""
-        if data.startswith(b"Exif\0\0"):
+        if data.startswith(b"Exif\0\0") and marks == NOTHING:  # the first counts
             try:
                 marks = _with_exif(marks, TiffTags(stream, start + 6))
             except _DAMAGE:
