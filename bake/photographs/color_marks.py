@@ -65,7 +65,8 @@ def read_color_marks(path: Path, page: int = 0) -> ColorMarks:
             return _jpeg(stream)
         try:
             if head[:2] in (b"II", b"MM"):
-                return _tiff(TiffTags(stream, 0, page))
+                marks = _tiff(TiffTags(stream, 0, page))
+                return _tiff(TiffTags(stream, 0)) if page and marks == NOTHING else marks
             if head[:4] == b"\x76\x2f\x31\x01":
                 return _exr(stream)
             if head.startswith(b"#?"):

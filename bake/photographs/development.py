@@ -18,6 +18,8 @@ from .settings import Rectangle
 
 CLIPPED = 0.99
 """Share of full scale from which on an 8 or 16-bit value counts as clipped; JPEG ripples a little below it."""
+_GRAY = 1e-4
+"""Of the brightest value; channels that differ by less everywhere, which is rounding, hold no colour."""
 LARGEST_VALUE = 1e30
 """Above anything a photograph can mean; sums of such values would leave float32."""
 
@@ -31,6 +33,7 @@ class Counts:
     negative: int = 0
     texels: int = 0
     outside: int = 0
+    gray: bool = False
 
     @property
     def clipped_share(self) -> float:
@@ -74,6 +77,7 @@ class Development:
         """Linear values (height, width, 3), exposure divided out; fills `counts`. Raises BakeError on NaN."""
         x, y, width, _ = placement.region
         image = resample(lambda start, stop: self._strip((x, y + start, width, stop - start), self.counts), placement)
+        self.counts.gray = bool(np.ptp(image, axis=-1).max() <= _GRAY * float(np.abs(image).max()))
         outside = image < 0  # beyond what Rec.709's primaries can mix; the average over a texel may still lie inside
         self.counts.texels += outside.size
         self.counts.outside += int(outside.sum())

@@ -101,6 +101,10 @@ def _doubts(paths: list[Path], infos: list[PhotoInfo], settings: StackSettings, 
     alpha = [path.name for path, info in zip(paths, infos) if info.channels in (2, 4)]
     if alpha:
         warnings.append(f"alpha is ignored: {list_names(alpha)}")
+    for doubt in dict.fromkeys(info.pages for info in infos if info.pages):
+        warnings.append(
+            f"{doubt}: {list_names([path.name for path, info in zip(paths, infos) if info.pages == doubt])}"
+        )
     if any(info.automatic_white for info in infos):
         warnings.append("the camera chose the white balance itself, so colours may differ between the photographs")
     if settings.decode != "auto" and all(info.format in ("openexr", "hdr") for info in infos):

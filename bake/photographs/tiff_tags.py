@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 from typing import Any, BinaryIO
 
 _MOST_TAGS, _MOST_PAGES = 4096, 4096
@@ -13,6 +14,8 @@ _TYPES = {
     10: (8, "ii"), 11: (4, "f"), 12: (8, "d"), 13: (4, "I"), 16: (8, "Q"), 18: (8, "Q"),
 }  # fmt: skip
 _EXIF, _INTEROPERABILITY = 0x8769, 0xA005
+_KIND, _WIDTH, _HEIGHT = 254, 256, 257
+_NOT_WHOLE = 1 | 4
 Tags = dict[int, Any]
 """Tag to numbers, fractions as floats, or to bytes."""
 
@@ -33,8 +36,9 @@ class TiffTags:
         self._big = magic == 43
         if self._big:
             self._read("HH")
-        (place,) = self._read(self._word)
-        for _ in range(min(page, _MOST_PAGES)):
+        (self._first,) = self._read(self._word)
+        place = self._first
+        for _ in range(page):
             place = self._next(place)
         self.page = self._directory(place)
         self.exif = self._linked(self.page, _EXIF)
@@ -46,6 +50,21 @@ class TiffTags:
 
     def _read(self, code: str) -> tuple[Any, ...]:
         return struct.unpack(self._order + code, self._stream.read(struct.calcsize(self._order + code)))
+
+    def sizes(self) -> list[tuple[int, int, int]]:
+        """Width, height and NewSubfileType of every page: 1 a reduced copy, 4 a mask."""
+        place = self._first
+        found: list[tuple[int, int, int]] = []
+        seen: set[int] = set()
+        while place not in seen and len(found) < _MOST_PAGES:
+            seen.add(place)
+            tags = self._directory(place)
+            found.append((int(tags[_WIDTH][0]), int(tags[_HEIGHT][0]), int(tags.get(_KIND, (0,))[0])))
+            try:
+                place = self._next(place)
+            except (struct.error, ValueError, OverflowError):
+                break
+        return found
 
     def _linked(self, tags: Tags, tag: int) -> Tags:
         """A directory that a tag points to, empty where it is missing or damaged."""
@@ -88,3 +107,23 @@ class TiffTags:
             return data
         values = struct.unpack(self._order + code * number, data)
         return tuple(a / b for a, b in zip(values[::2], values[1::2]) if b) if kind in (5, 10) else values
+
+
+def choose_page(path: Path) -> tuple[int, str]:
+    """Which page of a TIFF is the photograph, and what is to be told about the choice, "" for nothing.
+
+    It is the largest that is no reduced copy and no mask, the first of several. Raises OSError.
+    """
+    with open(path, "rb") as stream:
+        try:
+            sizes = TiffTags(stream, 0).sizes()
+        except (struct.error, ValueError, KeyError, IndexError, OverflowError):
+            return 0, ""
+    ranks = [(not kind & _NOT_WHOLE, width * height) for width, height, kind in sizes]
+    best = max(ranks)
+    told = "files hold several pictures, the largest is read" if len(ranks) > 1 else ""
+    if not best[0]:
+        told = "files hold only what is marked as a reduced copy or a mask"
+    elif ranks.count(best) > 1:
+        told = "files hold several pictures of one size, the first is read (save each by itself)"
+    return ranks.index(best), told
