@@ -74,8 +74,8 @@ def _add_reading(group: Any) -> None:
         "--lights",
         type=Path,
         metavar="FILE",
-        help="lights.csv, a list 'file x y z' or .lp with the lights' directions (default: found in the folder, or angles "
-        "in file names)",
+        help="lights.csv, .lp or a list 'file x y z' of the lights' directions (default: found in the folder, or "
+        "angles in the file names)",
     )
     group.add_argument(
         "--azimuth",

@@ -356,6 +356,20 @@ def test_luminance_chroma_is_read_with_and_without_blender(tmp_path: Path, with_
     assert [float(word) for word in run.stdout.split()[-3:]] == pytest.approx(SWATCH, rel=2e-3)
 
 
+def test_bake_tells_what_was_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "photos").mkdir()
+    profile = files.icc_chunk(files.icc("Display P3", files.DISPLAY_P3_ICC, "srgb"))
+    pngs(tmp_path / "photos", within(DISPLAY_P3), None, profile)
+    assert main(["bake", "arc", str(tmp_path / "photos"), "--out", str(tmp_path)]) == 0
+    assert "colours converted from Display P3 to linear Rec.709" in capsys.readouterr().out
+    assert main(["inspect", str(tmp_path / "photos.mmat"), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)["source"]["facts"]["decoding"]["used"][0]
+    assert facts["converted"] == "Display P3 to linear Rec.709"
+    # CSS Color 4, display-p3 to linear sRGB.
+    expected = [[1.2249, -0.2249, 0.0], [-0.0420, 1.0420, 0.0], [-0.0196, -0.0786, 1.0983]]
+    assert np.array(facts["matrix"]) == pytest.approx(np.array(expected), abs=5e-4)
+
+
 # --- all kinds -------------------------------------------------------------------------------------------
 
 

@@ -179,7 +179,9 @@ def _of_exif(info: PhotoInfo) -> Encoding:
         found = _with_primaries(Encoding((_ADOBE_GAMMA,), "Exif says Adobe RGB"), KNOWN[_ADOBE])
         if marks.exif_color_space == 2 or marks.interoperability == "R03":
             return found
-        warning = "Exif of {} says that it is not sRGB, and not what it is: taken as Adobe RGB, as cameras mean it"
+        warning = (
+            "Exif of {} says that colours are not sRGB, not what they are: taken as Adobe RGB, which cameras mark so"
+        )
         return replace(found, why="Exif says that it is not sRGB: taken as Adobe RGB", warnings=(warning,))
     if marks.exif_color_space == 1 or info.format in ("jpeg", "png"):
         return Encoding((SRGB,), f"sRGB by the metadata of the file or the convention of {info.format}")

@@ -13,7 +13,7 @@ from ..errors import BakeError
 
 Vector = tuple[float, float, float]
 
-_FLOAT = r"([-+]?\d+(?:\.\d+)?)"
+_FLOAT = r"([-+]?\d+(?:[.,]\d+)?)"
 # A letter before would make "model45" an elevation.
 _IN_NAME = {
     "elevation": re.compile(rf"(?<![a-z])(?:elevation|elev|el)[_ -]?{_FLOAT}", re.IGNORECASE),
@@ -46,12 +46,13 @@ def direction_in_name(stem: str) -> Vector | None:
 
     A negative theta lies on the far side of the arc, as an elevation beyond 90 does.
     """
-    found = {name: match for name, pattern in _IN_NAME.items() if (match := pattern.search(stem))}
-    azimuth = float(found["azimuth"][1]) if "azimuth" in found else 0.0
+    matches = {name: match for name, pattern in _IN_NAME.items() if (match := pattern.search(stem))}
+    found = {name: float(match[1].replace(",", ".")) for name, match in matches.items()}
+    azimuth = found.get("azimuth", 0.0)
     if "elevation" in found:
-        elevation = float(found["elevation"][1])
+        elevation = found["elevation"]
     elif "theta" in found:
-        elevation = 90 - float(found["theta"][1])
+        elevation = 90 - found["theta"]
     else:
         return None
     if not (-90 <= elevation <= 180 and abs(azimuth) <= 3600):
