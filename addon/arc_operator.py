@@ -16,7 +16,7 @@ from .lighting_properties import LightingProperties, draw_lighting
 from .measured_material import assign, bundle_folder, facts_of
 from .window_progress import window_progress
 
-LIGHT_FILES = (".lp", ".csv")
+LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
 
 _FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
 _FILEPATH = bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})

@@ -98,7 +98,10 @@ class ArcProperties:
         "crop": _rectangle("Crop", "The swatch"),
         **{name: _corner(name.removeprefix("corner_").replace("_", " ").title()) for name in _CORNERS},
         "decode": _enum(
-            "Decode", "What the numbers of JPEG, PNG and TIFF mean", ("auto", "srgb", "linear", "gamma"), "auto"
+            "Decode",
+            "Curve of JPEG, PNG and TIFF files; their primaries are read from them",
+            ("auto", "srgb", "linear", "gamma"),
+            "auto",
         ),
         "gamma": _float("Gamma", "Its exponent", 2.2, 0.1, 10),
         "scale_by": _enum("Calibrate", "How brightness gets its unit", ("none", "albedo", "card"), "none"),

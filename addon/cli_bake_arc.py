@@ -68,13 +68,14 @@ def _add_reading(group: Any) -> None:
         "--decode",
         default=usual.decode,
         metavar="RULE",
-        help="what the numbers in JPEG, PNG and TIFF mean: auto, srgb, linear or gamma:2.2 (%(default)s)",
+        help="the curve of JPEG, PNG and TIFF: auto, srgb, linear or gamma:2.2; primaries are the file's (%(default)s)",
     )
     group.add_argument(
         "--lights",
         type=Path,
         metavar="FILE",
-        help="lights.csv or .lp with the lights' directions (default: found in the folder, or angles in file names)",
+        help="lights.csv, .lp or a list 'file x y z' of the lights' directions (default: found in the folder, or "
+        "angles in the file names)",
     )
     group.add_argument(
         "--azimuth",

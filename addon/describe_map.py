@@ -36,7 +36,9 @@ def photograph_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
         rows.append(("Directions", source["source"]))
     decoding = about.get("decoding")
     if isinstance(decoding, dict) and isinstance(decoding.get("used"), list):
-        rows += [("Decoded as", f"{use.get('rule')}: {use.get('why')}") for use in decoding["used"] if use]
+        used = [use for use in decoding["used"] if use]
+        rows += [("Decoded as", f"{use.get('rule')}: {use.get('why')}") for use in used]
+        rows += [("Converted", f"from {what}") for what in _converted(about)]
     calibration = about.get("calibration")
     if isinstance(calibration, dict):
         how = str(calibration.get("how", "?"))
@@ -47,6 +49,14 @@ def photograph_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
 def _about(facts: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
     about = require(facts, "source", dict, where).get("facts")
     return about if isinstance(about, dict) else {}
+
+
+def _converted(about: Mapping[str, Any]) -> list[str]:
+    """What the colours of the photographs were converted from and to."""
+    decoding = about.get("decoding")
+    used = decoding.get("used") if isinstance(decoding, dict) else None
+    found = [use.get("converted") for use in used if isinstance(use, dict)] if isinstance(used, list) else []
+    return list(dict.fromkeys(str(what) for what in found if what))
 
 
 def _elevations(averages: Mapping[str, Any]) -> str:
@@ -177,6 +187,7 @@ def arc_summary(path: Path, facts: Mapping[str, Any], seconds: float) -> str:
         f"envelope {_percent(map_facts['envelope_energy'])} of the energy",
         "held-out error " + ("unknown" if held_out is None else _percent(held_out)),
         f"albedo {colour(albedo)}",
+        *(f"colours converted from {what}" for what in _converted(_about(facts, path))),
         f"{seconds:.1f} s",
     ]
     return f"{path}: {', '.join(parts)}"

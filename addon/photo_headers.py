@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..bake.errors import BakeError
 from ..bake.photographs.photograph import Exposure, PhotoInfo
+from ..bake.photographs.tiff_tags import Tags, TiffTags
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
-_MOST_TAGS = 4096
-# Size in bytes and struct code of the TIFF types that matter here.
-_TYPES = {1: (1, "B"), 3: (2, "H"), 4: (4, "I"), 5: (8, "II"), 13: (4, "I")}
-_WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES, _FORMAT, _EXIF = 256, 257, 258, 274, 277, 339, 0x8769
-_SECONDS, _F_NUMBER, _ISO, _WHITE_BALANCE, _COLOR_SPACE = 0x829A, 0x829D, 0x8827, 0xA403, 0xA001
+_WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES, _FORMAT = 256, 257, 258, 274, 277, 339
+_SECONDS, _F_NUMBER, _ISO, _WHITE_BALANCE = 0x829A, 0x829D, 0x8827, 0xA403
 _FLOAT = 3  # of _FORMAT
 
 
@@ -44,7 +41,7 @@ def read_photo_header(path: Path) -> Header:
             if head.startswith(b"\xff\xd8"):
                 return _jpeg(stream)
             if head[:4] in (b"II*\0", b"MM\0*"):
-                return _tiff_header(_Tiff(stream, 0))
+                return _tiff_header(TiffTags(stream, 0))
         except (struct.error, ValueError, IndexError, KeyError, OverflowError) as error:
             raise BakeError(path, "has a damaged header or is cut short", "copy it again from the camera") from error
     raise BakeError(path, "is not an image", "export it again or take it out")
@@ -61,23 +58,16 @@ def _png(stream: BinaryIO) -> Header:
         start = stream.tell()
         if kind == b"IHDR":
             width, height, bits, color = _read(stream, ">IIBB")
-            info = PhotoInfo("png", width, height, _PNG_CHANNELS[color], color_space="sRGB")
+            info = PhotoInfo("png", width, height, _PNG_CHANNELS[color])
         elif info is None:
             raise ValueError("no header")
-        elif kind == b"gAMA":
-            (gamma,) = _read(stream, ">I")
-            info = replace(info, color_space=f"gamma{1e5 / gamma:.4g}") if gamma else info
-        elif kind == b"sRGB":
-            info = replace(info, color_space="sRGB")
-        elif kind == b"iCCP":
-            info = replace(info, profile=stream.read(min(length, 80)).split(b"\0")[0].decode("latin-1"))
         elif kind == b"IEND":
             return Header(info, max(bits, 8))
         stream.seek(start + length + 4)
 
 
 def _jpeg(stream: BinaryIO) -> Header:
-    info = PhotoInfo("jpeg", 0, 0, color_space="sRGB")
+    info = PhotoInfo("jpeg", 0, 0)
     stream.seek(2)
     while True:
         marker, kind = _read(stream, "BB")
@@ -109,59 +99,34 @@ def _check_end(stream: BinaryIO) -> None:
 def _with_exif(info: PhotoInfo, stream: BinaryIO) -> PhotoInfo:
     """What the camera noted; damaged notes are as good as none."""
     try:
-        return _noted(info, _Tiff(stream, stream.tell()))
+        return _noted(info, TiffTags(stream, stream.tell()))
     except (struct.error, ValueError, IndexError, KeyError, OverflowError):
         return info
 
 
-class _Tiff:
-    """Tags of the first directory of a TIFF structure and of its Exif directory, at `origin` of a stream."""
-
-    def __init__(self, stream: BinaryIO, origin: int) -> None:
-        self.stream, self.origin = stream, origin
-        stream.seek(origin)
-        self.order = {b"II": "<", b"MM": ">"}[stream.read(2)]
-        magic, first = _read(stream, self.order + "HI")
-        if magic != 42:
-            raise ValueError("no TIFF")
-        self.tags = dict(self._directory(first))
-        if _EXIF in self.tags:
-            self.tags |= dict(self._directory(int(self.tags[_EXIF][0])))
-
-    def _directory(self, offset: int) -> Iterator[tuple[int, tuple[Any, ...]]]:
-        self.stream.seek(self.origin + offset)
-        (count,) = _read(self.stream, self.order + "H")
-        for k in range(min(count, _MOST_TAGS)):
-            self.stream.seek(self.origin + offset + 2 + 12 * k)
-            tag, kind, number = _read(self.stream, self.order + "HHI")
-            if kind not in _TYPES or not 1 <= number <= 16:
-                continue
-            size, code = _TYPES[kind]
-            if size * number > 4:
-                self.stream.seek(self.origin + _read(self.stream, self.order + "I")[0])
-            values = _read(self.stream, self.order + code * number)
-            yield tag, values if kind != 5 else tuple(a / b for a, b in zip(values[::2], values[1::2]) if b)
-
-    def number(self, tag: int, usual: float | None = None) -> float | None:
-        """First value of a tag, if it is a number above 0."""
-        values = self.tags.get(tag, ())
-        return values[0] if values and math.isfinite(values[0]) and values[0] > 0 else usual
+def _number(tags: Tags, tag: int, usual: float | None = None) -> float | None:
+    """First value of a tag, if it is a number above 0."""
+    values = tags.get(tag, ())
+    first = values[0] if isinstance(values, tuple) and values else 0
+    return first if math.isfinite(first) and first > 0 else usual
 
 
-def _tiff_header(tiff: _Tiff) -> Header:
-    width, height = int(tiff.tags[_WIDTH][0]), int(tiff.tags[_HEIGHT][0])
-    channels, bits = int(tiff.number(_SAMPLES, 1) or 1), int(tiff.number(_BITS, 1) or 1)
-    is_float = tiff.number(_FORMAT) == _FLOAT
-    info = PhotoInfo("tiff", width, height, channels, is_float, "sRGB" if tiff.number(_COLOR_SPACE) == 1 else "")
+def _tiff_header(tiff: TiffTags) -> Header:
+    page = tiff.page
+    width, height = int(page[_WIDTH][0]), int(page[_HEIGHT][0])
+    channels, bits = int(_number(page, _SAMPLES, 1) or 1), int(_number(page, _BITS, 1) or 1)
+    is_float = _number(page, _FORMAT) == _FLOAT
+    info = PhotoInfo("tiff", width, height, channels, is_float)
     return Header(_noted(info, tiff), bits)
 
 
-def _noted(info: PhotoInfo, tiff: _Tiff) -> PhotoInfo:
-    exposure = Exposure(tiff.number(_SECONDS), tiff.number(_F_NUMBER), tiff.number(_ISO))
-    orientation = tiff.number(_ORIENTATION)
+def _noted(info: PhotoInfo, tiff: TiffTags) -> PhotoInfo:
+    tags = {**tiff.page, **tiff.exif}
+    exposure = Exposure(_number(tags, _SECONDS), _number(tags, _F_NUMBER), _number(tags, _ISO))
+    orientation = _number(tags, _ORIENTATION)
     return replace(
         info,
         exposure=exposure,
         orientation=int(orientation) if orientation in range(1, 9) else 1,
-        automatic_white=tiff.tags.get(_WHITE_BALANCE, (1,))[0] == 0,
+        automatic_white=tags.get(_WHITE_BALANCE, (1,))[0] == 0,
     )

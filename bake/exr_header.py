@@ -47,7 +47,7 @@ def read_exr_header(path: Path, max_bytes: int) -> ExrHeader:
     try:
         attributes, end = header_attributes(data)
         header, compression = _judge(attributes)
-    except _Unsuitable as error:
+    except Unsuitable as error:
         raise BakeError(path, str(error), _REMEDY) from error
     except (struct.error, ValueError, IndexError, KeyError) as error:
         raise BakeError(path, "is not an OpenEXR file or its header is damaged", "export it again") from error
@@ -66,20 +66,23 @@ def read_exr_header(path: Path, max_bytes: int) -> ExrHeader:
     return header
 
 
-class _Unsuitable(Exception):
-    pass
+class Unsuitable(Exception):
+    """A good header of a kind that is not read."""
 
 
-def header_attributes(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
-    """Name to (type, value) of a header, and where the file goes on; raises what struct and bytes do on damage."""
+def header_attributes(data: bytes, any_kind: bool = False) -> tuple[dict[str, tuple[str, bytes]], int]:
+    """Name to (type, value) of a header, and where the file goes on; raises what struct and bytes do on damage.
+
+    With `any_kind` tiled and deep images too, and the first header of several parts.
+    """
     if data[:4] != _MAGIC:
         raise ValueError
     (version,) = struct.unpack_from("<I", data, 4)
     if version & 0xFF != 2:
-        raise _Unsuitable(f"has OpenEXR version {version & 0xFF}, not 2")
+        raise Unsuitable(f"has OpenEXR version {version & 0xFF}, not 2")
     for flag, what in _FLAGS.items():
-        if version & flag:
-            raise _Unsuitable(what)
+        if version & flag and not any_kind:
+            raise Unsuitable(what)
     found: dict[str, tuple[str, bytes]] = {}
     position = 8
     while data[position]:
@@ -109,11 +112,21 @@ def _judge(attributes: dict[str, tuple[str, bytes]]) -> tuple[ExrHeader, int]:
     ordered = tuple(sorted(names, key=CHANNELS.find))
     if len(names) != 1 and ordered not in (tuple("RGB"), tuple(CHANNELS)):
         shown = ", ".join(name if name.isprintable() else ascii(name) for name in names[:8])
-        raise _Unsuitable(f"has channels {shown or 'none'}")
+        raise Unsuitable(f"has channels {shown or 'none'}")
     if len(kinds) != 1 or not kinds <= _PIXEL_BYTES.keys():
-        raise _Unsuitable("has integer channels or channels of different types")
+        raise Unsuitable("has integer channels or channels of different types")
     strings = {name: value.decode("utf-8", "replace") for name, (kind, value) in attributes.items() if kind == "string"}
     return ExrHeader(width, height, ordered, kinds == {1}, strings), compression
+
+
+def channel_names(data: bytes) -> list[str]:
+    """Names in a channel list, whatever their types; raises as `header_attributes`."""
+    names, position = [], 0
+    while data[position]:
+        name, position = _name(data, position)
+        names.append(name)
+        position += 16
+    return names
 
 
 def _channels(data: bytes) -> tuple[list[str], set[int]]:
@@ -125,7 +138,7 @@ def _channels(data: bytes) -> tuple[list[str], set[int]]:
         kind, _, x_step, y_step = struct.unpack_from("<4i", data, position)
         position += 16
         if (x_step, y_step) != (1, 1):
-            raise _Unsuitable("has subsampled channels")
+            raise Unsuitable("has subsampled channels")
         names.append(name)
         kinds.add(kind)
     return names, kinds

@@ -13,7 +13,8 @@ import importlib
 import importlib.machinery
 import importlib.util
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -79,6 +80,21 @@ def load_openimageio() -> ModuleType | None:
             continue
         return module
     return None
+
+
+@contextmanager
+def same_exr_reader(oiio: ModuleType) -> Iterator[None]:
+    """Files opened inside are read by that of OpenImageIO's two OpenEXR readers which Blender chooses at its start.
+
+    The other (of OpenImageIO 2.5.3 and newer, the default in 3.0) refuses luminance-chroma files, so that what can be
+    read would depend on whether `bpy` was imported.
+    """
+    before = oiio.get_int_attribute("openexr:core", 0)
+    oiio.attribute("openexr:core", 0)
+    try:
+        yield
+    finally:
+        oiio.attribute("openexr:core", before)
 
 
 def _wheel_packages() -> list[Path]:
@@ -227,7 +243,8 @@ def _read_exr(path: Path, header: ExrHeader) -> NDArray[Any] | None:
 
 
 def _read_with_openimageio(oiio: ModuleType, path: Path, channels: int) -> NDArray[Any] | None:
-    stream = oiio.ImageInput.open(str(path))
+    with same_exr_reader(oiio):
+        stream = oiio.ImageInput.open(str(path))
     if stream is None:
         oiio.geterror()  # OpenImageIO prints errors nobody has fetched when the process ends
         return None

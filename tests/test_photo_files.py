@@ -11,9 +11,11 @@ import pytest
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image
 from measured_materials.bake.photographs import Exposure, Photograph, PhotoInfo, StackSettings, photograph, read_stack
+from measured_materials.bake.photographs.color_marks import ColorMarks
+from measured_materials.bake.photographs.encoding import choose_encoding
 from measured_materials.bake.photographs.folder import find_photographs, natural_key
 from measured_materials.bake.photographs.photograph import read_info, read_photograph
-from measured_materials.bake.photographs.response import SRGB, choose_response, parse_rule
+from measured_materials.bake.photographs.response import SRGB, parse_rule
 from measured_materials.bake.storage import Storage
 from support.photo_files import (
     encode_srgb,
@@ -111,16 +113,17 @@ def test_plain_tiff_is_taken_as_srgb_with_a_warning(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("info", "rule"),
     [
-        (PhotoInfo("png", 4, 4, color_space="g22_rec709"), "gamma:2.2"),
-        (PhotoInfo("png", 4, 4, color_space="gamma1.8"), "gamma:1.8"),
-        (PhotoInfo("tiff", 4, 4, profile="Linear Rec709"), "linear"),
+        (PhotoInfo("png", 4, 4, color=ColorMarks(gamma=1e5 / 45455)), "gamma:2.2"),
+        (PhotoInfo("png", 4, 4, color=ColorMarks(gamma=1.8)), "gamma:1.8"),
+        (PhotoInfo("png", 4, 4, color=ColorMarks(gamma=2.2, srgb=True)), "srgb"),
         (PhotoInfo("tiff", 4, 4, is_float=True), "linear"),
-        (PhotoInfo("jpeg", 4, 4, color_space="sRGB"), "srgb"),
+        (PhotoInfo("jpeg", 4, 4, color=ColorMarks(exif_color_space=1)), "srgb"),
+        (PhotoInfo("jpeg", 4, 4), "srgb"),
         (PhotoInfo("tiff", 4, 4), "srgb"),
     ],
 )
 def test_rule_from_metadata(info: PhotoInfo, rule: str) -> None:
-    assert choose_response(info, "auto")[0].name == rule
+    assert choose_encoding(Path("a"), info, "auto").name == rule
 
 
 @pytest.mark.parametrize("rule", ["", "gamma", "gamma:0", "gamma:99", "rec709", None, 2.2])

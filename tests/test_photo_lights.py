@@ -114,6 +114,8 @@ def test_announced_count_that_is_wrong_is_told(tmp_path: Path) -> None:
     [
         ("el45", (45, 0)),
         ("swatch_elev_45.5_az_90", (45.5, 90)),
+        ("el22,5", (22.5, 0)),
+        ("el30,az90", (30, 90)),
         ("IMG_0012_theta30", (60, 0)),
         ("theta-30", (60, 180)),  # the far side of an arc counted from the normal
         ("el-30", (30, 0)),

@@ -11,37 +11,47 @@ from numpy.typing import NDArray
 
 from ..errors import BakeError
 from .brackets import merge, trust
+from .encoding import Encoding
 from .frame import Placement, resample, upright
 from .photograph import Photograph
-from .response import Response
 from .settings import Rectangle
 
 CLIPPED = 0.99
 """Share of full scale from which on an 8 or 16-bit value counts as clipped; JPEG ripples a little below it."""
+_GRAY = 1e-4
+"""Of the brightest value; channels that differ by less everywhere, which is rounding, hold no colour."""
 LARGEST_VALUE = 1e30
 """Above anything a photograph can mean; sums of such values would leave float32."""
 
 
 @dataclass
 class Counts:
-    """Pixels seen, clipped in every exposure, and negative channel values set to 0."""
+    """Pixels seen, clipped in every exposure, negative channel values set to 0; the same of texels after conversion."""
 
     pixels: int = 0
     clipped: int = 0
     negative: int = 0
+    texels: int = 0
+    outside: int = 0
+    gray: bool = False
 
     @property
     def clipped_share(self) -> float:
         return self.clipped / max(self.pixels, 1)
 
+    @property
+    def outside_share(self) -> float:
+        """Of the values of all texels."""
+        return self.outside / max(self.texels, 1)
+
 
 @dataclass
 class Development:
-    """Photographs of one light, of one size, with their responses and relative exposures."""
+    """Photographs of one light, of one size, with their encodings and relative exposures."""
 
     paths: list[Path]
     photographs: list[Photograph]
-    responses: list[Response]
+    encodings: list[Encoding]
     exposures: list[float]
     turn_upright: bool = True
     counts: Counts = field(default_factory=Counts)
@@ -51,8 +61,10 @@ class Development:
             upright(photo.pixels, photo.info.orientation if self.turn_upright else 1) for photo in self.photographs
         ]
         self._tables = [
-            None if pixels.dtype == np.float32 else response.table(pixels.dtype) / np.float32(exposure)
-            for pixels, response, exposure in zip(self._pixels, self.responses, self.exposures)
+            []
+            if pixels.dtype == np.float32
+            else [table / np.float32(exposure) for table in encoding.tables(pixels.dtype)]
+            for pixels, encoding, exposure in zip(self._pixels, self.encodings, self.exposures)
         ]
         self._full = [_clipping_level(pixels) for pixels in self._pixels]
 
@@ -64,7 +76,12 @@ class Development:
     def swatch(self, placement: Placement) -> NDArray[np.float32]:
         """Linear values (height, width, 3), exposure divided out; fills `counts`. Raises BakeError on NaN."""
         x, y, width, _ = placement.region
-        return resample(lambda start, stop: self._strip((x, y + start, width, stop - start), self.counts), placement)
+        image = resample(lambda start, stop: self._strip((x, y + start, width, stop - start), self.counts), placement)
+        self.counts.gray = bool(np.ptp(image, axis=-1).max() <= _GRAY * float(np.abs(image).max()))
+        outside = image < 0  # beyond what Rec.709's primaries can mix; the average over a texel may still lie inside
+        self.counts.texels += outside.size
+        self.counts.outside += int(outside.sum())
+        return np.maximum(image, 0, out=image)
 
     def mean(self, region: Rectangle) -> tuple[NDArray[np.float64], float]:
         """Mean (3,) over a rectangle of the frame, and the share of it that is clipped. Raises BakeError."""
@@ -105,19 +122,24 @@ class Development:
         return values
 
     def _linear(self, k: int, region: Rectangle, counts: Counts, step: int = 1) -> NDArray[np.float32]:
-        pixels, table = self._cut(k, region)[::step, ::step], self._tables[k]
-        if table is not None:
-            values = table.take(pixels)
-        else:
+        pixels, tables = self._cut(k, region)[::step, ::step], self._tables[k]
+        if not tables:
             values = self._floats(k, pixels, counts)
-        return values if values.shape[-1] == 3 else np.repeat(values, 3, axis=-1)
+        elif len(tables) == 1 or pixels.shape[-1] == 1:
+            values = tables[0].take(pixels)
+        else:
+            values = np.stack([table.take(pixels[..., channel]) for channel, table in enumerate(tables)], axis=-1)
+        matrix = self.encodings[k].matrix
+        if values.shape[-1] == 1:  # grey, which all primaries share
+            return np.repeat(values, 3, axis=-1)
+        return values if matrix is None else values @ matrix.T.astype(np.float32)
 
     def _floats(self, k: int, pixels: NDArray[Any], counts: Counts) -> NDArray[np.float32]:
-        values = self.responses[k].linear(pixels)
+        values = self.encodings[k].linear(pixels)
         if not np.isfinite(values).all():
             raise BakeError(self.paths[k], "holds values that are not finite (NaN or infinite)", "export it again")
         negative = int((values < 0).sum())
-        if negative:
+        if negative and self.encodings[k].matrix is None:
             counts.negative += negative
             values = np.maximum(values, 0)
         with np.errstate(over="ignore"):

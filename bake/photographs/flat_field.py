@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from ..errors import BakeError
 from .calibration import flat_gain
 from .development import Development
+from .encoding import choose_encoding
 from .folder import find_photographs
 from .frame import Placement
+from .light_entry import name_key
 from .photograph import Decoder, read_photograph
-from .response import choose_response
 from .settings import Rectangle
 
 Gain = NDArray[np.float32]
@@ -33,7 +34,7 @@ class FlatField:
         self._by_stem: dict[str, Path] | None = None
         if source.is_dir():
             paths, _ = find_photographs(source, ())
-            self._by_stem = {path.stem.casefold(): path for path in paths}
+            self._by_stem = {name_key(path.stem): path for path in paths}
         self._source = source
         self._cached: tuple[Gain, NDArray[np.float64] | None] | None = None
         self.facts: dict[str, Any] = {"source": source.name, "per_photograph": self._by_stem is not None}
@@ -46,8 +47,8 @@ class FlatField:
             return self._cached
         file = self._source if self._by_stem is None else self._of(names)
         photo = read_photograph(file, self._decoder)
-        response, _ = choose_response(photo.info, self._rule)
-        view = Development([file], [photo], [response], [1.0], self._turn)
+        encoding = choose_encoding(file, photo.info, self._rule)
+        view = Development([file], [photo], [encoding], [1.0], self._turn)
         if view.size != self._size:
             cause = f"is {view.size[0]} x {view.size[1]}, the photographs are {self._size[0]} x {self._size[1]}"
             raise BakeError(file, cause, "photograph the board with the same camera, uncropped")
@@ -66,6 +67,6 @@ class FlatField:
     def _of(self, names: list[Path]) -> Path:
         assert self._by_stem is not None
         for path in names:
-            if found := self._by_stem.get(path.stem.casefold()):
+            if found := self._by_stem.get(name_key(path.stem)):
                 return found
         raise BakeError(self._source, f"holds no board for {names[0].name}", "name the boards as the photographs")

@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from ..errors import BakeError
 from .brackets import bracket_stem
 from .folder import list_names
-from .light_files import LightEntry, Vector, direction_in_name, read_lights
+from .light_entry import LightEntry, Vector, direction_in_name, name_key
+from .light_files import read_lights
 
 _SAME = 1e-4
 """Directions closer than this (rad) are one light."""
+_TABLE_NAMES = ("lights.csv",), ("lights.txt", "lights.tsv")
+_TABLE_SUFFIXES = {".csv", ".txt", ".tsv"}
 _CANDIDATES = range(0, 360, 10)
 # A light that leans less than this beyond the zenith counts as overhead, on either side.
 _OVERHEAD = np.sin(np.radians(8))
@@ -40,18 +43,20 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool) -> Li
     """
     file = given or _in_folder(paths)
     if file is None:
-        return _from_names(paths)
+        lights = _from_names(paths)
+        lights.warnings += _passed_over(paths)
+        return lights
     entries, warnings = read_lights(file)
     lookup: dict[str, list[LightEntry]] = defaultdict(list)
     for entry in entries:
-        lookup[PurePosixPath(entry.file).name.casefold()].append(entry)
+        lookup[_key(entry.file)].append(entry)
     directions = [_direction(file, path, lookup) for path in paths]
     if all(direction is None for direction in directions):
         cause = f"lists none of the photographs ({entries[0].file[:60]} ...)"
         raise BakeError(file, cause, f"name them as they are, for example {paths[0].name}")
     warnings += _doubled(file, lookup)
-    here = {name.casefold() for path in paths for name in _spellings(path)}
-    missing = [entry.file for entry in entries if PurePosixPath(entry.file).name.casefold() not in here]
+    here = {name_key(name) for path in paths for name in _spellings(path)}
+    missing = [entry.file for entry in entries if _key(entry.file) not in here]
     if missing and whole_folder:
         warnings.append(f"{file.name} lists photographs that are not here: {list_names(missing)}")
     return _keep(file, paths, directions, warnings, {"source": file.name})
@@ -63,11 +68,7 @@ def _in_folder(paths: list[Path]) -> Path | None:
         return None
     folder = folders.pop()
     for place in (folder, folder.absolute().parent):
-        table = place / "lights.csv"
-        try:
-            files = [table] if table.is_file() else sorted(p for p in place.glob("*.[lL][pP]") if p.is_file())
-        except OSError:
-            files = []
+        files = _light_files(place)
         if place != folder:  # only a file that speaks of this very folder
             files = [file for file in files if _mentions(file, folder.absolute().name)]
         if len(files) > 1:
@@ -77,9 +78,42 @@ def _in_folder(paths: list[Path]) -> Path | None:
     return None
 
 
+def _light_files(folder: Path) -> list[Path]:
+    """`lights.csv` in any case, else `lights.txt` or `.tsv`, else all `.lp`."""
+    try:
+        files = sorted(path for path in folder.iterdir() if path.is_file())
+    except OSError:
+        return []
+    for names in _TABLE_NAMES:
+        if found := [path for path in files if path.name.casefold() in names]:
+            return found
+    return [path for path in files if path.suffix.casefold() == ".lp"]
+
+
+def _passed_over(paths: list[Path]) -> list[str]:
+    """A warning where a file of another name lists lights of these photographs."""
+    folder, here = paths[0].parent, {name_key(name) for path in paths for name in _spellings(path)}
+    try:
+        texts = sorted(p for p in folder.iterdir() if p.suffix.casefold() in _TABLE_SUFFIXES and p.is_file())
+    except OSError:
+        return []
+    for file in texts:
+        try:
+            if any(_key(entry.file) in here for entry in read_lights(file)[0]):
+                return [f"{file.name} lists lights, but is not read under this name: call it lights.csv, or give it"]
+        except BakeError:
+            continue
+    return []
+
+
+def _key(file: str) -> str:
+    return name_key(PurePosixPath(file).name)
+
+
 def _mentions(file: Path, folder: str) -> bool:
     try:
-        return any(PurePosixPath(entry.file).parent.name == folder for entry in read_lights(file)[0])
+        entries = read_lights(file)[0]
+        return any(name_key(PurePosixPath(entry.file).parent.name) == name_key(folder) for entry in entries)
     except BakeError:
         return False
 
@@ -92,11 +126,12 @@ def _spellings(path: Path) -> list[str]:
 
 def _direction(file: Path, path: Path, lookup: dict[str, list[LightEntry]]) -> Vector | None:
     for name in _spellings(path):
-        found = lookup.get(name.casefold())
+        found = lookup.get(name_key(name))
         if not found:
             continue
         # Of equal names in several folders the one of this photograph's folder counts.
-        near = [entry for entry in found if PurePosixPath(entry.file).parent.name in ("", path.absolute().parent.name)]
+        folders = {"", name_key(path.absolute().parent.name)}
+        near = [entry for entry in found if name_key(PurePosixPath(entry.file).parent.name) in folders]
         chosen = near or found
         if any(_angle(entry.direction, chosen[0].direction) > _SAME for entry in chosen):
             raise BakeError(file, f"gives {path.name} two different lights", "keep one line per photograph")

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..errors import BakeError
 from .brackets import Exposures, find_exposures, group_by_light, report
+from .color_marks import NOTHING
+from .encoding import Encoding, choose_encoding
 from .folder import list_names
 from .frame import Placement, check_inside, place
 from .photograph import PhotoInfo
-from .response import Response, choose_response
 from .settings import StackSettings
 
 MAX_STACK_BYTES = 4 << 30
@@ -30,7 +31,7 @@ class Plan:
     groups: list[list[int]]
     names: list[str]
     directions: NDArray[np.float64] | None
-    responses: list[Response]
+    encodings: list[Encoding]
     exposures: Exposures
     turn_upright: bool
     size: tuple[int, int]
@@ -54,7 +55,7 @@ def plan_reading(
         raise BakeError(paths[0].parent, f"holds {what} only", "a shading map needs two lights or more, better ten")
     exposures = find_exposures(paths, infos, groups)
     groups = [sorted(group, key=lambda k: exposures.relative[k]) for group in groups]
-    chosen = [choose_response(info, settings.decode) for info in infos]
+    chosen = [choose_encoding(path, info, settings.decode) for path, info in zip(paths, infos)]
     placement = place(paths[0], *size, settings)
     if settings.white_card is not None:
         check_inside(paths[0], "white card", settings.white_card, *size)
@@ -62,7 +63,7 @@ def plan_reading(
     if needed > MAX_STACK_BYTES:
         cause = f"needs {needed / 2**30:.1f} GiB as {len(groups)} x {placement.width} x {placement.height} texels"
         raise BakeError(paths[0].parent, cause, "give a smaller size or crop")
-    warnings += _doubts(paths, infos, settings, exposures)
+    warnings += _doubts(paths, infos, settings, exposures) + _said_of(paths, chosen)
     facts = {
         "photographs": len(paths),
         "decoding": _decoding_facts(infos, chosen, settings.decode),
@@ -73,7 +74,7 @@ def plan_reading(
         groups=groups,
         names=[" + ".join(paths[k].name for k in group) for group in groups],
         directions=None if directions is None else directions[[group[0] for group in groups]],
-        responses=[response for response, _ in chosen],
+        encodings=chosen,
         exposures=exposures,
         turn_upright=turn_upright,
         size=size,
@@ -100,15 +101,16 @@ def _doubts(paths: list[Path], infos: list[PhotoInfo], settings: StackSettings, 
     alpha = [path.name for path, info in zip(paths, infos) if info.channels in (2, 4)]
     if alpha:
         warnings.append(f"alpha is ignored: {list_names(alpha)}")
+    for doubt in dict.fromkeys(info.pages for info in infos if info.pages):
+        warnings.append(
+            f"{doubt}: {list_names([path.name for path, info in zip(paths, infos) if info.pages == doubt])}"
+        )
     if any(info.automatic_white for info in infos):
         warnings.append("the camera chose the white balance itself, so colours may differ between the photographs")
-    profiles = sorted({info.profile for info in infos if info.profile and "srgb" not in info.profile.lower()})
-    if profiles:
-        warnings.append(f"colour profile {list_names(profiles)}: its primaries are taken as those of Rec.709")
     if settings.decode != "auto" and all(info.format in ("openexr", "hdr") for info in infos):
         warnings.append(f"decode {settings.decode} has no effect on EXR and HDR, which are linear")
     assumed = [path.name for path, info in zip(paths, infos) if info.format == "tiff" and not info.is_float]
-    if assumed and settings.decode == "auto" and not any(info.color_space or info.profile for info in infos):
+    if assumed and settings.decode == "auto" and all(info.color == NOTHING for info in infos):
         warnings.append("TIFF files that do not say so are taken as sRGB; RAW developed linearly needs decode linear")
     if exposures.rule.startswith(("Exif:", "EV")):
         low, high = min(exposures.relative), max(exposures.relative)
@@ -116,12 +118,25 @@ def _doubts(paths: list[Path], infos: list[PhotoInfo], settings: StackSettings, 
     return warnings
 
 
-def _decoding_facts(infos: list[PhotoInfo], chosen: list[tuple[Response, str]], rule: str) -> dict[str, Any]:
-    used = Counter((response.name, why) for response, why in chosen)
-    facts: dict[str, Any] = {
-        "asked": rule,
-        "used": [{"rule": name, "why": why, "photographs": count} for (name, why), count in used.items()],
-    }
+def _said_of(paths: list[Path], encodings: list[Encoding]) -> list[str]:
+    """Warnings of the encodings, each once, with the photographs that it concerns."""
+    names: dict[str, list[str]] = {}
+    for path, encoding in zip(paths, encodings):
+        for warning in encoding.warnings:
+            names.setdefault(warning, []).append(path.name)
+    return [warning.format(list_names(concerned)) for warning, concerned in names.items()]
+
+
+def _decoding_facts(infos: list[PhotoInfo], chosen: list[Encoding], rule: str) -> dict[str, Any]:
+    used = Counter((encoding.name, encoding.why, encoding.space) for encoding in chosen)
+    matrices = {encoding.space: encoding.matrix for encoding in chosen if encoding.matrix is not None}
+    facts: dict[str, Any] = {"asked": rule, "used": []}
+    for (name, why, space), count in used.items():
+        entry: dict[str, Any] = {"rule": name, "why": why, "photographs": count}
+        if space in matrices:
+            entry["converted"] = f"{space} to linear Rec.709"
+            entry["matrix"] = np.round(matrices[space], 6).tolist()
+        facts["used"].append(entry)
     if any(info.format == "jpeg" for info in infos):
         facts["note"] = _JPEG_NOTE
     return facts

@@ -2,10 +2,11 @@
 
 Photographs are compared in pairs by phase correlation (Kuglin and Hines 1975) of their high-passed logarithmic
 luminance, in which a change of lamp or exposure is a constant that drops out. Moving shadows and highlights remain.
-Three things keep them from passing for a movement of the camera: a pair of photographs counts only where enough of
+Four things keep them from passing for a movement of the camera: a pair of photographs counts only where enough of
 the spectrum agrees in phase (its coherence); the four quarters of the frame must tell the same, and their
-disagreement is the pair's uncertainty; and the positions of all photographs follow from all pairs together, for a
-camera's movement is consistent around every loop of pairs and a shadow's is not.
+disagreement is the pair's uncertainty; the positions of all photographs follow from all pairs together, for a
+camera's movement is consistent around every loop of pairs and a shadow's is not; and what is moved back must then be
+foretold better by its neighbours (`held_out`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .frame import area_average
+from .held_out import helpful_moves
 from .light_drift import light_drift
 
 LARGEST_SHARE = 0.05
@@ -48,8 +50,8 @@ Pair = tuple[int, int, float, float, float]
 class Shifts:
     """Displacement (n, 2) of every photograph's content, x right and y down, in texels, NaN where it cannot be told.
 
-    `uncertain` (n,) is its standard error, texels. `moved` (n,) marks displacements that are significant,
-    `too_far` (n,) those of them above `LARGEST_SHARE`.
+    `uncertain` (n,) is its standard error, texels. `moved` (n,) marks displacements that are significant and, moved
+    back, make the photograph fit its neighbours better; `too_far` (n,) those of them above `LARGEST_SHARE`.
     """
 
     displacement: NDArray[np.float64]
@@ -83,6 +85,14 @@ def measure(images: NDArray[np.float32], directions: NDArray[np.float64] | None)
     displacement = displacement - light_drift(displacement, uncertain, directions, bounds)
     moved = np.hypot(*displacement.T) > bounds  # False for NaN
     too_far = moved & (np.abs(displacement) > LARGEST_SHARE * np.array([width, height])).any(axis=1)
+    near = moved & ~too_far
+    if near.any():
+        gray = np.array([_gray(image, shape) for image in images])
+        scale = np.array([shape[1] / width, shape[0] / height])
+        moves = helpful_moves(gray, np.nan_to_num(displacement) * scale, near, _apart(n, directions)) / scale
+        near &= np.hypot(*moves.T) > bounds
+        displacement[near] = moves[near]
+        moved = too_far | near
     return Shifts(displacement, uncertain, moved, too_far)
 
 
@@ -124,16 +134,21 @@ def _shift_axis(image: NDArray[np.float32], distance: float, axis: int) -> NDArr
     return result
 
 
+def _apart(n: int, directions: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """(n, n) how different the lights of two photographs are; their distance in order where lights are not known."""
+    if directions is None:
+        return np.abs(np.subtract.outer(np.arange(n), np.arange(n))).astype(float)
+    apart: NDArray[np.float64] = 1 - directions @ directions.T
+    return apart
+
+
 def _pairs(n: int, directions: NDArray[np.float64] | None) -> list[tuple[int, int]]:
     """Each photograph with those lit most alike, and with a few hubs whose lights lie far apart.
 
     Without the hubs the two halves of an arc hang together by lights near the normal only, where relief changes its
     sign between neighbours; between grazing lights of both halves the surface's own colours are compared.
     """
-    if directions is None:
-        apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n))).astype(float)
-    else:
-        apart = 1 - directions @ directions.T
+    apart = _apart(n, directions)
     hubs = [int(np.argmax(apart.sum(axis=1)))]
     while len(hubs) < min(_HUBS, n):
         hubs.append(int(np.argmax(apart[hubs].min(axis=0))))
@@ -148,10 +163,14 @@ def _gauss(shape: tuple[int, int], sigma: float) -> NDArray[np.float64]:
     return np.exp(-2 * np.pi**2 * sigma**2 * (fx * fx + fy * fy))
 
 
+def _gray(image: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float64]:
+    gray = image.mean(axis=-1, dtype=np.float64).astype(np.float32)
+    return area_average(area_average(gray, shape[0], 0), shape[1], 1).astype(np.float64)
+
+
 def _spectra(image: NDArray[np.float32], shape: tuple[int, int]) -> tuple[Spectrum, list[Spectrum]]:
     """Spectra of the band-passed log luminance, of the whole frame and of its quarters."""
-    gray = image.mean(axis=-1, dtype=np.float64).astype(np.float32)
-    gray = area_average(area_average(gray, shape[0], 0), shape[1], 1).astype(np.float64)
+    gray = _gray(image, shape)
     mean = float(gray.mean())
     detail = np.log(gray / mean + 0.02) if mean > 0 else gray
     band = np.fft.irfft2(np.fft.rfft2(detail) * (_gauss(shape, _BLUR) - _gauss(shape, _COARSE)), s=shape)

@@ -25,7 +25,7 @@ from .lights import choose_arc, find_lights
 from .photograph import Decoder, read_info, read_photograph
 from .plan import Plan, plan_reading
 from .settings import StackSettings
-from .verdict import judge_brightness, shift_report
+from .verdict import judge_brightness, judge_elevations, shift_report
 
 Progress = Callable[[str, float], None]
 
@@ -91,6 +91,8 @@ def read_stack(
     judgement = judge_brightness(origin, names, images, counts, warnings)
 
     directions = plan.directions
+    if directions is not None:
+        warnings += judge_elevations(images, directions)
     aligned: dict[str, Any] = {"mode": settings.align}
     border = (0, 0, 0, 0)
     if settings.align != "off":
@@ -130,7 +132,7 @@ def _read_images(
         view = Development(
             [plan.paths[i] for i in group],
             [read_photograph(plan.paths[i], decoder) for i in group],
-            [plan.responses[i] for i in group],
+            [plan.encodings[i] for i in group],
             [plan.exposures.relative[i] for i in group],
             plan.turn_upright,
         )

@@ -15,6 +15,9 @@ from .shifts import Shifts
 
 _CLIPPED_WARNING = 0.05
 _CLIPPED_ERROR = 0.9
+_OUTSIDE_WARNING = 0.001
+_CLOSE_DEG = 4.0
+_UNLIKE = 1.5
 _BLACK = 1e-20
 
 
@@ -40,7 +43,36 @@ def judge_brightness(
     if negative:
         total = sum(negative.values())
         warnings.append(f"{total} negative values were set to 0 in {list_names(list(negative))}")
-    return {"clipped_share": [round(share, 6) for share in clipped], "negative_values": negative}
+    gray = [name for name, count in zip(names, counts) if count.gray and name not in black]
+    if 0 < len(gray) < len(names) - len(black):
+        warnings.append(f"grey among coloured photographs (take the coloured ones or none): {list_names(gray)}")
+    outside = {name: round(count.outside_share, 6) for name, count in zip(names, counts) if count.outside}
+    if (most := max(outside.values(), default=0.0)) > _OUTSIDE_WARNING:
+        told = list_names([name for name, share in outside.items() if share > _OUTSIDE_WARNING])
+        warnings.append(f"up to {most:.1%} of the values lie outside Rec.709's colours and were set to 0 in {told}")
+    return {
+        "clipped_share": [round(share, 6) for share in clipped],
+        "negative_values": negative,
+        "without_color": gray if len(gray) < len(names) - len(black) else [],
+        "outside_rec709_share": outside,
+    }
+
+
+def judge_elevations(images: NDArray[np.float32], directions: NDArray[np.float64]) -> list[str]:
+    """A warning where brightness differs as no surface does between lights that stand so close together.
+
+    That is how angles in another unit, or lights of another scale of z, show.
+    """
+    averages = images.mean(axis=(1, 2, 3), dtype=np.float64)
+    elevations = np.degrees(np.arcsin(np.clip(directions[:, 2], -1, 1)))
+    low, high = float(elevations.min()), float(elevations.max())
+    together = float(np.degrees(np.arccos(np.clip((directions @ directions.T).min(), -1, 1))))
+    if together > _CLOSE_DEG or not averages.min() > 0 or averages.max() < _UNLIKE * averages.min():
+        return []
+    return [
+        f"brightness goes from {averages.min() / averages.max():.0%} to 100 % between elevations of {low:.3g} to "
+        f"{high:.3g} degrees: check the lights' units"
+    ]
 
 
 def shift_report(names: list[str], found: Shifts, corrects: bool, warnings: list[str]) -> dict[str, Any]:
