@@ -203,7 +203,7 @@ def instanced(name: str = "", of: str = "collection", nested: bool = False) -> W
 
     def way(room: LampRoom, lamp: Any) -> None:
         collection = in_collection(room, lamp)
-        collection.instance_offset = (0.1, 0, 0)
+        collection.instance_offset = (0.1, 0, 0.4)
         instancer = room.empty(Matrix.Translation((0, 0, 1)) @ scaled(0.5, 1, 1.2))
         instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
         if nested:
@@ -214,6 +214,12 @@ def instanced(name: str = "", of: str = "collection", nested: bool = False) -> W
             setattr({"collection": collection, "instancer": instancer, "lamp": lamp}[of], name, True)
 
     return way
+
+
+def with_parent_inverse(room: LampRoom, lamp: Any) -> None:
+    lamp.parent = room.empty(Matrix.Translation((0, 0, 1)))
+    lamp.matrix_parent_inverse = Matrix.Translation((0.3, 0, 0)) @ scaled(1, 1, 1.1)
+    lamp.hide_viewport = True
 
 
 def eye_closed(room: LampRoom, lamp: Any) -> None:
@@ -231,6 +237,7 @@ def hidden_with_parents(room: LampRoom, lamp: Any) -> None:
     above = room.empty(Matrix.Identity(4))
     lamp.parent = room.empty(Matrix.Identity(4))
     lamp.parent.parent = above
+    lamp.matrix_parent_inverse = Matrix.Translation((0.3, 0, 0)) @ scaled(1, 1, 1.1)
     lamp.hide_viewport = lamp.parent.hide_viewport = above.hide_viewport = True
     room.scene.view_layers[0].update()
     above.location, lamp.parent.scale = (0, 0, 1), (1, 1, 1.5)
@@ -256,6 +263,7 @@ WAYS: dict[str, tuple[Way, int, int]] = {
     "instanced twice over, its viewport": (instanced("hide_viewport", "lamp", nested=True), 0, 1),
     "instanced twice over, its render": (instanced("hide_render", "lamp", nested=True), 1, 0),
     "on vertices": (on_vertices, 3, 2),
+    "parented": (with_parent_inverse, 0, 1),
     "with its parents": (hidden_with_parents, 0, 1),
 }
 
