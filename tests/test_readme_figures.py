@@ -21,7 +21,7 @@ def bench() -> Any:
         import bench_readme
 
         yield bench_readme
-        for name in ("bench_readme", "readme_figures", "record", "bench_hard"):
+        for name in ("bench_readme", "readme_figures", "record"):
             sys.modules.pop(name, None)
 
 

@@ -32,6 +32,7 @@ BENCHES = {
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
     "readme": "figures of README and hard_cases.md beside what their benches wrote last",
+    "tolerances": "what numeric assertions of the suite allow beside what they need; --quick without Blender",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
 }
 

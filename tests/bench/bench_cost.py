@@ -50,6 +50,7 @@ def run(out: Path, quick: bool) -> None:
                 row = f"{label:24s} {size:>15s} {memory[storage]:10.2f} {errors['rms']:9.4f} {errors['relative']:10.2%}"
                 print(row + f" {seconds:7.2f}")
                 put(f"RMS, {label}, {n}", errors["rms"])
+                put(f"energy off, {label}, {n}", errors["relative"])
                 put(f"MB, {label}, {n}", memory[storage])
     _plot(out / "cost.png", lines)
 

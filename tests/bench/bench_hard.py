@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import re
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from readme_figures import page_figures
 from record import put
 from support.hard import bakes, case, registry
 from support.hard.formula import digits_saved
@@ -68,19 +68,6 @@ def run(out: Path, quick: bool) -> None:
     print(f"page {out / 'hard_cases.md'}")
     for place, figure in page_figures(page).items():
         put(place, figure)
-
-
-def page_figures(page: str) -> dict[str, float]:
-    """Numbers of the page that a run measures, by row and column: worst errors, what bakes gave, digits saved."""
-    found = {}
-    for line in page.splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-        for column, cell in enumerate(cells[1:], 1):
-            # "worst / bound", or a number alone; the last column of a case is the number of its note.
-            number = re.match(r"(\d[\d.]*(?:e[+-]\d+)?)( / |$)", cell)
-            if number and not (column == len(cells) - 1 and re.fullmatch(r"\d+", cell)):
-                found[f"{cells[0]} | {cells[1]} | {column}"] = float(number[1])
-    return found
 
 
 def _cases(folder: Path, quick: bool) -> list[list[str]]:
