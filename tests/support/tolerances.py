@@ -49,11 +49,12 @@ _USED = Used()
 
 
 def _place() -> str:
-    frame = sys._getframe(1)
+    # Strings, not paths: properties are checked many thousand times.
+    frame, folder = sys._getframe(1), f"{TESTS}{os.sep}"
     while frame is not None:
-        path = Path(frame.f_code.co_filename)
-        if path != Path(__file__) and TESTS in path.parents:
-            return f"{path.relative_to(TESTS)}:{frame.f_lineno}"
+        name = frame.f_code.co_filename
+        if name.startswith(folder) and name != __file__:
+            return f"{name.removeprefix(folder)}:{frame.f_lineno}"
         frame = frame.f_back  # type: ignore[assignment]
     return "elsewhere"
 
