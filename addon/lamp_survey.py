@@ -22,6 +22,7 @@ from .world_light import WorldLight
 CAPACITY = MAX_SLOTS
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _DARK = 0.05
+_NOTHING = 1e-6
 _HIDING = frozenset({"hide_render", "hide_viewport", "visible_glossy"})
 
 
@@ -81,12 +82,10 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
         if (original, place) in seen:
             continue  # shown by another view layer too
         seen.add((original, place))
-        why_not = _why_not(obj)
-        if not why_not and obj.data.type == "AREA" and _sheared(matrix):
-            why_not = "sheared by its parent's scale"
+        why_not = _why_not(obj) or _why_not_there(obj.data, matrix)
         power = 0.0 if why_not else _lamp(obj.data, matrix).power
         if power > 0:
-            found.append((original.name, _lamp(obj.data, matrix), obj.data))
+            found.append((original.name, _lamp(obj.data, matrix), obj.data, matrix))
         elif _may_shine_later(original):
             to_come.add(original)
         if why_not:
@@ -94,17 +93,16 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     shown = {original for original, _ in seen}
     hidden = (obj for obj in depsgraphs[0].scene.objects if obj.type == "LIGHT" and obj not in shown)
     to_come |= {obj for obj in hidden if _is_animated(obj, _HIDING)}
-    lamps, rest = [lamp for _, lamp, _ in found], 0.0
-    if len(found) > 1 or any(_has_beam(data) for _, _, data in found):
+    named, rest = [(name, lamp) for name, lamp, _, _ in found], 0.0
+    if len(found) > 1 or any(_has_beam(data) for _, _, data, _ in found):
         target = _lit_place(depsgraphs)  # the slow part, of use only where there is a choice
-        found = [(name, _in_beam(target, lamp, data), data) for name, lamp, data in found]
-        found.sort(key=lambda entry: -_light_at(target, entry[1]))
-        lamps = [lamp for _, lamp, _ in found]
-        rest = sum(_light_at(target, lamp) for lamp in lamps[CAPACITY:])
-    left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _, _ in found[CAPACITY:]]
+        named = [(name, _in_beam(target, lamp, data, matrix)) for name, lamp, data, matrix in found]
+        named.sort(key=lambda entry: -_light_at(target, entry[1]))
+        rest = sum(_light_at(target, lamp) for _, lamp in named[CAPACITY:])
+    left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _ in named[CAPACITY:]]
     world = world_light.world_light(depsgraphs[0].scene.world)
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
-    return LampReport(lamps[:CAPACITY], sky, left_out, world, len(to_come))
+    return LampReport([lamp for _, lamp in named[:CAPACITY]], sky, left_out, world, len(to_come))
 
 
 def _may_shine_later(obj: bpy.types.Object) -> bool:
@@ -123,20 +121,23 @@ def _is_animated(block: bpy.types.ID | None, properties: Container[str] = ()) ->
 
 
 def _lamp_objects(depsgraph: bpy.types.Depsgraph, for_render: bool) -> Iterator[tuple[bpy.types.Object, Matrix]]:
-    """Lamps as objects and instances, linked ones too, with their matrices in the world."""
-    shown = set()
-    renderable = _renderable(depsgraph.view_layer.layer_collection) if for_render else None
+    """Lamps as objects and instances, linked ones too, with their matrices in the world.
+
+    What only a render shows has no evaluated matrix yet: it is placed by the settings of the object and its parents.
+    """
+    renderable = _renderable(depsgraph.view_layer.layer_collection) if for_render else set()
+    placed = [entry for owner in renderable for entry in _placed(owner)]
+    rendered, shown = {(owner, lamp) for owner, lamp, _ in placed}, set()
     for instance in depsgraph.object_instances:
-        obj = instance.object
-        if obj.type != "LIGHT":
+        if (obj := instance.object).type != "LIGHT":
             continue
         owner = (instance.parent if instance.is_instance else obj).original
-        shown.add(owner)
-        if renderable is None or (owner in renderable and not obj.original.hide_render):
+        shown.add((owner, obj.original))
+        # Instances on vertices, faces and particles are known to the dependency graph alone.
+        others = instance.is_instance and owner.instance_type != "COLLECTION" and owner in renderable
+        if not for_render or (owner, obj.original) in rendered or (others and not obj.original.hide_render):
             yield obj, instance.matrix_world.copy()
-    for obj in renderable or ():
-        if obj.type == "LIGHT" and obj not in shown:
-            yield obj, _place(obj)
+    yield from ((lamp, matrix) for owner, lamp, matrix in placed if (owner, lamp) not in shown)
 
 
 def _renderable(layer: bpy.types.LayerCollection) -> set[bpy.types.Object]:
@@ -147,11 +148,33 @@ def _renderable(layer: bpy.types.LayerCollection) -> set[bpy.types.Object]:
     return found.union(*(_renderable(child) for child in layer.children))
 
 
+def _placed(obj: bpy.types.Object) -> Iterator[tuple[bpy.types.Object, bpy.types.Object, Matrix]]:
+    """The object, a lamp that a render shows of it, itself or in the collection that it instances, and the matrix."""
+    # An instancer shows its children on its vertices or faces only.
+    if obj.type == "LIGHT" and not (obj.parent and obj.parent.instance_type in {"VERTS", "FACES"}):
+        yield obj, obj, _place(obj)
+    if obj.instance_type == "COLLECTION" and obj.instance_collection:
+        yield from ((obj, lamp, _place(obj) @ matrix) for lamp, matrix in _inside(obj.instance_collection))
+
+
+def _inside(collection: bpy.types.Collection) -> Iterator[tuple[bpy.types.Object, Matrix]]:
+    """Lamps that a render shows of an instanced collection, others instanced in it included."""
+    offset = Matrix.Translation(-collection.instance_offset)
+    inside = {obj for obj in _rendered_objects(collection) if not obj.hide_render}
+    yield from ((lamp, offset @ matrix) for obj in inside for _, lamp, matrix in _placed(obj))
+
+
+def _rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]:
+    if collection.hide_render:
+        return set()
+    return set(collection.objects).union(*map(_rendered_objects, collection.children))
+
+
 def _place(obj: bpy.types.Object) -> Matrix:
-    """Matrix of an object that the viewport hides and therefore does not evaluate."""
+    """Matrix of an object that the viewport hides, maybe with its parents, and therefore does not evaluate."""
     if obj.constraints or (obj.parent and obj.parent_type != "OBJECT"):
         return obj.matrix_world.copy()
-    return obj.parent.matrix_world @ obj.matrix_parent_inverse @ obj.matrix_basis if obj.parent else obj.matrix_basis
+    return _place(obj.parent) @ obj.matrix_parent_inverse @ obj.matrix_basis if obj.parent else obj.matrix_basis
 
 
 def _light_at(target: Vector, lamp: Lamp) -> float:
@@ -167,13 +190,17 @@ def _has_beam(data: Any) -> bool:
     return data.type == "SPOT" or (data.type == "AREA" and data.spread < math.pi - 1e-3)
 
 
-def _in_beam(target: Vector, lamp: Lamp, data: Any) -> Lamp:
+def _in_beam(target: Vector, lamp: Lamp, data: Any, matrix: Matrix) -> Lamp:
     """The lamp with the power that it has towards this place: a beam is dark outside and may be brighter inside."""
     if not _has_beam(data):
         return lamp
-    cosine = Vector(lamp.axis).dot((target - Vector(lamp.centre)).normalized())
     if data.type == "SPOT":
-        return lamp if cosine > math.cos(data.spot_size / 2) else replace(lamp, power=_DARK * lamp.power)
+        # Scale and shear deform the cone: Cycles looks up the ray in the lamp's own space.
+        ray = (matrix.inverted() @ target).normalized()
+        edge = math.cos(data.spot_size / 2)
+        t = min(max((-ray.z - edge) / max((1 - edge) * data.spot_blend, 1e-6), 0.0), 1.0)
+        return replace(lamp, power=lamp.power * max(t * t * (3 - 2 * t), _DARK))
+    cosine = Vector(lamp.axis).dot((target - Vector(lamp.centre)).normalized())
     # Cycles lets a spread fall off as 1 - tan(x) / tan(h) up to its half angle h, and keeps the whole power.
     half = max(data.spread / 2, 1e-3)
     kept = math.sin(half) ** 2 - (half - math.sin(half) * math.cos(half)) / math.tan(half)
@@ -198,10 +225,18 @@ def _why_not(obj: bpy.types.Object) -> str:
     return "" if data.shadow_soft_size > 0 else "no radius, so that no ray can meet it"
 
 
-def _sheared(matrix: Matrix) -> bool:
-    """Whether the edges and the axis of an area lamp are no longer at right angles."""
-    u, v, w = (column.normalized() for column in matrix.to_3x3().col)
-    return max(abs(u.dot(v)), abs(u.dot(w)), abs(v.dot(w))) > 1e-3
+def _why_not_there(data: Any, matrix: Matrix) -> str:
+    """Why a mirror cannot be aimed at a lamp of this matrix; empty if it can."""
+    u, v, w = matrix.to_3x3().col
+    # Cycles takes no scale for the size of points and spots, but for a spot's cone.
+    needed = {"POINT": (), "SUN": (w,)}.get(data.type, (u, v, w))
+    flat = data.type == "SPOT" and abs(matrix.to_3x3().determinant()) < _NOTHING**3
+    if flat or any(column.length < _NOTHING for column in needed):
+        return "scaled to nothing, so that no ray can meet it"
+    # The table holds area lamps whose edges and axis are at right angles.
+    u, v, w = (column.normalized() for column in (u, v, w))
+    sheared = max(abs(u.dot(v)), abs(u.dot(w)), abs(v.dot(w))) > 1e-3
+    return "sheared by its parent's scale" if data.type == "AREA" and sheared else ""
 
 
 def _lamp(data: Any, matrix: Matrix) -> Lamp:

@@ -25,12 +25,14 @@ def replacing_file(path: Path) -> Iterator[Path]:
     """Give a temporary sibling (same suffix) to write to; it becomes `path` when the block succeeds.
 
     Whatever leaves the block by an exception, KeyboardInterrupt included, leaves an older file untouched
-    and no temporary one. Raises OSError.
+    and no temporary one. So does a power cut: the content is on disk before it has the name. Raises OSError.
     """
     temporary = path.with_name(f".{uuid4().hex[:12]}.{_PARTIAL}{path.suffix}")
     try:
         yield temporary
+        _flush_file(temporary)
         os.replace(temporary, path)
+        _flush_names(path.parent)
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -161,9 +163,13 @@ def _in_use(folder: Path) -> bool:
 def _flush(folder: Path) -> None:
     """Have the content on disk before the name points to it, or a power cut leaves empty files."""
     for file in folder.iterdir():
-        with open(file, "r+b") as stream:
-            os.fsync(stream.fileno())
+        _flush_file(file)
     _flush_names(folder)
+
+
+def _flush_file(file: Path) -> None:
+    with open(file, "r+b") as stream:
+        os.fsync(stream.fileno())
 
 
 def _flush_names(folder: Path) -> None:

@@ -18,9 +18,8 @@ from measured_materials.bake.bundle import StoredImage, read_bundle, require, wr
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.storage import IMAGE_STORAGES, Storage, quantize
 
-RNG = np.random.default_rng(11)
-TABLE = RNG.random((6, 10, 3)).astype(np.float32)
-SAMPLER = RNG.normal(size=(4, 4, 4)).astype(np.float32)
+TABLE = np.random.default_rng(11).random((6, 10, 3)).astype(np.float32)
+SAMPLER = np.random.default_rng(12).normal(size=(4, 4, 4)).astype(np.float32)
 PREVIEW = np.zeros((2, 2, 3), np.uint8)
 
 
@@ -72,7 +71,7 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
 
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_byte_images_of_a_shading_map(tmp_path: Path, channels: int) -> None:
-    pixels = RNG.random((5, 7, channels)).astype(np.float32)
+    pixels = np.random.default_rng(13).random((5, 7, channels)).astype(np.float32)
     images = {name: StoredImage(pixels, Storage.BYTE) for name in ("slices", "power", "coefficients")}
     path = write_bundle(tmp_path / "cloth", {}, images, PREVIEW, kind="shading_map")
     found = read_bundle(path)

@@ -45,7 +45,7 @@ def drawn(lamp: Lamp, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray
 def test_draws_are_unit_and_meet_the_lamp(name: str) -> None:
     wi, pdf = drawn(LAMPS[name], 20000)
     # A sun's axis is a float32 texel.
-    assert np.abs(np.linalg.norm(wi, axis=-1) - 1).max() < 1e-7
+    assert np.abs(np.linalg.norm(wi, axis=-1) - 1).max() < 6e-8
     # float32 texels: the edge itself is uncertain by 1e-7 of the lamp's size, for a sharp sun 1e-4 of its disc.
     assert (pdf > 0).mean() > 0.9995
 
@@ -67,7 +67,7 @@ def test_density_integrates_to_one(name: str) -> None:
     lattice = (1 - m)[:, None, None] * axis + sine * turn
     aim = aim_numpy(lamp_table([lamp], 1)[0], np.zeros((k, k, 3)))
     pdf = density_towards(xp_numpy, aim, lattice, np.zeros((k, k)))
-    assert pdf.mean() * 2 * np.pi * m_max == pytest.approx(1, abs=4e-3)
+    assert pdf.mean() * 2 * np.pi * m_max == pytest.approx(1, abs=1.5e-4)
 
 
 @pytest.mark.parametrize("name", LAMPS)
@@ -92,7 +92,8 @@ def test_draws_follow_the_density(name: str) -> None:
         d2 = (point**2).sum(-1)
         area = np.linalg.norm(lamp.u) * np.linalg.norm(lamp.v) / 800**2
         expected = (area * np.abs(point[:, 2]) / d2**1.5).sum()
-    assert solid_angle == pytest.approx(expected, rel=6e-3)
+    # Of 200 000 draws the ellipse has a standard error of 6.5e-4, the others less or none.
+    assert solid_angle == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("name", LAMPS)
@@ -128,4 +129,4 @@ def test_expected_light_is_about_the_irradiance(name: str) -> None:
     irradiance = (wi[kept, 2] / pdf[kept]).mean() * radiance.get(lamp.kind, 1 / solid_angle)
     aim = aim_numpy(lamp_table([lamp], 1)[0], np.zeros((1, 3)))
     found = expected_light(xp_numpy, aim, np.array([[0.0, 0.0, 1.0]]), 1.0)[0]
-    assert found == pytest.approx(irradiance, rel=0.35)
+    assert found == pytest.approx(irradiance, rel=0.25)

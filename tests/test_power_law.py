@@ -11,8 +11,6 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading import power_law
 from measured_materials.bake.shading.power_law import PowerLaw, fit, fit_brute_force, rms_error
 
-RNG = np.random.default_rng(21)
-
 
 def slices_of(k: np.ndarray, exponent: np.ndarray, n: int = 8) -> np.ndarray:
     x = np.arange(n) / (n - 1)
@@ -27,16 +25,16 @@ def texel_errors(slices: np.ndarray, law: PowerLaw) -> np.ndarray:
 
 
 def hard_slices(kind: str, n: int = 8, size: tuple[int, int] = (24, 32)) -> np.ndarray:
-    shape = (n, *size, 3)
+    shape, rng = (n, *size, 3), np.random.default_rng(21)
     if kind == "noisy law":
-        clean = slices_of(RNG.gamma(3, 0.3, shape[1:]), np.exp(RNG.normal(0, 0.5, shape[1:])), n)
-        slices = np.maximum(clean * RNG.normal(1, 0.15, shape), 0)
+        clean = slices_of(rng.gamma(3, 0.3, shape[1:]), np.exp(rng.normal(0, 0.5, shape[1:])), n)
+        slices = np.maximum(clean * rng.normal(1, 0.15, shape), 0)
     elif kind == "noise":
-        slices = RNG.random(shape)
+        slices = rng.random(shape)
     elif kind == "spikes":
-        slices = np.exp(2 * RNG.normal(size=shape))
+        slices = np.exp(2 * rng.normal(size=shape))
     else:
-        slices = (RNG.random(shape) > 0.6).astype(float)
+        slices = (rng.random(shape) > 0.6).astype(float)
     slices[0] = 0
     return slices.astype(np.float32)
 
@@ -45,20 +43,20 @@ def hard_slices(kind: str, n: int = 8, size: tuple[int, int] = (24, 32)) -> np.n
 @pytest.mark.parametrize("fitter", [fit, fit_brute_force])
 @pytest.mark.parametrize("n", [3, 8, 17])
 def test_a_power_law_comes_back(fitter, free_k: bool, n: int) -> None:
-    k = RNG.uniform(0.01, 30, (13, 11, 3)).astype(np.float32)
-    exponent = np.exp(RNG.uniform(np.log(0.1), np.log(10), k.shape)).astype(np.float32)
+    rng = np.random.default_rng(22)
+    k = rng.uniform(0.01, 30, (13, 11, 3)).astype(np.float32)
+    exponent = np.exp(rng.uniform(np.log(0.1), np.log(10), k.shape)).astype(np.float32)
     law = fitter(slices_of(k, exponent, n), free_k=free_k)
     assert law.k.shape == law.exponent.shape == k.shape
     assert law.k.dtype == law.exponent.dtype == np.float32
-    # The slices are rounded to 2^-24. Brute force, and the start with free k, compare sums of float32 squares, which
-    # see an error in the values above the root of that; K itself shows less where x^K is small (1e-3 at 1/2^10).
-    assert np.abs(law.exponent / exponent - 1).max() < 3e-3
+    # The slices are rounded to 2^-24, and sums of their squares are compared: seen 1e-5 in 150 sets of numbers. Of
+    # three slices only the middle one tells, at K = 10 by x^K = 2^-10: seen 2e-3 by Newton's three steps, from one
+    # candidate to where the next one's power is half.
+    assert np.abs(law.exponent / exponent - 1).max() < (6e-3 if n == 3 and fitter is fit else 3e-5)
     assert np.abs(law.k / k - 1).max() < 1e-5
     slices = slices_of(k, exponent, n)
     assert np.abs(law.evaluate(np.linspace(0, 1, n).reshape(-1, 1, 1, 1)) - slices).max() < 2.0**-12 * k.max()
     assert law.rms(slices) < 2e-5 * k.max()
-    if fitter is fit and not free_k:  # three steps, at worst from K = 10 where one candidate's power is half the next's
-        assert np.abs(law.exponent / exponent - 1).max() < 1e-3
 
 
 @pytest.mark.parametrize("free_k", [False, True])

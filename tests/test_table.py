@@ -46,7 +46,7 @@ def test_samples_are_met_at_their_nodes(kind: str) -> None:
     i_o, i_i, i_phi = (a.ravel() for a in np.meshgrid(range(1, n - 1), range(1, n - 1), range(2 * n), indexing="ij"))
     wi, wo = table.grid.directions(i_o, i_i, i_phi)
     for filter in ("nearest", "trilinear"):
-        assert np.abs(table.evaluate(wi, wo, filter) - values[i_o, i_i, i_phi]).max() < 1e-6
+        assert np.abs(table.evaluate(wi, wo, filter) - values[i_o, i_i, i_phi]).max() < 1e-13
 
 
 def test_trilinear_converges_with_the_square_of_the_resolution() -> None:
@@ -87,8 +87,8 @@ def test_padding_continues_what_it_says() -> None:
     assert (inner == values).all()
     assert (padded[:6, GUTTER:-GUTTER, 0] == values[:, :, 2]).all()
     assert (padded[:6, 0, GUTTER:-GUTTER] == values[:, 0]).all()
-    assert np.ptp(padded[:6, -GUTTER, GUTTER:-GUTTER] + values[:, -2], axis=1).max() < 1e-6
-    assert np.ptp(padded[6, GUTTER:-GUTTER, GUTTER:-GUTTER] + values[-2], axis=1).max() < 1e-6
+    assert np.ptp(padded[:6, -GUTTER, GUTTER:-GUTTER] + values[:, -2], axis=1).max() < 7e-7
+    assert np.ptp(padded[6, GUTTER:-GUTTER, GUTTER:-GUTTER] + values[-2], axis=1).max() < 7e-7
     assert (pad_slices(values**20) >= 0).all()
 
 
@@ -156,8 +156,8 @@ def test_treatment_is_counted() -> None:
 def test_direction_pairs_integrate_uniformly() -> None:
     """Weights turn the mean into one over both hemispheres: known integrals, diffuse and sharply peaked."""
     pairs = direction_pairs(65536)
-    assert pairs.weight.mean() == pytest.approx(1, abs=0.01)
-    assert (pairs.weight * pairs.wi[:, 2]).mean() == pytest.approx(0.5, abs=0.005)
+    assert pairs.weight.mean() == pytest.approx(1, abs=0.007)
+    assert (pairs.weight * pairs.wi[:, 2]).mean() == pytest.approx(0.5, abs=1.5e-3)
     # A narrow GGX without Fresnel or masking: E[f cos] over uniform wi, wo by an independent quadrature of albedo.
     from measured_materials.bake.albedo import directional_albedo
 
@@ -166,7 +166,7 @@ def test_direction_pairs_integrate_uniformly() -> None:
     cosine = 0.5 + 0.5 * nodes
     albedo = directional_albedo(source, np.arccos(cosine))[:, 0] @ (0.5 * weights) / (2 * np.pi)
     value = source.evaluate(pairs.wi, pairs.wo)[:, 0] * pairs.wi[:, 2]
-    assert (pairs.weight * value).mean() == pytest.approx(albedo, rel=0.02)
+    assert (pairs.weight * value).mean() == pytest.approx(albedo, rel=0.01)
 
 
 @pytest.mark.parametrize("alpha", [0.02, 0.1])
@@ -200,7 +200,7 @@ def test_horizon_converges_with_the_square_of_the_resolution_where_it_is_bounded
     for n in (32, 64):
         table = tabulate(Bounded(), TableGrid(n, "uniform", horizon_share=HORIZON_SHARES[1]))
         error.append(np.abs(table.evaluate(wi, wo) / Bounded().evaluate(wi, wo) - 1).max())
-    assert error[1] < 0.004 and error[0] / error[1] > 3
+    assert error[1] < 0.0025 and error[0] / error[1] > 3
 
 
 def test_estimate_without_the_table_is_the_tables_own() -> None:
@@ -234,7 +234,7 @@ def test_alpha_search_beats_uniform_and_reports_both_metrics() -> None:
 def test_intensity_estimate_is_close_to_the_sum(alphas: tuple[float, float]) -> None:
     """The lattice of samples against the whole table."""
     source, grid = analytic.Ggx(alpha=0.2), TableGrid(32, "bezier", *alphas)
-    assert estimate_intensity(source, grid) == pytest.approx(tabulate(source, grid).total_intensity, rel=0.05)
+    assert estimate_intensity(source, grid) == pytest.approx(tabulate(source, grid).total_intensity, rel=1.5e-3)
 
 
 @pytest.mark.parametrize("alpha", [0.15, 0.4])

@@ -8,6 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+import record
+
 BENCHES = {
     "speed": "file to bundle; lookups per second; every kind of material beside Principled: time, memory, bake",
     "tables": "RMS and total intensity of identity, uniform and Bezier tables: 70 MERL reconstructions, 12 RGL files",
@@ -29,6 +31,8 @@ BENCHES = {
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
+    "readme": "figures of README and hard_cases.md beside what their benches wrote last",
+    "tolerances": "what numeric assertions of the suite allow beside what they need; --quick without Blender",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
 }
 
@@ -44,13 +48,26 @@ def main() -> int:
     )
     parser.add_argument("name", nargs="?", default="speed", choices=BENCHES, metavar="NAME")
     parser.add_argument("--quick", action="store_true", help="fewer materials, samples or repeats")
+    parser.add_argument(
+        "--record",
+        action="store_true",
+        help="keep the figures for the README; with the bench readme, write them into it",
+    )
     parser.add_argument("--out", type=Path, default=Path("out") / "bench", help="folder of pictures and tables")
     arguments = parser.parse_args()
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
+    if arguments.name == "readme" and arguments.record:
+        importlib.import_module("bench_readme").fill(out)
     importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick)
-    print(f"bench {arguments.name}: {time.perf_counter() - started:.0f} s; files in {out}")
+    seconds, values = time.perf_counter() - started, record.taken()
+    print(f"bench {arguments.name}: {seconds:.0f} s; files in {out}")
+    if values:
+        record.write(out / f"{arguments.name}.json", arguments.name, arguments.quick, seconds, values)
+    if arguments.record and values:
+        record.write(record.RECORDED / f"{arguments.name}.json", arguments.name, arguments.quick, seconds, values)
+        print(f"recorded in {record.RECORDED / arguments.name}.json; ./run bench readme compares the README with it")
     return 0
 
 

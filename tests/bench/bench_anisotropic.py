@@ -24,6 +24,7 @@ from measured_materials.bake.sources.analytic import AshikhminShirley, Ggx, Ward
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
+from record import put
 
 BRUSHED = Ggx(alpha=0.06, alpha_y=0.35, f0=(0.9, 0.75, 0.55))
 SOURCES: dict[str, BrdfSource] = {
@@ -70,6 +71,8 @@ def _errors(resolutions: tuple[int, ...]) -> None:
                 size = " x ".join(map(str, grid.shape))
                 words = f"{name:20s} {basis:6s} {'slopes' if kind == 'auto' else kind:8s} {size:>20s}"
                 off = pairs.relative_error(error, truth)
+                put(f"RMS, {name}, {basis} {kind}, {n}", pairs.rms(error))
+                put(f"MB, {name}, {basis} {kind}, {n}", memory)
                 print(f"{words} {memory:9.2f} {pairs.rms(error):9.5f} {off:10.2%}")
 
 

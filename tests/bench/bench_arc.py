@@ -26,9 +26,11 @@ from measured_materials.bake.shading.map_facts import render_of
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
+from record import put_range
 
 ELEVATIONS = (6, 15, 24, 33, 42, 51, 60, 70, 79, 88)
 Make = Callable[[], bpy.types.Material]
+_BESIDE = ("mirror only, not aimed", "lit texture", "Diffuse BSDF", "Principled BSDF, sheen")
 
 
 def run(out: Path, quick: bool) -> None:
@@ -143,7 +145,7 @@ def noise(name: str, bundle: Bundle, quick: bool) -> list[dict[str, Any]]:
     rows = []
     for light in ("studio light", "small lamp"):
         found = {label: measure(make, light, quick) for label, make in materials(bundle).items()}
-        base, texture, plain = (found[k] for k in ("mirror only, not aimed", "lit texture", "Diffuse BSDF"))
+        base, texture, plain, principled = (found[k] for k in _BESIDE)
         for label, m in found.items():
             rows.append(
                 {
@@ -156,6 +158,7 @@ def noise(name: str, bundle: Bundle, quick: bool) -> list[dict[str, Any]]:
                     "against_mirror": _at_equal_time(m) / _at_equal_time(base),
                     "against_texture": _at_equal_time(m) / _at_equal_time(texture),
                     "against_diffuse": _at_equal_time(m) / _at_equal_time(plain),
+                    "against_principled": _at_equal_time(m) / _at_equal_time(principled),
                     "slower_than_diffuse": m.seconds / plain.seconds,
                 }
             )
@@ -202,9 +205,13 @@ def _print_noise(rows: list[dict[str, Any]]) -> None:
         "\nnoise of a pixel relative to the mean (of a texture also what varies inside a pixel), processor seconds of a"
     )
     print("picture, and noise at equal time as a multiple of that of three others")
+    for light, label in {(r["light"], r["material"]) for r in rows}:
+        own = [r["against_principled"] for r in rows if (r["light"], r["material"]) == (light, label)]
+        put_range(f"noise at equal time, {label}, {light}", own)
     heading = f"{'map':8s} {'light':13s} {'material':36s} {'noise':>8s} {'CPU s':>6s} {'time':>6s} {'mean':>7s}"
-    print(heading + f" {'/ mirror only':>14s} {'/ lit texture':>14s} {'/ Diffuse':>10s}")
+    print(heading + f" {'/ mirror only':>14s} {'/ lit texture':>14s} {'/ Diffuse':>10s} {'/ Principled':>13s}")
     for r in rows:
         words = f"{r['map']:8s} {r['light']:13s} {r['material']:36s} {r['noise']:8.1%} {r['seconds']:6.2f}"
         ratios = f"{r['against_mirror']:14.4f} {r['against_texture']:14.2f} {r['against_diffuse']:10.2f}"
+        ratios += f" {r['against_principled']:13.2f}"
         print(f"{words} {r['slower_than_diffuse']:5.2f}x {r['mean']:7.4f} {ratios}")

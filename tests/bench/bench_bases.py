@@ -15,6 +15,7 @@ from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.table import Grid, TreatedSource
+from record import put
 from rich.progress import track
 
 N = 64
@@ -64,6 +65,11 @@ def show(title: str, rows: list[dict[str, Any]], out: Path) -> None:
     glossy = np.argsort([-row["peakedness"] for row in rows])[: max(len(rows) // 2, 1)]
     print(f"auto below the best Bezier in the normal basis, median: all {np.median(gain):.1f} times", end=", ")
     print(f"glossy half {np.median(gain[glossy]):.1f} times; least {gain.min():.2f}")
+    put(f"{title}, gain, median", float(np.median(gain)))
+    put(f"{title}, gain, glossy half", float(np.median(gain[glossy])))
+    put(f"{title}, gain, least", gain.min())
+    put(f"{title}, auto over best, excess", better.max() - 1)
+    put(f"{title}, count", len(rows))
     worst = ", ".join(f"{rows[i]['material']} {better[i]:.3f}" for i in np.argsort(-better)[:3])
     print(f"auto over the best of all columns, so of both bases: most {better.max():.3f} ({worst})")
     best = [min(COLUMNS, key=row.__getitem__) for row in rows]

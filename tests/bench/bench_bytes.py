@@ -28,6 +28,7 @@ from measured_materials.bake.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.table import TreatedSource, pad_slices, tabulate
 from measured_materials.bake.table_facts import residual_table_of, sampler_of
 from measured_materials.bake.table_storage import store_table
+from record import put, put_range
 from rich.progress import track
 
 FULL, RESOLUTIONS, QUICK = 64, (4, 6, 8, 12, 16, 24, 32, 64), (4, 8, 16, 32, 64)
@@ -105,6 +106,7 @@ def show_storages(rows: list[dict[str, Any]]) -> None:
             size = np.median([row["bytes"] for row in mine]) / 1024
             cells.append(f"{size:9.3g} {np.median(ratio):6.3f} ({min(ratio):.2f} to {max(ratio):.2f})")
         print(f"{n:4d}" + "".join(f"{cell:>28s}" for cell in cells))
+    _compare_log(rows, names)
     print("\nMedian over the materials of the least RMS within bytes, as a share of the signal's")
     for limit in SIZES:
         shares = {
@@ -114,8 +116,24 @@ def show_storages(rows: list[dict[str, Any]]) -> None:
             ]
             for storage in TABLE_STORAGES
         }
+        for storage, found in shares.items():
+            put(f"RMS share, {storage}, {limit}", float(np.median(found)))
         words = ", ".join(f"{storage} {100 * np.median(found):.2f} %" for storage, found in shares.items())
         print(f"{limit:8d} bytes: {words}")
+
+
+def _compare_log(rows: list[dict[str, Any]], names: list[str]) -> None:
+    """Files of 8-bit logarithms over those of half floats, and up to which N their error is the smaller one."""
+
+    def each(storage: str, key: str, n: int) -> np.ndarray:
+        return np.array([of(rows, material=name, storage=storage, n=n)[0][key] for name in names])
+
+    numbers = sorted({row["n"] for row in rows})
+    ratios = np.concatenate([each("log", "bytes", n) / each("half", "bytes", n) for n in numbers])
+    better = [n for n in numbers if np.median(each("log", "rms", n) / each("half", "rms", n)) < 1]
+    print(f"\nlog over half: {ratios.min():.2f} to {ratios.max():.2f} of the bytes; less error at N of {better}")
+    put_range("bytes, log over half", ratios)
+    put("N, log better up to", max(better, default=0))
 
 
 def plot(rows: list[dict[str, Any]], file: Path) -> None:
@@ -178,6 +196,9 @@ def show_bundles(source: BrdfSource, quick: bool) -> None:
             numbers = "".join(
                 f"{part:10.1f}" for part in (*parts, sum(sizes.values()) - sum(parts), sum(sizes.values()))
             )
+            put(f"bundle KiB, {n} {storage} {sampler.n_h}", sum(sizes.values()))
+            put(f"bundle MiB, {n} {storage} {sampler.n_h}", sum(sizes.values()) / 1024)
+            put(f"bundle noise, {n} {storage} {sampler.n_h}", noise(bundle))
             errors = bundle.material["residual"]["errors"]["envelope_and_residual"]
             print(f"{n:14d}{storage:>14s}{cells:>14s}{numbers}{100 * errors['relative']:8.2f} %{noise(bundle):10.2f}")
 

@@ -17,6 +17,7 @@ from measured_materials.bake.bspline_fit import fit_coefficients
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import BrdfTable, TableGrid, pad_slices, tabulate
 from measured_materials.bake.table_storage import store_table
+from record import put
 
 
 def run(out: Path, quick: bool) -> None:
@@ -48,6 +49,9 @@ def run(out: Path, quick: bool) -> None:
                 size = f"{n} x {n} x {2 * n}"
                 row = f"{label:24s} {size:>15s} {memory[storage]:10.2f} {errors['rms']:9.4f} {errors['relative']:10.2%}"
                 print(row + f" {seconds:7.2f}")
+                put(f"RMS, {label}, {n}", errors["rms"])
+                put(f"energy off, {label}, {n}", errors["relative"])
+                put(f"MB, {label}, {n}", memory[storage])
     _plot(out / "cost.png", lines)
 
 

@@ -32,6 +32,7 @@ from measured_materials.addon.effects import AUTO, NEVER, Choices
 from measured_materials.addon.principled_match import Principled, fit_principled
 from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
+from record import put
 from rich.console import Console
 from rich.table import Table
 
@@ -174,8 +175,14 @@ def _print_medians(rows: list[Row], console: Console) -> None:
     for variant in VARIANTS:
         own = [row for row in rows if row.variant == variant]
         medians = [statistics.median_high(row.noise for row in own if row.light == light) for light in lights]
+        for light, median in zip(lights, medians):
+            put(f"noise, {variant}, {light}", median)
+        put(f"time, {variant}", _geometric([row.time for row in own]))
         table.add_row(variant, *(f"{m:.2g}" for m in medians), f"{_geometric([row.time for row in own]):.2f}")
     console.print(table)
+    for light in lights:
+        own = [row.rms for row in rows if row.variant == PRINCIPLED and row.light == light]
+        put(f"Principled's own noise, {light}", statistics.median_high(own))
 
 
 def _print_goals(rows: list[Row], by_key: dict[tuple[str, str, str], Row]) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from readme_figures import page_figures
+from record import put
 from support.hard import bakes, case, registry
 from support.hard.formula import digits_saved
 
@@ -64,6 +66,8 @@ def run(out: Path, quick: bool) -> None:
     page = TEXT.format(notes=notes, **{name: registry.markdown(*table) for name, table in tables.items()})
     (out / "hard_cases.md").write_text(page, encoding="utf-8")
     print(f"page {out / 'hard_cases.md'}")
+    for place, figure in page_figures(page).items():
+        put(place, figure)
 
 
 def _cases(folder: Path, quick: bool) -> list[list[str]]:

@@ -26,6 +26,7 @@ from measured_materials.bake.cosine_lobes import (
     tabulated_coefficients,
 )
 from numpy.typing import NDArray
+from record import put
 
 Array = NDArray[Any]
 FAR = (1e3, 1e4, 1e6, 1e8)
@@ -89,6 +90,10 @@ def _show_errors(rows: list[dict[str, Any]]) -> None:
             core = "".join(f"{row[f'{r} relative']:10.3%}/{row[f'{r} core']:8.3%}" for r in RIVALS)
             print(f"{row['n']:9g}{core}" + "".join(f"{row[f'{r} absolute']:10.2%}" for r in RIVALS))
     near = [row for row in rows if row["n"] <= 256]
+    for name in RIVALS:
+        least = 1 if name == "cubic" else 4
+        put(f"relative, {name}", max(row[f"{name} relative"] for row in near if row["n"] >= least))
+        put(f"of the peak, {name}", max(row[f"{name} absolute"] for row in near))
     worst = max(near, key=lambda row: row["cubic relative"])
     ratios = [row["schlick relative"] / row["cubic relative"] for row in near if row["n"] >= 4]
     print(
@@ -190,11 +195,13 @@ def _times(quick: bool) -> list[dict[str, Any]]:
             seconds = [_seconds(evaluate) for _ in range(3 if quick else 7)]
             row[f"numpy, {label}"] = min(seconds) / len(u) * 1e9
     plain = [_seconds(lambda: np.power(1 - u, exponents["one n"])) for _ in range(5)]
+    put("ns, numpy, power alone", min(plain) / len(u) * 1e9)
     print(f"numpy's power alone, its base rounded: {min(plain) / len(u) * 1e9:.1f} ns")
     rendered = measure_rendered(COSINE_LOBES, Effort(96, 16, 2) if quick else Effort(240, 16, 5))
     if rendered.missing:
         print(f"OSL: {rendered.missing}")
     for column, found in rendered.ns.items():
+        put(f"ns, {column}, power alone", found[BARE_POWER])
         print(f"{column}: the power node or function alone, its base rounded: {found[BARE_POWER]:.1f} ns")
         for row in rows:
             row[column] = found[row["lobe"]]
@@ -214,6 +221,10 @@ def _show_times(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         print(f"{row['lobe']:9s}" + "".join(f"{row[c]:18.1f}" for c in columns))
     power = rows[0]
+    for row in rows:
+        for column in columns:
+            put(f"ns, {column}, {row['lobe']}", row[column])
+            put(f"time over cos^n, {column}, {row['lobe']}", row[column] / power[column])
     for column in columns:
         cheaper = [r["lobe"] for r in rows[1:] if r[column] < 0.8 * power[column]]
         words = f"cheaper than cos^n: {', '.join(cheaper)}" if cheaper else "cos^n is as cheap as any"

@@ -23,6 +23,7 @@ from measured_materials.bake.table import FILTERS
 from measured_materials.bake.table_facts import table_of
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
+from record import put
 from speed_of_kinds import compare_kinds
 
 # Baking is timed in a process of its own, so that its peak memory is its own.
@@ -54,6 +55,9 @@ def _bake(folder: Path) -> None:
     for filter in ("trilinear", "bspline"):
         command = [sys.executable, "-P", "-c", _BAKE, str(measurement), str(folder / filter), filter]
         words = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+        put(f"bake s, {filter}", float(words[0]))
+        put(f"bake MB, {filter}", float(words[1]))
+        put(f"bake candidates, {filter}", float(words[2]))
         print(f"  {filter:10s} {words[0]:>6s} s  {words[1]:>5s} MB peak  {words[2]} kinds of table compared")
 
 
@@ -111,4 +115,5 @@ def _samples_per_second(quick: bool) -> None:
     seconds = {name: np.array(rounds[1:]) for name, rounds in times.items()}
     for name, mine in seconds.items():
         ns = float(np.median(mine)) / (size * size * samples) * 1e9
+        put(f"time, {name}", float(np.median(mine / seconds["Principled"])))
         print(f"  {name:32s} {ns:6.0f}   x {np.median(mine / seconds['Principled']):.2f}")

@@ -14,6 +14,7 @@ from measured_materials.bake.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.table import TableGrid, TreatedSource, tabulate
+from record import put
 from rich.progress import track
 
 N = 64
@@ -56,6 +57,8 @@ def show(title: str, rows: list[dict[str, Any]], out: Path) -> None:
     glossy = np.argsort([-row["peakedness"] for row in rows])[: len(rows) // 2]
     agree = sum(row["alpha by error"] == row["alpha by intensity"] for row in rows)
     loss = np.median([row["rms by intensity"] / row["rms by error"] for row in rows])
+    put(f"{title}, intensity found the best", agree)
+    put(f"{title}, count", len(rows))
     print(f"Bezier by error no worse than uniform: {int((gains >= 1).sum())} of {len(rows)}")
     print(f"median gain on uniform: all {np.median(gains):.2f}, glossy half {np.median(gains[glossy]):.2f}")
     worst = ", ".join(f"{rows[i]['material']} {gains[i]:.3f}" for i in np.argsort(gains)[:4])

@@ -29,6 +29,7 @@ from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
 from measured_materials.bake.shading.lobe_fit import fit_lobe
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.render_settings import RenderSettings
+from record import put, put_range
 
 ARC = tuple(np.linspace(5, 88, 10).round(2).tolist())
 # Light of unit irradiance unless said otherwise: (elevation, azimuth, irradiance); views (theta, phi), all in degrees.
@@ -51,6 +52,7 @@ SLICES_OF = {"plastic_60": 64}
 CHOSEN = "family"
 OBLIQUE = ("view 30 degrees", "view 60 degrees")
 OWN_LEVEL = "own level"
+ASIDE = ("azimuth 90", "azimuth 180")
 COLUMNS = (*IN_ORDER, OWN_LEVEL)
 LABELS = {
     "lit_texture": "lit texture",
@@ -208,6 +210,10 @@ def _groups() -> list[str]:
     return list(dict.fromkeys(case.group for case in CASES))
 
 
+def _names(rows: list[dict[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(row["material"] for row in rows))
+
+
 def _heading(title: str) -> None:
     print(f"\n{title}\n{'':34s}" + "".join(f"{LABELS[column]:>16s}" for column in COLUMNS))
 
@@ -277,6 +283,15 @@ def _print_verdict(rows: list[dict[str, Any]]) -> None:
         chosen = [row for row in rows if row["chosen"] and (row["case"], row["technique"]) == (case, technique)]
         return f"{_median(chosen, key):.0%}"
 
+    for technique in IN_ORDER:
+        for group in _groups():
+            own = [row for row in rows if row["chosen"] and (row["case"], row["technique"]) == (group, technique)]
+            each = [_median([row for row in own if row["material"] == name], "rms") for name in _names(rows)]
+            put_range(f"RMS, {technique}, {group}", each)
+    aside = [row for row in rows if row["chosen"] and row["technique"] == "lookup" and row["case"] in ASIDE]
+    by_case = [[r for r in aside if (r["material"], r["case"]) == (n, c)] for n in _names(rows) for c in ASIDE]
+    put_range("RMS, lookup, aside or behind", [_median(own, "rms") for own in by_case])
+    put("swatches", len(_names(rows)))
     lookup, texture = partial(median, "lookup"), partial(median, "lit_texture")
     between, across, behind, grazing, tilted, oblique, low, high = _groups()
     bright = median("final_radiance", high)

@@ -20,6 +20,7 @@ from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes.group import trees_below
+from record import put
 
 PAINT = MetallicPaint()
 # The table of the paper first, then the one that "auto" takes for most materials.
@@ -95,6 +96,9 @@ def _report(path: Path, found: dict[str, Measured], samples: int) -> None:
     for name, one in found.items():
         ns = float(np.median(seconds[name])) / samples * 1e9
         ratios = [float(np.median(seconds[name] / seconds[base])) for base in BASES]
+        put(f"kind, {name}, time", ratios["brushed" in name])
+        put(f"kind, {name}, textures", one.textures)
+        put(f"kind, {name}, bake", one.bake)
         print(f"  {name:36s}{ns:10.0f}{ratios[0]:14.2f}{ratios[1]:15.2f}", end="")
         print(f"{one.file:8.2f}{one.textures:10.2f}{one.bake:8.1f}" if one.bake else "")
         rows.append([name, round(ns, 1), *(round(r, 3) for r in ratios), one.file, one.textures, one.bake])

@@ -1,0 +1,291 @@
+"""Which bench prints each figure of the README: sentences and rows as templates, and numbers that are no figures.
+
+A field `{name|form}` is a figure that the bench keeps under that name (`record.put`). The form tells how it is
+printed: `2` with two digits after the point, `2s` with two significant ones, a following `%` in parts of a hundred.
+`a ÷ b` for a name is the ratio of two. A claim is what words say of figures without printing them.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FIELD = re.compile(r"\{([^{}|]+)\|([^{}|]+)\}")
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Text of a file with figures of one bench.
+
+    Parameters
+    ----------
+    template : the text, spaces and line breaks alike, with fields
+    claims : "a < b" of two names, or of a name and a number
+    """
+
+    bench: str
+    template: str
+    file: str = "README.md"
+    claims: tuple[str, ...] = ()
+
+    @property
+    def fields(self) -> list[tuple[str, str]]:
+        """Names and forms."""
+        return FIELD.findall(self.template)
+
+    def pattern(self) -> re.Pattern[str]:
+        """Of the text, however its lines are broken, with a group for each figure."""
+        parts = FIELD.split(" ".join(self.template.split()))[::3]
+        return re.compile(r"(\d+(?:\.\d+)?)".join(r"\s+".join(map(re.escape, part.split(" "))) for part in parts))
+
+    def filled(self, text: str, values: dict[str, float]) -> str:
+        """The text with these figures in place of its own. KeyError: one is missing; ValueError: the text is."""
+        match = self.pattern().search(text)
+        if match is None:
+            raise ValueError(f"{self.file} has no such text: {self.template}")
+        for number, (name, form) in reversed(list(enumerate(self.fields, 1))):
+            start, stop = match.span(number)
+            text = text[:start] + printed(looked_up(values, name), form) + text[stop:]
+        return text
+
+
+def looked_up(values: dict[str, float], name: str) -> float:
+    """A figure, or the ratio of two; KeyError where the bench kept none of that name."""
+    first, _, second = name.partition(" ÷ ")
+    return values[first] / values[second] if second else values[first]
+
+
+def printed(value: float, form: str) -> str:
+    """As the README prints it."""
+    scaled, digits = value * (100 if form.endswith("%") else 1), form.rstrip("%")
+    if not digits.endswith("s"):
+        return f"{scaled:.{int(digits)}f}"
+    significant = int(digits[:-1])
+    if scaled == 0:
+        return "0"
+    after = significant - 1 - int(f"{scaled:.{significant - 1}e}".split("e")[1])
+    return f"{round(scaled, after):.{max(after, 0)}f}"
+
+
+def holds(values: dict[str, float], claim: str) -> bool:
+    """Whether "a < b" is so."""
+    sides = []
+    for side in claim.split(" < "):
+        try:
+            sides.append(float(side))
+        except ValueError:
+            sides.append(looked_up(values, side))
+    return sides[0] < sides[1]
+
+
+def words(file: str = "README.md") -> str:
+    """A file of the repository on one line."""
+    return " ".join((ROOT / file).read_text(encoding="utf-8").split())
+
+
+def page_figures(page: str) -> dict[str, float]:
+    """Numbers of the page of hard cases that a run measures, by row and column: worst errors, and what bakes gave."""
+    found = {}
+    for line in page.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+        for column, cell in enumerate(cells[1:], 1):
+            # "worst / bound", or a number alone; the last column of a case is the number of its note.
+            number = re.match(r"(\d[\d.]*(?:e[+-]\d+)?)( / |$)", cell)
+            if number and not (column == len(cells) - 1 and re.fullmatch(r"\d+", cell)):
+                found[f"{cells[0]} | {cells[1]} | {column}"] = float(number[1])
+    return found
+
+
+def unregistered(text: str) -> list[str]:
+    """What of a file's text holds digits, but is neither stated here nor code, a year or `NO_FIGURES`."""
+    lines = [line for line in text.splitlines() if not line.startswith("    ")]
+    rest = " ".join(" ".join(lines).split())
+    for pattern in [*(stated.pattern() for stated in STATED), *map(re.compile, map(re.escape, NO_FIGURES)), *_NEVER]:
+        rest = pattern.sub(" ~ ", rest)
+    return [part.strip() for part in rest.split("~") if re.search(r"\d", part)]
+
+
+_NEVER = [re.compile(p) for p in (r"`[^`]*`", r"\]\([^)]*\)", r"\b(?:19|20)\d\d\b", r"(?<= )\d\. (?=[A-Z*])")]
+_ENGINE = ("sky", "small lamp", "sun and sky", "HDR world")
+
+
+def _row(label: str, *fields: str) -> str:
+    return f"| {label} | " + " | ".join(fields) + " |"
+
+
+def _engine(label: str, variant: str) -> Stated:
+    fields = [f"{{noise, {variant}, {light}|2s}}" for light in _ENGINE]
+    return Stated("engine", _row(label, *fields, f"{{time, {variant}|1}}"))
+
+
+def _arc(label: str, material: str) -> Stated:
+    name = f"noise at equal time, {material}"
+    ranges = [
+        f"{{{name}, {light}, least|2s}} to {{{name}, {light}, most|2s}}" for light in ("studio light", "small lamp")
+    ]
+    return Stated("arc", _row(label, *ranges))
+
+
+def _bytes(label: str, size: int) -> Stated:
+    return Stated("bytes", _row(label, *(f"{{RMS share, {s}, {size}|2s%}} %" for s in ("half", "rgbe", "log"))))
+
+
+def _anisotropic(label: str, name: str) -> Stated:
+    kinds = ("half auto", "normal fitted", "normal bezier", "normal uniform", "normal identity")
+    return Stated("anisotropic", _row(label, *(f"{{RMS, {name}, {kind}, 48|2s}}" for kind in kinds)))
+
+
+def _kind(label: str, name: str) -> Stated:
+    times = [f"{{kind, {name}, {mode}, time|2}}" for mode in ("Exact", "mirror only")]
+    rest = [f"{{kind, {name}, Exact, {what}|2s}}" for what in ("textures", "bake")]
+    return Stated("speed", _row(label, *times, *rest))
+
+
+_BASES = (
+    "median {{{0}, gain, median|0}} times, glossy half {{{0}, gain, glossy half|0}} times, "
+    "least {{{0}, gain, least|{1}}}"
+)
+_B_SPLINE = "{0}, bezier, B-spline fitted, {1} ÷ {0}, bezier, trilinear, {1}"
+_NODES, _OSL = "nodes, n varies", "OSL, n varies"
+_MERL, _RGL = "MERL reconstructions", "RGL measurements"
+
+STATED = (
+    _engine("Preview", "preview"),
+    _engine("Balanced", "balanced"),
+    _engine("Exact", "exact"),
+    _engine("Exact, not aimed", "exact, not aimed"),
+    _engine("Reference", "reference"),
+    _engine("Reference, not aimed", "reference, not aimed"),
+    Stated("engine", "hardly any noise at all ({Principled's own noise, small lamp|1%} %)"),
+    _arc("closure + mirror, aimed (default)", "envelope + residual, aimed at lamps"),
+    _arc("mirror only, aimed", "mirror only, aimed at lamps"),
+    _arc("closure + mirror, not aimed", "envelope + residual, not aimed"),
+    _arc("mirror only, not aimed", "mirror only, not aimed"),
+    Stated(
+        "techniques",
+        "the RMS difference is {RMS, lookup, between the photographs, least|0%} to "
+        "{RMS, lookup, between the photographs, most|0%} % of the picture's (a lit texture: "
+        "{RMS, lit_texture, between the photographs, least|0%} to "
+        "{RMS, lit_texture, between the photographs, most|0%} %), with light from the side "
+        "or from behind {RMS, lookup, aside or behind, least|0%} to "
+        "{RMS, lookup, aside or behind, most|0%} %",
+    ),
+    Stated(
+        "lobes",
+        "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
+    ),
+    Stated("lobes", "| Cosine, Lyon | {relative, cosine|2s%} %, {relative, lyon|2s%} % |"),
+    Stated("lobes", "| Schlick | {relative, schlick|2s%} % | a wider foot, up to {of the peak, schlick|0%} % |"),
+    Stated(
+        "lobes",
+        f"cos^n to its last digits and the cubic took {{ns, {_NODES}, power|0}} and {{ns, {_NODES}, cubic|0}} ns as "
+        f"nodes, {{ns, {_OSL}, power|0}} and {{ns, {_OSL}, cubic|0}} ns in OSL, {{ns, numpy, one n, power|0}} and "
+        "{ns, numpy, one n, cubic|0} ns in numpy, where the plain power, its base rounded, takes "
+        f"{{ns, {_NODES}, power alone|0}}, {{ns, {_OSL}, power alone|0}} and {{ns, numpy, power alone|1}} ns. "
+        f"Schlick's takes {{time over cos^n, {_NODES}, schlick|2}} and Lyon's {{time over cos^n, {_NODES}, lyon|2}} of "
+        "the time of cos^n as nodes.",
+    ),
+    Stated(
+        "cost",
+        "The Bezier table of 64 x 64 x 128 (RMS {RMS, bezier, trilinear, 64|4}) is closer than a uniform one of "
+        "{MB, uniform, trilinear, 128 ÷ MB, bezier, trilinear, 64|1} times its memory "
+        "({RMS, uniform, trilinear, 128|4}); identity never gets near. By RMS the fitted B-spline errs more at "
+        "every size ({RMS, bezier, B-spline fitted, 64|4} at that one); of the reflected energy, which the plot shows, "
+        "it has less wrong from N = 48 on",
+        claims=(
+            "RMS, bezier, trilinear, 64 < RMS, uniform, trilinear, 128",
+            "RMS, bezier, trilinear, 64 < RMS, identity, trilinear, 128",
+            *(f"1 < {_B_SPLINE.format('RMS', n)}" for n in (16, 24, 32, 48, 64, 96, 128)),
+            *(f"1 < {_B_SPLINE.format('energy off', n)}" for n in (16, 24, 32)),
+            *(f"{_B_SPLINE.format('energy off', n)} < 1" for n in (48, 64, 96, 128)),
+        ),
+    ),
+    Stated("speed", "| nearest | {time, nearest|2} |"),
+    Stated("speed", "| trilinear (default) | {time, trilinear|2} |"),
+    Stated("speed", "| cubic B-spline | {time, bspline|2} |"),
+    Stated(
+        "speed",
+        "a MERL file was a finished bundle after {bake s, trilinear|0} s, {bake candidates, trilinear|0} kinds of "
+        "table compared, at a peak of {bake MB, trilinear|0} MB; with B-spline coefficients fitted, after "
+        "{bake s, bspline|0} s",
+    ),
+    Stated(
+        "bases",
+        "of the 82 materials below none is held worse than by the better basis, but for "
+        f"{{{_MERL}, auto over best, excess|1%}} % on one",
+        claims=(f"{_RGL}, auto over best, excess < 0.001",),
+    ),
+    Stated("bases", "| {RGL measurements, count|0} genuine RGL measurements | " + _BASES.format(_RGL, 1)),
+    Stated("bases", "| {MERL reconstructions, count|0} reconstructed MERL materials | " + _BASES.format(_MERL, 2)),
+    Stated(
+        "tables",
+        "finds the Bezier shape of least error on {MERL reconstructions, intensity found the best|0} of the "
+        "{MERL reconstructions, count|0}",
+    ),
+    Stated(
+        "bytes",
+        "{bytes, log over half, least|2} to {bytes, log over half, most|2} of the file of half floats and, up to N = "
+        "{N, log better up to|0}, the smaller error too",
+    ),
+    _bytes("2.7 kB (a neural BRDF's)", 2700),
+    _bytes("10 KiB", 10240),
+    _bytes("48 KiB (an RGL material's)", 49152),
+    _bytes("256 KiB", 262144),
+    Stated(
+        "bytes",
+        "A whole bundle of N = 12 (all modes) takes {bundle MiB, 12 log 64|1} MiB, nearly all of it tables that "
+        "directions are drawn by; with `--sampler 16` {bundle KiB, 12 log 16|0} KiB, at {bundle noise, 12 log 16|2} "
+        "instead of {bundle noise, 12 log 64|2} of noise",
+    ),
+    Stated(
+        "anisotropic",
+        "| RMS in 1/sr at about 3.5 MB, `./run bench anisotropic",
+        claims=("3.2 < MB, brushed metal, half auto, 48", "MB, brushed metal, normal bezier, 48 < 3.8"),
+    ),
+    _anisotropic("brushed metal (GGX)", "brushed metal"),
+    _anisotropic("fine brushing (GGX)", "fine brushing"),
+    _anisotropic("satin (Ward)", "satin"),
+    _anisotropic("Ashikhmin-Shirley", "Ashikhmin-Shirley"),
+    _kind("paint, normal basis, Bezier", "paint, normal, Bezier"),
+    _kind("paint, half vectors, fitted", "paint, half, fitted"),
+    _kind("brushed metal, normal basis", "brushed metal, normal"),
+    _kind("brushed metal, half vectors", "brushed metal, half"),
+    Stated(
+        "bytes",
+        "{bytes, log over half, least|2} to {bytes, log over half, most|2} of the bytes of half floats",
+        file="CHANGELOG.md",
+    ),
+)
+
+# Versions, settings, counts of the code and sizes that are asked for: no bench measures them.
+NO_FIGURES = (
+    "| 4.2 LTS, 4.4 |",
+    "| 4.3 |",
+    "| 4.5 LTS |",
+    "| 5.0 |",
+    "| 5.2 |",
+    "Python 3.11",
+    "3 GB of disk",
+    "at most 0.1 % of the light is too much",
+    "medians over 12 materials",
+    "median of 8 measured materials",
+    "are counted and set to 0",
+    "31 wavelengths",
+    "Exit codes: 0 done, 1 bad input (one line naming file, cause and remedy), 2 usage",
+    "The exit code is 1 where",
+    "Principled BSDF = 1",
+    "at the bytes of 64 x 64 x 128",
+    "tables of 82 materials",
+    "Figure 3 of",
+    "figures 3 to 7",
+    "keeps 8 bits",
+    "exponents from 1 to 256",
+    "from 4 on",
+    "peaks of 1e4, exponents to 1e8, tables of 1e30, random numbers of exactly 0 and 1",
+    "float32",
+    "in 1/sr",
+    "GPL-3.0-or-later",
+    "3-Degree Polynomial",
+)
