@@ -32,6 +32,22 @@ def write(path: Path, version: int = 1, storage: str = "half") -> Path:
     return write_bundle(path, {"source": {"name": "felt"}, "version": version}, images, PREVIEW)
 
 
+def stored(path: Path, name: str = "table") -> Path:
+    return path / json.loads((path / "material.json").read_text())["images"][name]["file"]
+
+
+def as_schema_2(path: Path) -> None:
+    """What older versions wrote: files called after the image alone."""
+
+    def change(document: dict[str, Any]) -> None:
+        document["schema"] = 2
+        for name, entry in document["images"].items():
+            file = (path / entry["file"]).rename(path / f"{name}{Path(entry['file']).suffix}")
+            entry["file"] = file.name
+
+    edit(path, change)
+
+
 def edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
     file = path / "material.json"
     document = json.loads(file.read_text())
@@ -54,10 +70,11 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
     found = read_bundle(path)
     np.testing.assert_array_equal(found.load("table"), quantize(TABLE, storage))
     np.testing.assert_array_equal(found.load("sampler"), SAMPLER)
-    assert found.image_path("table") == path / f"table{storage.suffix}"
+    digest = found.material["images"]["table"]["sha256"][:12]
+    assert found.image_path("table") == path / f"felt_{digest}_table{storage.suffix}"
     assert found.has("table") and not found.has("slices")
     assert found.preview == path / "preview.png"
-    assert (found.material["schema"], found.material["kind"]) == (2, "brdf")
+    assert (found.material["schema"], found.material["kind"]) == (3, "brdf")
     assert set(found.material["images"]["table"]) == {
         "file",
         "width",
@@ -66,7 +83,7 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
         "storage",
         "sha256",
     }
-    names = {"material.json", "preview.png", "sampler.exr", f"table{storage.suffix}"}
+    names = {"material.json", "preview.png", stored(path).name, stored(path, "sampler").name}
     assert {file.name for file in path.iterdir()} == names
 
 
@@ -79,7 +96,7 @@ def test_byte_images_of_a_shading_map(tmp_path: Path, channels: int) -> None:
     for name in images:
         np.testing.assert_array_equal(found.load(name), quantize(pixels, Storage.BYTE))
     assert found.material["images"]["power"]["channels"] == channels and found.preview == path / "preview.png"
-    (path / "power.png").write_bytes((path / "preview.png").read_bytes())
+    stored(path, "power").write_bytes((path / "preview.png").read_bytes())
     with pytest.raises(BakeError, match=r"power\.png: has (width|height|channels) "):
         read_bundle(path)
 
@@ -124,16 +141,16 @@ def test_what_was_read_can_be_written_again(path: Path, tmp_path: Path) -> None:
 
 
 def test_exr_headers_repeat_the_parameters(path: Path) -> None:
-    attributes = bundle.read_header(path / "table.exr").attributes
+    attributes = bundle.read_header(stored(path)).attributes
     assert (attributes["image"], attributes["storage"]) == ("table", "half")
     repeated = json.loads(attributes["material"])
-    assert repeated == {"source": {"name": "felt"}, "version": 1, "schema": 2, "kind": "brdf"}
+    assert repeated == {"source": {"name": "felt"}, "version": 1, "schema": 3, "kind": "brdf"}
 
 
 def test_replacing_leaves_nothing_of_the_old(path: Path) -> None:
     images = {"table": StoredImage(TABLE, Storage.RGBE)}
     write_bundle(path, {}, images)
-    assert {file.name for file in path.iterdir()} == {"table.hdr", "material.json"}
+    assert {file.name for file in path.iterdir()} == {stored(path).name, "material.json"}
     assert list(path.parent.iterdir()) == [path]
     assert read_bundle(path).preview is None
 
@@ -199,8 +216,34 @@ def test_litter_of_file_browsers_does_not_hinder(path: Path) -> None:
 
 def test_schema_1_is_read(path: Path) -> None:
     """It is no longer written: its readers know neither codes nor raised half floats, and would not miss them."""
+    as_schema_2(path)
     edit(path, lambda document: document.update(schema=1))
     assert read_bundle(path).has("table")
+
+
+def test_schema_2_is_read_and_replaced(path: Path) -> None:
+    """Its images are called alike in every bundle; a new bake in its place gives them names of their own."""
+    as_schema_2(path)
+    assert read_bundle(path).image_path("table") == path / "table.exr"
+    np.testing.assert_array_equal(read_bundle(path).load("sampler"), SAMPLER)
+    write(path, 2)
+    assert not (path / "table.exr").exists() and stored(path).name.endswith("_table.exr")
+
+
+@pytest.mark.parametrize("title", ["felt", "Gold paint (2).v3", "Ölfarbe blau", "漆", "../../etc", "con", "x" * 300, ""])
+def test_no_two_materials_images_are_called_alike(tmp_path: Path, title: str) -> None:
+    """Blender's *Unpack Resources*, *Find Missing Files* and packers of farms go by base names."""
+    names: set[str] = set()
+    for version in (1, 2):
+        images = {
+            name: StoredImage(TABLE * (version + k), Storage.HALF) for k, name in enumerate(("table", "residual"))
+        }
+        path = write_bundle(tmp_path / f"b{version}", {"source": {"name": title}}, images)
+        found = {entry["file"] for entry in read_bundle(path).material["images"].values()}
+        assert found == {file.name for file in path.iterdir()} - {"material.json"}
+        assert all(name.isascii() and "/" not in name and len(name) < 100 for name in found)
+        assert not {name.casefold() for name in found} & names and len(found) == 2
+        names |= {name.casefold() for name in found}
 
 
 # --- hostile bundles --------------------------------------------------------------------------------------
@@ -213,7 +256,7 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     "change, word",
     [
-        (lambda d: d.update(schema=3), "newer version .schema 3, known here: 2.*update"),
+        (lambda d: d.update(schema=4), "newer version .schema 4, known here: 3.*update"),
         (lambda d: d.update(schema=0), "'schema' is 0, below 1"),
         (lambda d: d.update(schema=True), "'schema' is not a whole number"),
         (lambda d: d.update(schema=1.0), "'schema' is not a whole number"),
@@ -226,6 +269,13 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
         (table(file="/etc/passwd"), "'file' is '/etc/passwd'"),
         (table(file="sampler.exr"), "'file' is 'sampler.exr'"),
         (table(file="table.hdr"), "'file' is 'table.hdr'"),
+        (table(file="../felt_0123456789ab_table.exr"), "'file' is '../felt_0123456789ab_table.exr'"),
+        (table(file="a/felt_0123456789ab_table.exr"), "'file' is 'a/felt_0123456789ab_table.exr'"),
+        (table(file=".felt_0123456789ab_table.exr"), "'file' is '.felt_0123456789ab_table.exr'"),
+        (table(file="felt_0123456789ab_sampler.exr"), "'file' is 'felt_0123456789ab_sampler.exr'"),
+        (table(file="felt_0123456789ab_table.exr\n"), "'file' is "),
+        (table(file="felt_0123456789ab_table.exr"), "felt_0123456789ab_table.exr: is missing"),
+        (table(file=7), "'file' is not a text"),
         (table(storage="double"), "'storage' is 'double', not one of float32, half, rgbe, byte"),
         (table(storage="float32"), "has storage half, but material.json says float32"),
         (table(width=11), "has width 10, but material.json says 11"),
@@ -233,7 +283,7 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
         (table(width=10.0), "'width' is not a whole number"),
         (table(width=10**400), "'width' is a huge number, above 16777216"),
         (table(width=1 << 20, height=1 << 20), "declares more than 1024 MiB"),
-        (table(storage="byte"), "'file' is 'table.exr', not one of table.png"),
+        (table(storage="byte"), "'file' is 'felt_.*_table.exr', not one of table.png"),
         (table(storage="byte", file="table.png"), "table.png: is missing"),
         (table(channels=2), "'channels' is 2, not one of 1, 3, 4"),
         (table(channels=4), "has channels 3, but material.json says 4"),
@@ -270,9 +320,9 @@ def test_hostile_json(path: Path, text: bytes, word: str) -> None:
         read_bundle(path)
 
 
-@pytest.mark.parametrize("name", ["table.exr", "material.json"])
+@pytest.mark.parametrize("name", ["table", "material.json"])
 def test_links_pipes_and_folders_are_refused(path: Path, name: str) -> None:
-    file = path / name
+    file = stored(path) if name == "table" else path / name
     elsewhere = file.rename(path.parent / name)
     for make in (lambda: file.symlink_to(elsewhere), lambda: os.mkfifo(file), file.mkdir, lambda: None):
         make()
@@ -289,7 +339,7 @@ def test_preview_link_is_not_followed(path: Path) -> None:
 
 
 def test_changed_and_damaged_pixels(path: Path) -> None:
-    file = path / "table.exr"
+    file = stored(path)
     data = bytearray(file.read_bytes())
     data[-3] ^= 1
     file.write_bytes(data)
@@ -306,8 +356,8 @@ def test_changed_and_damaged_pixels(path: Path) -> None:
 
 def test_pixels_that_are_not_finite(path: Path) -> None:
     # A half of bits 0x7e00 is NaN; such a small image is stored as it is, so the bytes can be found.
-    file, one = path / "table.exr", np.float16(TABLE[0, 0, 0]).tobytes()
     write_bundle(path, {}, {"table": StoredImage(TABLE[:1, :1], Storage.HALF)})
+    file, one = stored(path), np.float16(TABLE[0, 0, 0]).tobytes()
     data = file.read_bytes()
     file.write_bytes(data[:-6] + data[-6:].replace(one, b"\x00\x7e"))
     edit(path, lambda d: d["images"]["table"].update(sha256=bundle._sha256(file)))
