@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from .atomic import recover, replacing_folder
 from .errors import BakeError
-from .image_names import common_name, is_unique_name, unique_name
 from .image_io import MAX_IMAGE_BYTES, read_header, read_image, write_image, write_png
+from .image_names import common_name, is_unique_name, unique_name
 from .material_json import dump_json, load_json, require
 from .storage import IMAGE_STORAGES, Storage
 

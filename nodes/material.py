@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ..bake.anisotropic.facts import is_anisotropic
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
-from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import (
     check_shares,
@@ -31,7 +30,7 @@ from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .anisotropic_material import anisotropic_group
 from .brdf_group import BrdfParts, brdf_group
-from .data_image import load_data_image
+from .data_image import bundle_image
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash, trees_below
 from .table_groups import TableGroups
@@ -104,7 +103,7 @@ def build_material(
         local = lamp_share and lamps is not None and envelope is not None and table is not None
         if local and bundle.has("residual_share"):
             check_shares(bundle)
-            shares = load_data_image(bundle.image_path("residual_share"), f"{name} residual share", pack=pack)
+            shares = bundle_image(bundle, "residual_share", f"{name} residual share", pack=pack)
         group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
         return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
 
@@ -127,7 +126,7 @@ def usual_mode(bundle: Bundle) -> str:
 def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = envelope_of(bundle) if part == "envelope" else preview_of(bundle)
-    image = load_data_image(bundle.image_path(part), f"{name} {part.replace('_', ' ')}", pack=pack)
+    image = bundle_image(bundle, part, f"{name} {part.replace('_', ' ')}", pack=pack)
     return WeightedClosures(fit.closures, image, len(fit.weights))
 
 
@@ -178,11 +177,10 @@ def table_groups(
     table = require(bundle.material, "table", dict, where)
     if filter is None:
         filter = require(table, "filter", str, where, choices=FILTERS)
-    half = require(table, "storage", str, where) == Storage.HALF
-    atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
+    atlas = bundle_image(bundle, part, f"{name} {part}", pack=pack)
     offset, log = offset_of(bundle, part), log_of(bundle, part)
     lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
-    cells = load_data_image(bundle.image_path(sampler_image), f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
+    cells = bundle_image(bundle, sampler_image, f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
     density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return TableGroups(lookup, sampler, density)

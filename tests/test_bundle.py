@@ -230,7 +230,9 @@ def test_schema_2_is_read_and_replaced(path: Path) -> None:
     assert not (path / "table.exr").exists() and stored(path).name.endswith("_table.exr")
 
 
-@pytest.mark.parametrize("title", ["felt", "Gold paint (2).v3", "Ölfarbe blau", "漆", "../../etc", "con", "x" * 300, ""])
+@pytest.mark.parametrize(
+    "title", ["felt", "Gold paint (2).v3", "Ölfarbe blau", "漆", "../../etc", "con", "x" * 300, ""]
+)
 def test_no_two_materials_images_are_called_alike(tmp_path: Path, title: str) -> None:
     """Blender's *Unpack Resources*, *Find Missing Files* and packers of farms go by base names."""
     names: set[str] = set()
