@@ -7,6 +7,7 @@ is opened; what lies in files cannot be renamed, because other .blend files read
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..bake.image_names import common_name
+from ..bake.image_names import common_name, is_unique_name
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, content_of, file_name, has_common_name, rename_packed
 from . import texture_content
 from .kept_textures import bundle_path, textures_of
@@ -59,16 +60,14 @@ def right_file(image: bpy.types.Image, material: bpy.types.Material) -> Path | N
 
 
 def _places(image: bpy.types.Image, material: bpy.types.Material, part: str | None) -> Iterator[Path]:
-    bundle = bundle_path(material)
-    images = facts_of(material).get("images") if is_measured(material) else None
-    entry = images.get(part) if isinstance(images, dict) else None
-    kept = entry.get("file") if isinstance(entry, dict) else None
-    names = dict.fromkeys(filter(None, (file_name(image), kept if isinstance(kept, str) else None)))
-    if part is not None:
-        names[common_name(part, Path(file_name(image)).suffix)] = None
+    bundle, suffix = bundle_path(material), Path(file_name(image)).suffix
     beside = Path(bpy.path.abspath("//")) if bpy.data.filepath else None
     for folder in (bundle, *([beside / bundle.name] if beside and bundle.name else [])):
-        yield from (folder / Path(name).name for name in names)
+        with contextlib.suppress(OSError, ValueError):
+            for name in sorted(os.listdir(folder)):
+                own = part is not None and (is_unique_name(name, part, suffix) or name == common_name(part, suffix))
+                if own or name == file_name(image):
+                    yield folder / name
 
 
 def load_right(image: bpy.types.Image, place: Path) -> None:
@@ -76,6 +75,8 @@ def load_right(image: bpy.types.Image, place: Path) -> None:
     if image.packed_file is not None:
         data = place.read_bytes()
         image.pack(data=data, data_len=len(data))
+        image.buffers_free()  # not `reload`, which would pack whatever lies at the image's path
+        image.update_tag()
     else:
         image.filepath = str(place)
         image.reload()
