@@ -127,7 +127,7 @@ def run(folder: Path, script: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("older", ["", "bundle", "blend"])
 def test_unpacking_keeps_materials_apart(tmp_path: Path, older: str) -> None:
-    """Two packed materials, *Unpack Resources* into //textures/: of today's bundles, of older ones, of older .blends."""
+    """Two packed materials, *Unpack Resources* into //textures/: of bundles, of older ones, of older .blend files."""
     script = f"""
 build(bake(older={older == "bundle"}), pack=True)
 if {older == "blend"}:
