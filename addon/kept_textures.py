@@ -12,7 +12,7 @@ import bpy
 from ..bake.bundle import Bundle, read_bundle, require
 from ..bake.errors import BakeError
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, LoadedBundle, bundle_image
-from ..nodes.material import BUNDLE_KEY, safe_name
+from ..nodes.material import BUNDLE_KEY, part_name
 from .cli_bake_arc import is_bundle
 from .texture_content import is_of_content
 
@@ -28,7 +28,7 @@ def keep_textures(material: bpy.types.Material, bundle: Bundle, *, pack: bool, o
     images = (node.image for node in image_nodes(material.node_tree))
     found = {image[PART_KEY]: image for image in images if _is_of(bundle, image)}
     source = bundle.material.get("source")
-    title = safe_name(str(source.get("name") if isinstance(source, dict) else material.name))
+    title = part_name(str(source.get("name") if isinstance(source, dict) else material.name))
     for name in others:
         if name not in found and bundle.has(name):
             found[name] = bundle_image(bundle, name, f"{title} {name.replace('_', ' ')}", pack=pack)

@@ -242,8 +242,7 @@ def _envelope(
     treated: TreatedSource, table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, say: Progress
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope and of the residual."""
-    fit = fit_envelope(treated)
-    say("envelope", 0.4)
+    fit = fit_envelope(treated, progress=lambda share: say("envelope", 0.4 * share))
     grid = _residual_grid(treated, fit, table.grid, settings)
     say("envelope", 0.7)
     rest = residual_source(treated, fit).evaluate(pairs.wi, pairs.wo)

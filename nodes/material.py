@@ -42,6 +42,8 @@ from .weighted_closures import WeightedClosures
 # is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
+# Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
+_ROOM = 24
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
 _VIEWPORT_KEY, _STAND_IN_KEY = "measured_materials_viewport", "measured_materials_stand_in"
 
@@ -143,7 +145,7 @@ def build_from(
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
         raise BakeError(material.name, cause, "undo its removal, or import the measurement as a new material")
     try:
-        group = make_group(name)
+        group = make_group(part_name(name))
         material = bpy.data.materials.new(name) if material is None else material
         assemble(material, group, albedo)
     except Exception:
@@ -186,10 +188,19 @@ def table_groups(
     return TableGroups(lookup, sampler, density)
 
 
-def safe_name(name: str) -> str:
-    """A name for data-blocks: printable, and short enough for Blender to add a suffix."""
+def safe_name(name: str, room: int = 0) -> str:
+    """A name for data-blocks: printable, and cut only where Blender must, by bytes, with `room` of them to spare.
+
+    Blender cuts further by itself where it adds a number to a name that is taken.
+    """
     printable = "".join(c if c.isprintable() else "_" for c in name.encode("utf-8", "replace").decode("utf-8"))
-    return printable[:40] or "measured"
+    most = compat.longest_name() - room
+    return printable.encode("utf-8")[:most].decode("utf-8", "ignore") or "measured"
+
+
+def part_name(name: str) -> str:
+    """What a material's groups and textures are called after, which say before or behind it what they are."""
+    return safe_name(name, _ROOM)
 
 
 def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
