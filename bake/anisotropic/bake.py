@@ -92,7 +92,7 @@ def bake_anisotropic(
     table = kept.table
     say("sampler", 0.0)
     layout = sampler_layout(settings, grid, symmetry, search)
-    sampler = build_slope_sampler(table, layout)
+    sampler = build_slope_sampler(table, layout, partial(say, "sampler"))
     say("measuring", 0.0)
     simpler = cast("tuple[Filter, ...]", FILTERS[: FILTERS.index(settings.filter) + 1])
     facts: dict[str, Any] = {
@@ -149,7 +149,7 @@ def _envelope(
     kept = quantized(tabulate(source, table.grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
     residual = kept.table
     say(0.8)
-    sampler = build_slope_sampler(residual, layout)
+    sampler = build_slope_sampler(residual, layout, lambda share: say(0.8 + 0.15 * share))
     say(0.95)
     together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
     errors = {
