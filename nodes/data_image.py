@@ -99,6 +99,19 @@ def rename_packed(image: bpy.types.Image, title: str, part: str, sha256: str) ->
     image.filepath_raw = path  # not `filepath`: Blender would look for the file
 
 
+def name_made(image: bpy.types.Image) -> None:
+    """Give a packed image that came from no file a name of its own to be unpacked under.
+
+    Blender would take the datablock's, of which systems make one file where they differ by a sign or a capital.
+    """
+    if image.packed_file is not None:
+        data = image.packed_file.data
+        suffix = ".png" if data.startswith(b"\x89PNG") else ".exr"
+        for packed in image.packed_files:
+            packed.filepath = "//" + unique_name(image.name, "made", content_of(data), suffix)
+        image.filepath_raw = image.packed_files[0].filepath
+
+
 def content_of(data: bytes) -> str:
     """What `CONTENT_KEY` holds of a file of these bytes."""
     return hashlib.sha256(data).hexdigest()

@@ -30,7 +30,7 @@ from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .anisotropic_material import anisotropic_group
 from .brdf_group import BrdfParts, brdf_group
-from .data_image import bundle_image
+from .data_image import bundle_image, name_made
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash, trees_below
 from .table_groups import TableGroups
@@ -215,6 +215,7 @@ def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False
     image.pixels.foreach_set(full.ravel())
     image.update()
     image.pack()
+    name_made(image)
     return image
 
 

@@ -119,7 +119,6 @@ SMALL = {"resolution": 8, "sampler": SamplerLayout(8, 8, 8)}
         ("lambert", {}, {"filter": "bspline"}),
         ("lambert", {}, {"envelope": False, "parameterization": "uniform", "basis": "normal"}),
         ("ggx", BRUSHED, {}),
-        ("ggx", BRUSHED, {"envelope": False}),
         ("ggx", BRUSHED, {"envelope": False, "basis": "normal", "filter": "bspline"}),
         ("ggx", BRUSHED, {"envelope": False, "basis": "half", "storage": "log"}),
     ],

@@ -245,3 +245,22 @@ tell(once=once, anew=len(counted) - once)
 """
     found = run(tmp_path, script)
     assert found["once"] == len(PARTS) and found["anew"] >= 4
+
+
+def test_textures_made_in_the_blend_are_unpacked_apart(tmp_path: Path) -> None:
+    """Names that differ by a sign or a capital, of which some file systems make one."""
+    script = """
+from measured_materials.nodes.material import new_data_image
+values = {"a/b": 0.25, "a_b": 0.5, "A_b": 0.75}
+for name, value in values.items():
+    new_data_image(name, np.full((4, 5, 3), value, np.float32)).use_fake_user = True
+save()
+open_again()
+bpy.ops.file.unpack_all(method="WRITE_LOCAL")
+save()
+open_again()
+files = [bpy.data.images[name].filepath.casefold() for name in values]
+tell(right=[bpy.data.images[name].pixels[0] == value for name, value in values.items()], files=files)
+"""
+    found = run(tmp_path, script)
+    assert found["right"] == [True] * 3 and len(set(found["files"])) == 3
