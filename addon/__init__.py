@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 from importlib import import_module
 from types import ModuleType
 
@@ -14,6 +16,7 @@ _MODULES = (
     "quality_properties",
     "import_operator",
     "lamps",
+    "texture_repair",
     "arc_operator",
     "bake_operator",
     "fit_operator",
@@ -36,9 +39,22 @@ def register() -> None:
         for module in reversed(done):
             module.unregister()
         raise
+    _undo_at_exit()
 
 
 def unregister() -> None:
-    """Undo `register`, last first."""
-    for name in reversed(_MODULES):
-        import_module(f".{name}", __package__).unregister()
+    """Undo `register`, last first; where a part fails, all others are undone and its exception let out."""
+    atexit.unregister(unregister)
+    with contextlib.ExitStack() as parts:
+        for name in _MODULES:
+            parts.callback(import_module(f".{name}", __package__).unregister)
+
+
+def _undo_at_exit() -> None:
+    """Blender as a module ends with Python, and crashes or hangs in 4.5 on a function left in `bpy.app.handlers`.
+
+    The application unregisters its extensions itself.
+    """
+    if import_module("bpy").app.module:
+        atexit.unregister(unregister)
+        atexit.register(unregister)

@@ -13,7 +13,7 @@ from .arc_properties import ArcProperties, arc_settings_of, draw_arc_settings, s
 from .cli_result import one_line
 from .import_operator import object_under
 from .lighting_properties import LightingProperties, draw_lighting
-from .measured_material import assign, bundle_folder, facts_of
+from .measured_material import bundle_folder, facts_of, told_place
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
@@ -91,7 +91,7 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
         show_arc_settings(material.measured_arc, settings, pack=self.pack)
         tell_warnings(self, material)
         obj = bpy.data.objects.get(self.object_name) or context.object
-        place = f" on {obj.name}" if assign(material, obj) and obj else ""
+        place = told_place(self, material, obj)
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
         return {"FINISHED"}
 

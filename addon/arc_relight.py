@@ -77,7 +77,7 @@ def why_not_relightable(material: bpy.types.Material) -> str:
         missing = missing_texture(material, facts, _needed(facts, current_lighting(material)))
     except BakeError as error:
         return one_line(str(error))
-    return f"{missing}, and so is {path}" if missing and not is_bundle(path) else ""
+    return f"{missing}, and {path} is gone" if missing and not is_bundle(path) else ""
 
 
 def _needed(facts: Mapping[str, Any], settings: RenderSettings) -> list[str]:

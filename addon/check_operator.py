@@ -11,6 +11,7 @@ from .bake_operator import shown_material
 from .cli_result import one_line
 from .measured_material import is_measured
 from .scene_check import check_scene, mend, mend_scene
+from .scene_check_file import not_whole, with_missing_parts
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding
 
 _ICONS = {WRONG: "ERROR", SLOW: "TIME", NOTE: "INFO"}
@@ -38,10 +39,14 @@ def summary(found: list[Finding] | None) -> str:
     """What was found, in one line."""
     if found is None:
         return "The scene shows no measured material"
-    count = Counter(finding.severity for finding in found)
+    missing = not_whole(found)
+    count = Counter(finding.severity for finding in found if finding not in missing)
     words = ((WRONG, "settings bias", "setting biases"), (SLOW, "settings slow", "setting slows"))
     told = [f"{count[kind]} {many if count[kind] > 1 else one}" for kind, many, one in words if count[kind]]
-    return f"{' and '.join(told)} measured materials" if told else "Nothing biases or slows measured materials"
+    whole = "The file did not load whole. " if missing else ""
+    return whole + (
+        f"{' and '.join(told)} measured materials" if told else "Nothing biases or slows measured materials"
+    )
 
 
 class MEASURED_MATERIALS_OT_check_scene(bpy.types.Operator):
@@ -59,7 +64,7 @@ class MEASURED_MATERIALS_OT_check_scene(bpy.types.Operator):
         """Show the list, with a button to mend all of it."""
         if self.mend:
             return self.execute(context)
-        found = check_scene(context.scene)
+        found = with_missing_parts(check_scene(context.scene))
         _show(context.scene, found)
         if not found:
             self.report({"INFO"}, summary(found))
@@ -78,7 +83,7 @@ class MEASURED_MATERIALS_OT_check_scene(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Check, and mend if that is wanted."""
         mended = mend_scene(context.scene) if self.mend else []
-        found = check_scene(context.scene)
+        found = with_missing_parts(check_scene(context.scene))
         _show(context.scene, found)
         done = f"{len(mended)} mended. " if mended else ""
         wrong = any(finding.severity == WRONG for finding in found or ())
@@ -98,7 +103,7 @@ class MEASURED_MATERIALS_OT_mend_setting(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Look again, since it may have been mended by now."""
         mended = mend(finding for finding in check_scene(context.scene) or () if finding.key == self.key)
-        _show(context.scene, check_scene(context.scene))
+        _show(context.scene, with_missing_parts(check_scene(context.scene)))
         if not mended:
             self.report({"INFO"}, "There is nothing left to mend here")
             return {"CANCELLED"}

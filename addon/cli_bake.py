@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,13 +12,14 @@ from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
 from ..bake.grid_search import BASES
+from ..bake.origin import Origin, file_origin, model_origin
 from ..bake.parameterization import PARAMETERIZATIONS
 from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
 from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import FILTERS
 from . import cli_bake_arc
-from .cli_jobs import Bake, Job, bake_jobs, usage_error
+from .cli_jobs import Bake, Job, add_replace, bake_jobs, usage_error
 from .cli_result import Result
 from .describe import bake_summary
 from .stages import bake_stages
@@ -46,6 +48,7 @@ def add_to(commands: Any) -> None:
         help=f"bake a model ({', '.join(ANALYTIC)}), for instance: --analytic ggx alpha=0.1 f0=0.9,0.6,0.3",
     )
     brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
+    add_replace(brdf)
     _add_settings(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
     brdf.set_defaults(run=run, command="bake brdf")
@@ -128,7 +131,7 @@ def run(options: argparse.Namespace) -> Result:
     """Bake every input; a bad one is told and does not keep the others from being baked."""
     settings = _settings(options)
     jobs, errors = _jobs(options)
-    done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings))
+    done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), replace=options.replace)
     document = {
         "command": options.command,
         "bundles": [{"path": str(result.path), **result.facts} for result in done],
@@ -160,7 +163,7 @@ def _jobs(options: argparse.Namespace) -> tuple[list[Job], list[BakeError]]:
         raise argparse.ArgumentTypeError("nothing to bake: give a FILE or --analytic NAME")
     jobs, errors = [], []
     for file in options.files:
-        jobs.append(Job(file.name, file.stem, _file_baker(file)))
+        jobs.append(Job(file.name, file.stem, _file_baker(file), partial(_file_origin, file)))
     for name, *pairs in options.analytic:
         parameters = dict(_parameter(pair) for pair in pairs)
         try:
@@ -168,12 +171,20 @@ def _jobs(options: argparse.Namespace) -> tuple[list[Job], list[BakeError]]:
         except BakeError as error:
             errors.append(error)
         else:
-            jobs.append(Job(source.name, source.name, _source_baker(source)))
+            origin = partial(model_origin, source.name, source.facts)
+            jobs.append(Job(source.name, source.name, _source_baker(source), origin))
     return jobs, errors
 
 
 def _file_baker(file: Path) -> Bake:
     return lambda target, settings, progress: bake_file(file, target, settings, progress)
+
+
+def _file_origin(file: Path) -> Origin:
+    try:
+        return file_origin(file)
+    except (OSError, ValueError):  # told by the reader
+        return {}
 
 
 def _source_baker(source: Any) -> Bake:

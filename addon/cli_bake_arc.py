@@ -7,12 +7,14 @@ import importlib
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..bake.bake_brdf import BakeResult
 from ..bake.bundle import MATERIAL, SUFFIX
 from ..bake.errors import BakeError
+from ..bake.origin import Origin, photographs_origin
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
 from ..bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ..bake.shading.bake_arc import TILEABLES, ArcSettings, bake_arc
@@ -21,7 +23,7 @@ from ..bake.shading.map_store import COMPRESSIONS
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.storage import IMAGE_STORAGES, Storage
 from .arc_plot import draw_arc, need_matplotlib
-from .cli_jobs import Bake, Job, bake_jobs, usage_error
+from .cli_jobs import Bake, Job, add_replace, bake_jobs, usage_error
 from .cli_lighting import add_lighting, known_lobes, lighting, parsed_lobe
 from .cli_result import Result, complain
 from .describe_map import albedo_warning, arc_summary
@@ -41,6 +43,7 @@ def add_to(kinds: Any) -> None:
         "sources", nargs="*", type=Path, metavar="FOLDER|FILE", help="folders of photographs, or photographs"
     )
     arc.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
+    add_replace(arc)
     _add_reading(arc.add_argument_group("photographs"))
     _add_map(arc.add_argument_group("shading map"))
     add_lighting(
@@ -169,8 +172,8 @@ def run(options: argparse.Namespace) -> Result:
     settings = _settings(options)
     jobs = _jobs(options)
     if options.plot is not None:
-        _check_plot(options.plot, jobs)
-    done, errors = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn)
+        _check_plot(options.plot, jobs, options.sources)
+    done, errors = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn, replace=options.replace)
     drawn: list[str] = []
     for result in done if options.plot is not None else []:
         try:
@@ -193,12 +196,19 @@ def _warn(job: Job, result: BakeResult) -> None:
         complain(f"warning: {job.title}: {warning}")
 
 
-def _check_plot(plot: Path, jobs: Sequence[Job]) -> None:
+def _check_plot(plot: Path, jobs: Sequence[Job], sources: Sequence[Path]) -> None:
     if plot.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--plot {plot} is not a FILE.png")
+    if _is_photograph(plot) and plot.resolve() in _photographs(sources):
+        raise argparse.ArgumentTypeError(f"--plot {plot} is one of the photographs and would be replaced")
     if len(jobs) > 1:
         raise argparse.ArgumentTypeError(f"--plot {plot} names one picture, but there are {len(jobs)} stacks")
     need_matplotlib("--plot")
+
+
+def _photographs(sources: Sequence[Path]) -> set[Path]:
+    inside = [path for source in sources if source.is_dir() for path in source.iterdir()]
+    return {path.resolve() for path in (*sources, *inside)}
 
 
 def _settings(options: argparse.Namespace) -> ArcSettings:
@@ -259,8 +269,13 @@ def _jobs(options: argparse.Namespace) -> list[Job]:
         )
     if files:
         name = _folder_name(files[0].parent)
-        return [Job(name, name, _baker(files))]
-    return [Job(_folder_name(folder), _folder_name(folder), _baker(folder)) for folder in options.sources]
+        return [Job(name, name, _baker(files), partial(_origin, name, files))]
+    named = [(_folder_name(folder), folder) for folder in options.sources]
+    return [Job(name, name, _baker(folder), partial(_origin, name, folder)) for name, folder in named]
+
+
+def _origin(name: str, source: Path | list[Path]) -> Origin:
+    return {"name": name, **photographs_origin(source)}
 
 
 def _is_photograph(path: Path) -> bool:

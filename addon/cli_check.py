@@ -22,7 +22,7 @@ def add_to(commands: Any) -> None:
         help="settings of a .blend that bias or slow measured materials",
         description="List every setting of a .blend that biases or slows its measured materials, and mend them if "
         "wanted. Scripts of the file are not run. Needs Blender or its Python module. The exit code is 0 where "
-        "nothing is left that biases the picture.",
+        "the file loaded whole and nothing is left that biases the picture.",
     )
     parser.add_argument("file", type=Path, metavar="FILE.blend")
     parser.add_argument("--mend", action="store_true", help="set right all but the notes, and save if that changed it")
@@ -58,6 +58,7 @@ def _check(file: Path, mend: bool, out: Path | None) -> Result:
     import bpy
 
     from .scene_check import check_scene, measured_names, mend_scene
+    from .scene_check_file import not_whole, with_missing_parts
     from .scene_check_subject import SEVERITIES, WRONG
 
     _open(file)
@@ -73,17 +74,21 @@ def _check(file: Path, mend: bool, out: Path | None) -> Result:
         if mend:
             mended |= {finding.key: finding for finding in mend_scene(scene, without)}
         left |= {f.key: f for f in check_scene(scene) or () if f.rule not in without}  # what scenes share is told once
-    findings = sorted(left.values(), key=lambda finding: SEVERITIES.index(finding.severity))
+    found = with_missing_parts(list(left.values())) or []
+    findings = sorted(found, key=lambda finding: SEVERITIES.index(finding.severity))
     if mended or out is not None:
         saved = _save(out or file)
     lines = [f.mended_line for f in mended.values()] + [f.line for f in findings]
     if not materials:
-        lines = [f"{file}: shows no measured material"]
+        lines.append(f"{file}: shows no measured material" + (", as far as it loaded" if not_whole(found) else ""))
     elif not findings:
         lines.append(
             f"{file}: nothing biases or slows its {len(materials)} measured material{'s' * (len(materials) > 1)}"
         )
-    wrong = [finding for finding in findings if finding.severity == WRONG]
+    missing = not_whole(found)
+    wrong = [finding for finding in findings if finding.severity == WRONG and finding not in missing]
+    errors = [_not_whole(file, missing)] if missing else []
+    errors += [_verdict(file, wrong)] if wrong else []
     document = {
         "command": "check",
         "file": str(file),
@@ -93,7 +98,13 @@ def _check(file: Path, mend: bool, out: Path | None) -> Result:
         "mended": [finding.facts() for finding in mended.values()],
         "saved": str(saved) if saved else None,
     }
-    return Result(document, list(map(one_line, lines)), [_verdict(file, wrong)] if wrong else [])
+    return Result(document, list(map(one_line, lines)), errors)
+
+
+def _not_whole(file: Path, missing: list[Any]) -> BakeError:
+    cause = f"did not load whole: {one_line(missing[0].setting)}"
+    more = f", and {len(missing) - 1} more, see above" if len(missing) > 1 else ""
+    return BakeError(file, cause + more, "bring back what is missing, or mend its path in Blender")
 
 
 def _verdict(file: Path, wrong: list[Any]) -> BakeError:

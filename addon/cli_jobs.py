@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 from ..bake.bake_brdf import BakeResult
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
+from ..bake.origin import Origin, refuse_another
 from .progress import Progress
 
 Bake = Callable[[Path, Any, Progress], BakeResult]
@@ -19,11 +21,12 @@ Bake = Callable[[Path, Any, Progress], BakeResult]
 
 @dataclass(frozen=True)
 class Job:
-    """One input: its title in the progress, the bundle's name without suffix, and a function that bakes it."""
+    """One input: its title in the progress, the bundle's name without suffix, what bakes it, and what it is."""
 
     title: str
     stem: str
     bake: Bake
+    origin: Callable[[], Origin]
 
 
 def bake_jobs(
@@ -32,6 +35,8 @@ def bake_jobs(
     settings: Any,
     stages: Mapping[str, float],
     baked: Callable[[Job, BakeResult], None] = lambda job, result: None,
+    *,
+    replace: bool = False,
 ) -> tuple[list[BakeResult], list[BakeError]]:
     """Bake every job; a bad one is told and does not keep the others from being baked.
 
@@ -40,6 +45,7 @@ def bake_jobs(
     out : folder, or a bundle where there is one job
     stages : of each job, with their seconds
     baked : called after each bake, while nothing else is on the terminal's line
+    replace : also bundles that were baked from another source
 
     Raises `argparse.ArgumentTypeError` where two jobs would write one bundle, BakeError where `out` cannot be made.
     """
@@ -49,6 +55,8 @@ def bake_jobs(
         for job, target in zip(jobs, targets):
             progress.start(job.title)
             try:
+                if not replace:
+                    refuse_another(target, job.origin())
                 result = job.bake(target, settings, progress)
             except BakeError as error:
                 errors.append(error)
@@ -57,6 +65,15 @@ def bake_jobs(
             progress.close()
             baked(job, result)
     return done, errors
+
+
+def add_replace(parser: Any) -> None:
+    """Add the option that `bake_jobs` takes as `replace`."""
+    parser.add_argument(
+        "--replace",
+        action="store_true",
+        help="also replace a bundle of that name that was baked from another source (one of the same source always is)",
+    )
 
 
 def usage_error(error: BakeError, options: argparse.Namespace) -> argparse.ArgumentTypeError:
@@ -76,10 +93,12 @@ def _targets(jobs: Sequence[Job], out: Path) -> list[Path]:
         return [out] * len(jobs)
     seen: set[str] = set()
     for job in jobs:
-        # Many file systems do not tell upper from lower case.
-        if job.stem.casefold() in seen:
-            raise argparse.ArgumentTypeError(f"two inputs would become {job.stem}{SUFFIX}; bake them one at a time")
-        seen.add(job.stem.casefold())
+        # Many file systems do not tell upper from lower case, nor a letter with its accent from the two in a row.
+        key = unicodedata.normalize("NFC", job.stem).casefold()
+        if key in seen:
+            remedy = f"bake one of them with --out OTHER{SUFFIX}"
+            raise argparse.ArgumentTypeError(f"two inputs would become {job.stem}{SUFFIX}; {remedy}")
+        seen.add(key)
     return [out / (job.stem + SUFFIX) for job in jobs]
 
 

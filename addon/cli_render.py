@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..bake.bundle import Bundle, read_bundle
+from ..bake.bundle import Bundle, read_bundle, require
 from ..bake.errors import BakeError
+from ..bake.origin import mark_of
+from ..bake.png_plain import png_about
 from ..bake.shading.map_facts import render_of
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.table import FILTERS
@@ -31,6 +34,7 @@ def add_to(commands: Any) -> None:
     )
     parser.add_argument("bundle", type=Path, metavar="BUNDLE", help="a folder NAME.mmat")
     parser.add_argument("--out", type=Path, metavar="FILE.png", help="picture (default: NAME.png here)")
+    parser.add_argument("--replace", action="store_true", help="also a file of that name that shows something else")
     parser.add_argument("--exr", action="store_true", help="also FILE.exr, linear Rec.709, 32 bits")
     parser.add_argument("--resolution", type=_positive(_LARGEST), default=480, metavar="PIXELS", help="(%(default)s)")
     parser.add_argument("--samples", type=_positive(1 << 20), default=64, metavar="N", help="(%(default)s)")
@@ -98,12 +102,15 @@ def run(options: argparse.Namespace) -> Result:
     out = options.out or Path(bundle.path.resolve().stem + ".png")
     if out.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
+    mark = mark_of(require(bundle.material, "source", dict, bundle.path))
+    if not options.replace:
+        _keep_others(out, mark, options)
     need_blender("render")
     # About 1.5 million samples a second on two cores; only the proportion matters.
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        mean = _render(bundle, settings, options, out, progress)
+        mean = _render(bundle, settings, options, out, mark, progress)
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
         "command": options.command,
@@ -116,6 +123,22 @@ def run(options: argparse.Namespace) -> Result:
     if settings is not None:
         document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
     return Result(document, files)
+
+
+def _keep_others(out: Path, mark: str, options: argparse.Namespace) -> None:
+    """Raise BakeError where a name that nobody gave is that of a file which is not an older render of this source."""
+    linear = out.with_suffix(".exr")
+    derived = [out] * (options.out is None) + [linear] * options.exr
+    try:
+        taken = [path for path in derived if os.path.lexists(path)]
+        own = bool(taken) and out.is_file() and png_about(out) == mark
+    except (OSError, ValueError) as error:
+        raise BakeError(out, f"cannot be read ({error})", "choose another place by --out") from error
+    if taken and not own:
+        cause = "is there already, shows something else and is not replaced"
+        raise BakeError(taken[0], cause, "give another --out FILE.png, or --replace to replace it")
+    if options.exr and options.environment is not None and linear.resolve() == options.environment.resolve():
+        raise BakeError(linear, "is the environment and would be replaced", "give another --out FILE.png")
 
 
 def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | None:
@@ -139,7 +162,12 @@ def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | N
 
 
 def _render(
-    bundle: Bundle, settings: RenderSettings | None, options: argparse.Namespace, out: Path, progress: Progress
+    bundle: Bundle,
+    settings: RenderSettings | None,
+    options: argparse.Namespace,
+    out: Path,
+    mark: str,
+    progress: Progress,
 ) -> Any:
     """Write the files and return the picture's mean colour."""
     import bpy
@@ -186,5 +214,5 @@ def _render(
     finally:
         bpy.data.materials.remove(material)
     progress("writing", 0.0)
-    write_png(out, to_display(linear))
+    write_png(out, to_display(linear), mark)
     return linear.mean((0, 1))

@@ -19,7 +19,8 @@ from ..bake.sources.analytic import MetallicPaint
 from ..bake.sources.merl import write_merl
 from ..nodes.alias_sampler_group import alias_sampler_group
 from ..nodes.brdf_group import BrdfParts, brdf_group
-from ..nodes.material import assemble, build_material, load_data_image
+from ..nodes.data_image import bundle_image
+from ..nodes.material import assemble, build_material
 from ..nodes.metallic_paint_group import metallic_paint_group
 from ..nodes.table_groups import TableGroups
 from .picture_sheet import Cell, to_display, write_sheet
@@ -89,7 +90,7 @@ def _truth_material(bundle_path: Path) -> bpy.types.Material:
     """The analytic paint evaluated in the shader, drawn from the same alias tables."""
     bundle = read_bundle(bundle_path)
     layout = SamplerLayout(**bundle.material["sampler"])
-    image = load_data_image(bundle.image_path("sampler"), "truth sampler")
+    image = bundle_image(bundle, "sampler", "truth sampler")
     sampler = alias_sampler_group("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")
     truth = BrdfParts(TableGroups(metallic_paint_group(PAINT), sampler))

@@ -174,7 +174,7 @@ def image_sizes(facts: Mapping[str, Any], where: str | Path, folder: Path | None
             "render_bytes": width * height * storage.render_bytes(channels, facts.get("packed") is True),
         }
         if folder is not None:
-            sizes[name]["file_bytes"] = (folder / (name + storage.suffix)).stat().st_size
+            sizes[name]["file_bytes"] = (folder / require(entry, "file", str, where)).stat().st_size
         elif "file_bytes" in entry:
             sizes[name]["file_bytes"] = require(entry, "file_bytes", int, where, minimum=0)
     return sizes

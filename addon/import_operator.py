@@ -12,7 +12,7 @@ from ..bake.sources import READERS, known_formats
 from .bake_properties import BakeProperties, draw_settings, settings_of, show_settings
 from .cli_result import one_line
 from .describe import error_rows
-from .measured_material import assign, bundle_folder, facts_of, import_brdf
+from .measured_material import assign, bundle_folder, facts_of, import_brdf, told_place
 from .window_progress import window_progress
 
 SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
@@ -95,8 +95,7 @@ class MEASURED_MATERIALS_OT_import_brdf(BakeProperties, bpy.types.Operator):
         obj = bpy.data.objects.get(self.object_name) or context.object
         for material in made[1:]:
             assign(material, None)
-        given = assign(made[0], obj)
-        place = f" on {obj.name}" if given and obj else ""
+        place = told_place(self, made[0], obj)
         self.report({"INFO"}, f"{made[0].name}{place}: {error_words(made[0])}" + _others(len(made) - 1))
         return {"FINISHED"}
 

@@ -20,6 +20,7 @@ from ..bake.material_json import dump_json
 from ..bake.sources.analytic import by_name
 from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices
+from .cli_result import one_line
 from .describe import image_sizes
 from .kept_textures import keep_textures
 from .quality_properties import choices_of, show_choices
@@ -136,13 +137,42 @@ def why_not_bakeable(material: bpy.types.Material) -> str:
     return ""
 
 
-def assign(material: bpy.types.Material, obj: bpy.types.Object | None) -> bool:
-    """Put the material into the object's active slot; where that cannot be, keep it by a fake user."""
-    if obj is not None and obj.is_editable and hasattr(obj.data, "materials") and obj.data.is_editable:
+def assign(material: bpy.types.Material, obj: bpy.types.Object | None) -> str:
+    """Put the material into the object's active slot and return nothing; else keep it by a fake user and say why."""
+    why = _why_not_assignable(obj)
+    if not why and obj is not None:
         obj.active_material = material
-        return True
+        if obj.active_material == material:
+            return ""
+        why = "its slot does not take it"
     material.use_fake_user = True
-    return False
+    return why
+
+
+# A Volume's slot takes any material and shows none of its surface; a Grease Pencil's takes only its own kind.
+_WITH_SURFACE = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD")
+
+
+def _why_not_assignable(obj: bpy.types.Object | None) -> str:
+    if obj is None:
+        return "no object is active"
+    if obj.type not in _WITH_SURFACE:
+        kind = obj.bl_rna.properties["type"].enum_items[obj.type].name
+        return f"an object of type {kind} has no surface to show it"
+    if not (obj.is_editable and obj.data.is_editable):
+        return "it belongs to another .blend file"
+    return ""
+
+
+def told_place(operator: bpy.types.Operator, material: bpy.types.Material, obj: bpy.types.Object | None) -> str:
+    """Put the material onto the object; words on where it is, and a warning where an object does not take it."""
+    why = assign(material, obj)
+    if obj is None:
+        return ""
+    if why:
+        name = one_line(obj.name)
+        operator.report({"WARNING"}, f"{material.name} is not on {name}: {why}; choose it in another object's material")
+    return "" if why else f" on {obj.name}"
 
 
 def bundle_folder(chosen: str, file: Path) -> Path:

@@ -23,6 +23,7 @@ from .measured_material import facts_of, is_measured, is_shading_map, why_not_ba
 from .quality_properties import choices_of, draw_quality
 from .rebuild import effects_of, why_not_rebuildable
 from .tangent_rows import draw_tangent
+from .texture_repair import wrong_textures
 
 _TITLE = "Measured Materials"
 _BRDF_ROWS = (
@@ -156,6 +157,9 @@ def _expected(material: bpy.types.Material) -> str:
 
 def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
     facts = facts_of(material)
+    if wrong := wrong_textures(material):
+        words = f"Not the files of the bake: {', '.join(name.replace('_', ' ') for name in wrong)}"
+        layout.label(text=f"{words}; see Scene Check, or bake again", icon="ERROR")
     column = layout.column(align=True)
     try:
         for part in _MAP_ROWS if is_shading_map(material) else _BRDF_ROWS:

@@ -96,7 +96,7 @@ def why_not_rebuildable(material: bpy.types.Material) -> str:
         missing = missing_texture(material, facts, _needed(facts, current_choices(material)))
     except BakeError as error:
         return one_line(str(error))
-    return f"{missing}, and so is {path}" if missing and not is_bundle(path) else ""
+    return f"{missing}, and {path} is gone" if missing and not is_bundle(path) else ""
 
 
 def _needed(facts: Mapping[str, Any], choices: Choices) -> list[str]:

@@ -22,7 +22,12 @@ def check_scene(scene: bpy.types.Scene) -> list[Finding] | None:
         return None
     rules = (*scene_check_rules.RULES, *scene_check_blocks.RULES, scene_check_mix.mixed_mirror)
     if not subject.mirrors:  # mode Preview: native closures, which Cycles' own settings suit
-        rules = (scene_check_blocks.textures, scene_check_blocks.texture_limit, scene_check_blocks.changed_groups)
+        rules = (
+            scene_check_blocks.textures,
+            scene_check_blocks.common_names,
+            scene_check_blocks.texture_limit,
+            scene_check_blocks.changed_groups,
+        )
     found = [finding for rule in rules for finding in rule(subject)]
     return sorted(found, key=lambda finding: SEVERITIES.index(finding.severity))
 

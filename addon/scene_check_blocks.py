@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -13,14 +12,17 @@ import numpy as np
 
 from ..nodes import compat
 from ..nodes.aimed_light_group import SLOTS_KEY, can_switch
+from ..nodes.data_image import has_common_name, rename_packed
 from ..nodes.group import HASH_KEY, content_hash
-from ..nodes.material import BUNDLE_KEY
 from . import aim, lamps, rebuild
 from .arc_relight import why_not_relightable
 from .effects import AUTO
 from .measured_material import is_measured, is_shading_map
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
+from .texture_content import file_of
+from .texture_repair import expected, is_another, load_right, right_file
 
+_OTHER = "a file of the same name was taken, and the material renders with another's numbers"
 # Coordinates of float32 are then a thousandth apart.
 _FAR = 10_000.0
 
@@ -67,12 +69,38 @@ def textures(subject: Subject) -> Iterator[Finding]:
             mend = setting(image, "alpha_mode", "CHANNEL_PACKED")
             found = f"Alpha is {image.alpha_mode.replace('_', ' ').title()}"
             yield Finding("alpha_mode", WRONG, where, found, "Channel Packed", why, mend)
+        if is_another(image, material, anew=True):
+            place = right_file(image, material)
+            mend = editable(image, partial(load_right, image, place)) if place else None
+            found, why = f"file {image.filepath} is not the one that {material.name} was built with", _OTHER
+            yield Finding("wrong_texture", WRONG, where, found, str(place) if place else "baked again", why, mend)
         if _is_missing(image):
-            place = _in_bundle(image, material)
-            mend = editable(image, partial(_load, image, place)) if place else None
+            place = right_file(image, material)
+            mend = editable(image, partial(load_right, image, place)) if place else None
             found, why = f"file {image.filepath} is not there", "the material renders without it"
             wanted = str(place) if place else "found, or baked again"
             yield Finding("missing_texture", WRONG, where, found, wanted, why, mend)
+
+
+def common_names(subject: Subject) -> Iterator[Finding]:
+    """Images of bundles up to schema 2, which are called alike in all of them."""
+    files = [
+        (image, *wanted)
+        for image, material in _data_images(subject)
+        if image is not None and image.source == "FILE" and image.packed_file is None and image.is_editable
+        if (wanted := expected(image, material)) is not None and has_common_name(image, wanted[0])
+    ]
+    if not files:
+        return
+
+    def pack() -> None:
+        for image, part, sha256 in files:
+            image.pack()
+            rename_packed(image, image.name, part, sha256)
+
+    found = f"{len(files)} textures are files of names that every older bundle has"
+    why = "Find Missing Files and packers that flatten folders take one material's for another's; packed they are safe"
+    yield Finding("common_names", NOTE, f"scene {subject.scene.name}", found, "", why, pack)
 
 
 def osl_files(subject: Subject) -> Iterator[Finding]:
@@ -127,26 +155,8 @@ def _data_images(subject: Subject) -> list[tuple[bpy.types.Image | None, bpy.typ
     return [(image, material) for (image, _), material in found.items()]
 
 
-def _file(image: bpy.types.Image) -> Path:
-    return Path(bpy.path.abspath(image.filepath, library=image.library))
-
-
 def _is_missing(image: bpy.types.Image) -> bool:
-    return image.source == "FILE" and image.packed_file is None and not os.path.isfile(_file(image))
-
-
-def _in_bundle(image: bpy.types.Image, material: bpy.types.Material) -> Path | None:
-    """The texture in the bundle that the material was built of, or in one of that name beside the .blend."""
-    bundle = Path(str(material.get(BUNDLE_KEY) or ""))
-    name = Path(image.filepath.replace("\\", "/")).name
-    beside = Path(bpy.path.abspath("//")) if bpy.data.filepath else None
-    places = [bundle, *([beside / bundle.name] if beside else [])] if bundle.name else []
-    return next((place / name for place in places if name and os.path.isfile(place / name)), None)
-
-
-def _load(image: bpy.types.Image, place: Path) -> None:
-    image.filepath = str(place)
-    image.reload()
+    return image.source == "FILE" and image.packed_file is None and not os.path.isfile(file_of(image))
 
 
 # --- objects --------------------------------------------------------------------------------------------
@@ -249,6 +259,7 @@ def _name(material: bpy.types.Material) -> str:
 RULES = (
     bump_correction,
     textures,
+    common_names,
     texture_limit,
     shadow_terminator,
     lamp_tables,
@@ -257,3 +268,5 @@ RULES = (
     osl_files,
     far_away,
 )
+# What matters without a mirror too.
+OF_TEXTURES = (textures, common_names, texture_limit, changed_groups)

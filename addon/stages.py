@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ..bake.anisotropic.bake import KIND_OF_STAGE
 from ..bake.bake_brdf import BakeSettings
 from ..bake.shading.bake_arc import ArcSettings
 
@@ -13,8 +14,16 @@ USUAL_SIZE = 1024
 
 
 def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
-    """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order."""
-    return _arc_stages(settings) if isinstance(settings, ArcSettings) else _brdf_stages(settings)
+    """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order.
+
+    Only its reading tells whether a BRDF is anisotropic: the stages of both kinds are listed, those of the one behind
+    those of the other, and `share_done` keeps to the kind that it is asked for.
+    """
+    if isinstance(settings, ArcSettings):
+        return _arc_stages(settings)
+    return _brdf_stages(settings) | {
+        stage + KIND_OF_STAGE: seconds for stage, seconds in _anisotropic_stages(settings).items()
+    }
 
 
 def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
@@ -32,6 +41,20 @@ def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
         "measuring": 0.4,
         "envelope": 5.0 + 1.2 * size if settings.envelope else 0.0,
         "writing": 0.4 + 0.2 * size,
+    }
+
+
+def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
+    """As `_brdf_stages`: sampler and envelope have sizes of their own, and take most of the time."""
+    size = (settings.resolution / 64) ** 3
+    kinds = 6 if len(settings.bases) > 1 else 2
+    return {
+        "choosing grid": 0.5 * kinds,
+        "tabulating": 0.6 * size,
+        "sampler": 4.5,
+        "measuring": 0.7,
+        "envelope": 21.0 if settings.envelope else 0.0,
+        "writing": 0.3 + 0.5 * size,
     }
 
 
@@ -53,6 +76,6 @@ def share_done(stages: Mapping[str, float], stage: str, share: float) -> float:
     """Share of the whole, given the share of one stage; 0 for a stage that is not known."""
     if stage not in stages:
         return 0.0
-    names = list(stages)
+    names = [name for name in stages if name.endswith(KIND_OF_STAGE) == stage.endswith(KIND_OF_STAGE)]
     before = sum(stages[name] for name in names[: names.index(stage)])
-    return (before + share * stages[stage]) / max(sum(stages.values()), 1e-9)
+    return (before + share * stages[stage]) / max(sum(stages[name] for name in names), 1e-9)

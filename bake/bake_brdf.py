@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
@@ -29,6 +28,7 @@ from .envelope import (
 )
 from .errors import BakeError
 from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid, refit_grid
+from .origin import file_origin
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
 from .source import Array, BrdfSource
@@ -135,8 +135,7 @@ def bake_file(
         progress("reading", 0.0)
     started = time.perf_counter()
     source = read_source(file)
-    origin = {"file": Path(file).name, "sha256": _sha256(Path(file))}
-    result = bake_source(source, out, settings, progress, origin)
+    result = bake_source(source, out, settings, progress, file_origin(file))
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 
 
@@ -243,8 +242,7 @@ def _envelope(
     treated: TreatedSource, table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, say: Progress
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope and of the residual."""
-    fit = fit_envelope(treated)
-    say("envelope", 0.4)
+    fit = fit_envelope(treated, progress=lambda share: say("envelope", 0.4 * share))
     grid = _residual_grid(treated, fit, table.grid, settings)
     say("envelope", 0.7)
     rest = residual_source(treated, fit).evaluate(pairs.wi, pairs.wo)
@@ -336,8 +334,3 @@ def _plain_settings(settings: BakeSettings) -> dict[str, Any]:
     plain["storage"] = str(settings.storage)
     plain["alpha"] = settings.alpha if isinstance(settings.alpha, str) else list(settings.alpha)
     return plain
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,9 +1,9 @@
 """The bundle: a folder NAME.mmat that holds a baked material.
 
-    table, sampler, envelope, residual, residual_sampler, residual_share, preview_weights, slices, power,
-    coefficients
-                     .exr, .hdr or .png: images, those that the material has
-    material.json    all parameters, errors and facts
+    NAME_HASH_IMAGE.exr, .hdr or .png
+                     images, those that the material has: table, sampler, envelope, residual, residual_sampler,
+                     residual_share, preview_weights, slices, power, coefficients; see `image_names`
+    material.json    all parameters, errors and facts, and the images' names
     preview.png      for people
 
 A bundle appears under its name whole or not at all, and reading one trusts nothing in it: no code, no paths,
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from .atomic import recover, replacing_folder
 from .errors import BakeError
 from .image_io import MAX_IMAGE_BYTES, read_header, read_image, write_image, write_png
+from .image_names import common_name, is_unique_name, unique_name
 from .material_json import dump_json, load_json, require
 from .storage import IMAGE_STORAGES, Storage
 
@@ -36,7 +37,8 @@ __all__ = ["SUFFIX", "Bundle", "Kind", "StoredImage", "read_bundle", "require", 
 Kind = Literal["brdf", "shading_map"]
 KINDS: tuple[str, ...] = get_args(Kind)
 # 2: half vectors, four dimensions, codes, raised half floats, all of which readers of 1 would take for plain tables.
-SCHEMA = 2
+# 3: images are called as no other material's are.
+SCHEMA = 3
 SUFFIX = ".mmat"
 IMAGES = (
     "table",
@@ -51,7 +53,7 @@ IMAGES = (
     "coefficients",
 )
 MATERIAL, PREVIEW = "material.json", "preview.png"
-_FILES = {MATERIAL, PREVIEW} | {name + storage.suffix for name in IMAGES for storage in Storage}
+_COMMON = frozenset(common_name(name, storage.suffix) for name in IMAGES for storage in Storage)
 _OF_THE_SYSTEM = {".DS_Store", "Thumbs.db", "desktop.ini"}  # what file browsers leave in any folder
 _SHA256 = re.compile("[0-9a-f]{64}")
 
@@ -136,11 +138,12 @@ def write_bundle(
     document.pop("images", None)
     # Without indentation, for the headers; also refuses what JSON cannot hold before anything is written.
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)
+    title = _title(document, target)
     with _told_as(target):
         _refuse_strangers(target)
         with replacing_folder(target) as folder:
             document["images"] = {
-                name: _write_image(folder, name, image, parameters, target) for name, image in images.items()
+                name: _write_image(folder, name, image, parameters, target, title) for name, image in images.items()
             }
             if preview is not None:
                 write_png(folder / PREVIEW, preview)
@@ -159,9 +162,18 @@ def _told_as(target: Path) -> Iterator[None]:
         raise BakeError(target, cause, remedy) from error
 
 
-def _write_image(folder: Path, name: str, image: StoredImage, parameters: str, target: Path) -> dict[str, Any]:
+def _title(document: Mapping[str, Any], target: Path) -> str:
+    """What the images are named after."""
+    source = document.get("source")
+    name = source.get("name") if isinstance(source, Mapping) else None
+    return name if isinstance(name, str) else target.stem
+
+
+def _write_image(
+    folder: Path, name: str, image: StoredImage, parameters: str, target: Path, title: str
+) -> dict[str, Any]:
     storage = Storage(image.storage)
-    file = folder / (name + storage.suffix)
+    file = folder / common_name(name, storage.suffix)
     if np.size(image.pixels) * 4 > MAX_IMAGE_BYTES:
         raise BakeError(target / file.name, f"exceeds {MAX_IMAGE_BYTES >> 20} MiB", "bake fewer samples")
     try:
@@ -169,13 +181,15 @@ def _write_image(folder: Path, name: str, image: StoredImage, parameters: str, t
     except BakeError as error:  # the temporary folder's name would tell nobody anything
         raise BakeError(target / file.name, error.cause, error.remedy) from error
     height, width, channels = np.shape(image.pixels)
+    sha256 = _sha256(file)
+    file = file.rename(folder / unique_name(title, name, sha256, storage.suffix))
     return {
         "file": file.name,
         "width": width,
         "height": height,
         "channels": channels,
         "storage": str(storage),
-        "sha256": _sha256(file),
+        "sha256": sha256,
     }
 
 
@@ -185,7 +199,7 @@ def _refuse_strangers(target: Path) -> None:
     remedy = "choose another name or remove it"
     if target.is_symlink() or not target.is_dir():
         raise BakeError(target, "is not a bundle and is not replaced", remedy)
-    strangers = sorted(set(os.listdir(target)) - _FILES - _OF_THE_SYSTEM)
+    strangers = sorted(file for file in os.listdir(target) if not _is_ours(file))
     if strangers:
         raise BakeError(target, f"holds {strangers[0]!r}, not of a bundle, and is not replaced", remedy)
     try:
@@ -195,6 +209,13 @@ def _refuse_strangers(target: Path) -> None:
     except BakeError as error:
         cause = f"is not a bundle and is not replaced ({MATERIAL}: {error.cause})"
         raise BakeError(target, cause, remedy) from error
+
+
+def _is_ours(file: str) -> bool:
+    """Whether a bundle, of any schema, holds files of this name, or systems leave them in any folder."""
+    if file in {MATERIAL, PREVIEW} | _COMMON | _OF_THE_SYSTEM:
+        return True
+    return any(is_unique_name(file, name, storage.suffix) for name in IMAGES for storage in Storage)
 
 
 def read_bundle(path: str | Path) -> Bundle:
@@ -217,19 +238,21 @@ def read_bundle(path: str | Path) -> Bundle:
         for name, entry in require(document, "images", dict, file).items():
             if name not in IMAGES:
                 raise BakeError(file, f"'images' names {name[:40]!r}, which no bundle has", "bake it again")
-            _check_entry(name, entry, file)
+            _check_entry(name, entry, file, schema)
             _check_image(folder / entry["file"], entry)
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         raise BakeError(folder, f"cannot be read ({error})", "check the path and its permissions") from error
     return Bundle(folder, document)
 
 
-def _check_entry(name: str, entry: Any, file: Path) -> None:
+def _check_entry(name: str, entry: Any, file: Path, schema: int) -> None:
     where = f"{file}: images.{name}"
     if not isinstance(entry, dict):
         raise BakeError(where, "is not an object", "bake it again")
     storage = Storage(require(entry, "storage", str, where, choices=[str(kind) for kind in IMAGE_STORAGES]))
-    require(entry, "file", str, where, choices=[name + storage.suffix])
+    common = common_name(name, storage.suffix)
+    if not (schema > 2 and is_unique_name(require(entry, "file", str, where), name, storage.suffix)):
+        require(entry, "file", str, where, choices=[common])
     width = require(entry, "width", int, where, minimum=1, maximum=1 << 24)
     height = require(entry, "height", int, where, minimum=1, maximum=1 << 24)
     channels = require(entry, "channels", int, where, choices=[3] if storage is Storage.RGBE else [1, 3, 4])

@@ -187,8 +187,11 @@ def write_image(
         raise _unwritable(path, error) from error
 
 
-def write_png(path: str | Path, pixels: NDArray[np.uint8]) -> None:
-    """Write (H, W, 1, 3 or 4) 8-bit pixels, display-encoded, top row first, making folders. Raises BakeError."""
+def write_png(path: str | Path, pixels: NDArray[np.uint8], about: str = "") -> None:
+    """Write (H, W, 1, 3 or 4) 8-bit pixels, display-encoded, top row first, making folders. Raises BakeError.
+
+    `about` is kept in the file, see `png_plain.png_bytes`.
+    """
     path, pixels = Path(path), np.asarray(pixels)
     if pixels.dtype != np.uint8 or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in (1, 3, 4):
         cause = f"cannot hold {pixels.dtype} of shape {pixels.shape}"
@@ -196,7 +199,7 @@ def write_png(path: str | Path, pixels: NDArray[np.uint8]) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing_file(path) as temporary:
-            temporary.write_bytes(png_bytes(pixels))
+            temporary.write_bytes(png_bytes(pixels, about))
     except OSError as error:
         raise _unwritable(path, error) from error
 

@@ -25,16 +25,22 @@ _PLAIN = "save it as an 8-bit grey, RGB or RGBA PNG without interlacing"
 _MOST_SHRUNK = 1032  # deflate, to 1
 _MOST_CHUNKS = 1 << 18  # so that a file of empty chunks costs little
 _AT_ONCE = 1 << 16
+_TEXT, _LONGEST_TEXT = b"tEXtSource\0", 200
 _LONGEST_SIDE = 1 << 16  # of an image with filtered rows, which are undone diagonal by diagonal
 
 
-def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """A whole file for (H, W, 1, 3 or 4) bytes, top row first; equal pixels make equal files."""
+def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
+    """A whole file for (H, W, 1, 3 or 4) bytes, top row first; equal pixels make equal files.
+
+    `about`, of ASCII, is kept as the text chunk "Source", which `png_about` reads.
+    """
     height, width, channels = pixels.shape
     rows = np.zeros((height, 1 + width * channels), np.uint8)  # each row opens with its filter, 0 = none
     rows[:, 1:] = pixels.reshape(height, -1)
+    text = {_TEXT[:4]: _TEXT[4:] + about.encode("ascii")} if about else {}
     chunks = {
         b"IHDR": struct.pack(">IIBBBBB", width, height, 8, _KINDS[channels], 0, 0, 0),
+        **text,
         b"IDAT": zlib.compress(rows.tobytes()),
         b"IEND": b"",
     }
@@ -42,6 +48,16 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     for name, data in chunks.items():
         parts += [struct.pack(">I", len(data)), name, data, struct.pack(">I", zlib.crc32(name + data))]
     return b"".join(parts)
+
+
+def png_about(path: Path) -> str:
+    """What `png_bytes` kept in the file; empty for any other file. Raises OSError."""
+    with open(path, "rb") as stream:
+        head = stream.read(33 + 8 + len(_TEXT) - 4 + _LONGEST_TEXT)
+    if head[:8] != _SIGNATURE or head[37 : 37 + len(_TEXT)] != _TEXT:
+        return ""
+    text = head[37 + len(_TEXT) : 41 + struct.unpack_from(">I", head, 33)[0]]
+    return text.decode("ascii", "replace")
 
 
 class PngFile:

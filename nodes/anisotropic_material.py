@@ -12,7 +12,7 @@ from ..bake.bundle import Bundle
 from .anisotropic_closures import AnisotropicClosures
 from .anisotropic_table import AnisotropicGroups, anisotropic_table_groups
 from .brdf_group import after_diffuse
-from .data_image import load_data_image
+from .data_image import bundle_image
 from .exact_closure import exact_closure, reference_closure
 from .group import node_group
 from .native_closure import choose_closure
@@ -76,5 +76,5 @@ def _traced(
 def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> AnisotropicClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = closures_of(bundle, part)
-    image = load_data_image(bundle.image_path(part), f"{name} {part.replace('_', ' ')}", pack=pack)
+    image = bundle_image(bundle, part, f"{name} {part.replace('_', ' ')}", pack=pack)
     return AnisotropicClosures(fit.closures, image, fit.grid)

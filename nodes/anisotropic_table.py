@@ -10,10 +10,9 @@ import bpy
 from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import NormalGrid
 from ..bake.bundle import Bundle
-from ..bake.storage import Storage
 from ..bake.table_facts import log_of, offset_of, scale_of
 from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
-from .data_image import load_data_image
+from .data_image import bundle_image
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
 from .table_groups import TableGroups
@@ -50,9 +49,8 @@ def anisotropic_table_groups(
     bundle.load(part)
     stored = "sampler" if part == "table" else "residual_sampler"
     grid, layout = grid_of(bundle, part), sampler_of(bundle, stored).layout
-    half = bundle.material["images"][part]["storage"] == Storage.HALF
-    atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
-    cells = load_data_image(bundle.image_path(stored), f"{name} {stored.replace('_', ' ')}", pack=pack)
+    atlas = bundle_image(bundle, part, f"{name} {part}", pack=pack)
+    cells = bundle_image(bundle, stored, f"{name} {stored.replace('_', ' ')}", pack=pack)
     filter = filter or filter_of(bundle)
     stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
     scale, offset, log = 1 / scale_of(bundle, part), offset_of(bundle, part), log_of(bundle, part)

@@ -12,6 +12,11 @@ def blender_version() -> tuple[int, int]:
     return bpy.app.version[0], bpy.app.version[1]
 
 
+def longest_name() -> int:
+    """Bytes of UTF-8 in the longest name of a datablock: 63, from 5.0 on 255."""
+    return int(bpy.types.ID.bl_rna.properties["name"].length_max) - 1  # one for the end of the text
+
+
 def ensure_cycles() -> None:
     """Enable Cycles, which is an add-on and may be switched off; nothing happens where it runs already."""
     if not hasattr(bpy.types.Scene, "cycles"):

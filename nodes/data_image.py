@@ -1,13 +1,59 @@
-"""Images whose numbers reach the shader as they are in the file."""
+"""Images whose numbers reach the shader as they are in the file, and that know which content that was."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
+from ..bake.bundle import MATERIAL, Bundle, require
 from ..bake.errors import BakeError
+from ..bake.image_names import common_name, unique_name
+from ..bake.storage import Storage
+
+# Custom properties of an image: which of the bundle's it is, and the SHA-256 of its file.
+PART_KEY, CONTENT_KEY = "measured_materials_part", "measured_materials_sha256"
+
+
+@dataclass(frozen=True)
+class LoadedBundle(Bundle):
+    """A bundle whose images are those that a material has already; its files may be gone."""
+
+    textures: Mapping[str, bpy.types.Image] = field(default_factory=dict)
+
+    def texture(self, name: str) -> bpy.types.Image:
+        """The material's image. Raises BakeError where it has none of that name."""
+        if name not in self.textures:
+            raise BakeError(self.path, f"the material has lost its texture {name}", "bake again")
+        return self.textures[name]
+
+    def load(self, name: str) -> NDArray[np.float32]:
+        image = self.texture(name)
+        values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
+        image.pixels.foreach_get(values)
+        channels = require(self.material["images"][name], "channels", int, self.path / MATERIAL)
+        return values.reshape(image.size[1], image.size[0], -1)[::-1, :, :channels]
+
+
+def bundle_image(bundle: Bundle, name: str, label: str, *, pack: bool = False) -> bpy.types.Image:
+    """Image `name` of a bundle under this label; of a `LoadedBundle` the one that is there. Raises BakeError."""
+    if isinstance(bundle, LoadedBundle):
+        return bundle.texture(name)
+    path, entry = bundle.image_path(name), bundle.material["images"][name]
+    image = load_data_image(path, label, half=entry["storage"] == Storage.HALF, pack=pack)
+    image[PART_KEY], image[CONTENT_KEY] = name, entry["sha256"]
+    if pack:
+        source = bundle.material.get("source")
+        title = source.get("name") if isinstance(source, dict) else None
+        rename_packed(image, title if isinstance(title, str) else bundle.path.stem, name, entry["sha256"])
+    return image
 
 
 def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = False) -> bpy.types.Image:
@@ -28,3 +74,44 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
     if pack:
         image.pack()
     return image
+
+
+def file_name(image: bpy.types.Image) -> str:
+    """Of the file it was loaded from, without the folder, whichever system wrote the path."""
+    return re.split(r"[/\\]", image.filepath)[-1]
+
+
+def has_common_name(image: bpy.types.Image, part: str) -> bool:
+    """Whether its file is called as that of every bundle up to schema 2."""
+    file = file_name(image)
+    return file == common_name(part, Path(file).suffix)
+
+
+def rename_packed(image: bpy.types.Image, title: str, part: str, sha256: str) -> None:
+    """Give a packed image of an older bundle the name under which Blender unpacks it; others keep theirs."""
+    if not has_common_name(image, part) or not image.packed_files:
+        return
+    file = file_name(image)
+    folder = image.filepath[: len(image.filepath) - len(file)]
+    path = folder + unique_name(title, part, sha256, Path(file).suffix)
+    for packed in image.packed_files:
+        packed.filepath = path
+    image.filepath_raw = path  # not `filepath`: Blender would look for the file
+
+
+def name_made(image: bpy.types.Image) -> None:
+    """Give a packed image that came from no file a name of its own to be unpacked under.
+
+    Blender would take the datablock's, of which systems make one file where they differ by a sign or a capital.
+    """
+    if image.packed_file is not None:
+        data = image.packed_file.data
+        suffix = ".png" if data.startswith(b"\x89PNG") else ".exr"
+        for packed in image.packed_files:
+            packed.filepath = "//" + unique_name(image.name, "made", content_of(data), suffix)
+        image.filepath_raw = image.packed_files[0].filepath
+
+
+def content_of(data: bytes) -> str:
+    """What `CONTENT_KEY` holds of a file of these bytes."""
+    return hashlib.sha256(data).hexdigest()

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ..bake.anisotropic.facts import is_anisotropic
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
-from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import (
     check_shares,
@@ -31,7 +30,7 @@ from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .anisotropic_material import anisotropic_group
 from .brdf_group import BrdfParts, brdf_group
-from .data_image import load_data_image
+from .data_image import bundle_image, name_made
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash, trees_below
 from .table_groups import TableGroups
@@ -43,6 +42,8 @@ from .weighted_closures import WeightedClosures
 # is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
+# Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
+_ROOM = 24
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
 _VIEWPORT_KEY, _STAND_IN_KEY = "measured_materials_viewport", "measured_materials_stand_in"
 
@@ -104,7 +105,7 @@ def build_material(
         local = lamp_share and lamps is not None and envelope is not None and table is not None
         if local and bundle.has("residual_share"):
             check_shares(bundle)
-            shares = load_data_image(bundle.image_path("residual_share"), f"{name} residual share", pack=pack)
+            shares = bundle_image(bundle, "residual_share", f"{name} residual share", pack=pack)
         group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
         return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
 
@@ -127,7 +128,7 @@ def usual_mode(bundle: Bundle) -> str:
 def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = envelope_of(bundle) if part == "envelope" else preview_of(bundle)
-    image = load_data_image(bundle.image_path(part), f"{name} {part.replace('_', ' ')}", pack=pack)
+    image = bundle_image(bundle, part, f"{name} {part.replace('_', ' ')}", pack=pack)
     return WeightedClosures(fit.closures, image, len(fit.weights))
 
 
@@ -144,7 +145,7 @@ def build_from(
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
         raise BakeError(material.name, cause, "undo its removal, or import the measurement as a new material")
     try:
-        group = make_group(name)
+        group = make_group(part_name(name))
         material = bpy.data.materials.new(name) if material is None else material
         assemble(material, group, albedo)
     except Exception:
@@ -178,20 +179,28 @@ def table_groups(
     table = require(bundle.material, "table", dict, where)
     if filter is None:
         filter = require(table, "filter", str, where, choices=FILTERS)
-    half = require(table, "storage", str, where) == Storage.HALF
-    atlas = load_data_image(bundle.image_path(part), f"{name} {part}", half=half, pack=pack)
+    atlas = bundle_image(bundle, part, f"{name} {part}", pack=pack)
     offset, log = offset_of(bundle, part), log_of(bundle, part)
     lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
-    cells = load_data_image(bundle.image_path(sampler_image), f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
+    cells = bundle_image(bundle, sampler_image, f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
     density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return TableGroups(lookup, sampler, density)
 
 
-def safe_name(name: str) -> str:
-    """A name for data-blocks: printable, and short enough for Blender to add a suffix."""
+def safe_name(name: str, room: int = 0) -> str:
+    """A name for data-blocks: printable, and cut only where Blender must, by bytes, with `room` of them to spare.
+
+    Blender cuts further by itself where it adds a number to a name that is taken.
+    """
     printable = "".join(c if c.isprintable() else "_" for c in name.encode("utf-8", "replace").decode("utf-8"))
-    return printable[:40] or "measured"
+    most = compat.longest_name() - room
+    return printable.encode("utf-8")[:most].decode("utf-8", "ignore") or "measured"
+
+
+def part_name(name: str) -> str:
+    """What a material's groups and textures are called after, which say before or behind it what they are."""
+    return safe_name(name, _ROOM)
 
 
 def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
@@ -206,6 +215,7 @@ def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False
     image.pixels.foreach_set(full.ravel())
     image.update()
     image.pack()
+    name_made(image)
     return image
 
 

@@ -17,11 +17,11 @@ from ..bake.shading.map_albedo import resolved_scale
 from ..bake.shading.map_facts import MapFacts, map_facts_of, render_of
 from ..bake.shading.reduced_map import reduced_slices
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.storage import Storage
 from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
+from .data_image import bundle_image
 from .map_models import basis_group, power_group
-from .material import build_from, load_data_image, new_data_image, table_groups
+from .material import build_from, new_data_image, table_groups
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
 
@@ -114,8 +114,7 @@ def load_slices(bundle: Bundle, facts: MapFacts, name: str, pack: bool) -> Slice
     """The map's textures. Raises BakeError."""
 
     def load(image: str) -> bpy.types.Image:
-        half = bundle.material["images"][image]["storage"] == Storage.HALF
-        return load_data_image(bundle.image_path(image), f"{name} {image}", half=half, pack=pack)
+        return bundle_image(bundle, image, f"{name} {image}", pack=pack)
 
     main = load(facts.image)
     envelope = load("envelope") if facts.model != "power" else main

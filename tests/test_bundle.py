@@ -31,6 +31,10 @@ def write(path: Path, version: int = 1, storage: str = "half") -> Path:
     return write_bundle(path, {"source": {"name": "felt"}, "version": version}, images, PREVIEW)
 
 
+def stored(path: Path, name: str = "table") -> Path:
+    return path / json.loads((path / "material.json").read_text())["images"][name]["file"]
+
+
 def edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
     file = path / "material.json"
     document = json.loads(file.read_text())
@@ -53,10 +57,11 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
     found = read_bundle(path)
     np.testing.assert_array_equal(found.load("table"), quantize(TABLE, storage))
     np.testing.assert_array_equal(found.load("sampler"), SAMPLER)
-    assert found.image_path("table") == path / f"table{storage.suffix}"
+    digest = found.material["images"]["table"]["sha256"][:12]
+    assert found.image_path("table") == path / f"felt_{digest}_table{storage.suffix}"
     assert found.has("table") and not found.has("slices")
     assert found.preview == path / "preview.png"
-    assert (found.material["schema"], found.material["kind"]) == (2, "brdf")
+    assert (found.material["schema"], found.material["kind"]) == (3, "brdf")
     assert set(found.material["images"]["table"]) == {
         "file",
         "width",
@@ -65,7 +70,7 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
         "storage",
         "sha256",
     }
-    names = {"material.json", "preview.png", "sampler.exr", f"table{storage.suffix}"}
+    names = {"material.json", "preview.png", stored(path).name, stored(path, "sampler").name}
     assert {file.name for file in path.iterdir()} == names
 
 
@@ -78,7 +83,7 @@ def test_byte_images_of_a_shading_map(tmp_path: Path, channels: int) -> None:
     for name in images:
         np.testing.assert_array_equal(found.load(name), quantize(pixels, Storage.BYTE))
     assert found.material["images"]["power"]["channels"] == channels and found.preview == path / "preview.png"
-    (path / "power.png").write_bytes((path / "preview.png").read_bytes())
+    stored(path, "power").write_bytes((path / "preview.png").read_bytes())
     with pytest.raises(BakeError, match=r"power\.png: has (width|height|channels) "):
         read_bundle(path)
 
@@ -123,16 +128,16 @@ def test_what_was_read_can_be_written_again(path: Path, tmp_path: Path) -> None:
 
 
 def test_exr_headers_repeat_the_parameters(path: Path) -> None:
-    attributes = bundle.read_header(path / "table.exr").attributes
+    attributes = bundle.read_header(stored(path)).attributes
     assert (attributes["image"], attributes["storage"]) == ("table", "half")
     repeated = json.loads(attributes["material"])
-    assert repeated == {"source": {"name": "felt"}, "version": 1, "schema": 2, "kind": "brdf"}
+    assert repeated == {"source": {"name": "felt"}, "version": 1, "schema": 3, "kind": "brdf"}
 
 
 def test_replacing_leaves_nothing_of_the_old(path: Path) -> None:
     images = {"table": StoredImage(TABLE, Storage.RGBE)}
     write_bundle(path, {}, images)
-    assert {file.name for file in path.iterdir()} == {"table.hdr", "material.json"}
+    assert {file.name for file in path.iterdir()} == {stored(path).name, "material.json"}
     assert list(path.parent.iterdir()) == [path]
     assert read_bundle(path).preview is None
 
@@ -196,12 +201,6 @@ def test_litter_of_file_browsers_does_not_hinder(path: Path) -> None:
     assert read_bundle(write(path, 2)).material["version"] == 2
 
 
-def test_schema_1_is_read(path: Path) -> None:
-    """It is no longer written: its readers know neither codes nor raised half floats, and would not miss them."""
-    edit(path, lambda document: document.update(schema=1))
-    assert read_bundle(path).has("table")
-
-
 # --- hostile bundles --------------------------------------------------------------------------------------
 
 
@@ -212,7 +211,7 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     "change, word",
     [
-        (lambda d: d.update(schema=3), "newer version .schema 3, known here: 2.*update"),
+        (lambda d: d.update(schema=4), "newer version .schema 4, known here: 3.*update"),
         (lambda d: d.update(schema=0), "'schema' is 0, below 1"),
         (lambda d: d.update(schema=True), "'schema' is not a whole number"),
         (lambda d: d.update(schema=1.0), "'schema' is not a whole number"),
@@ -232,7 +231,7 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
         (table(width=10.0), "'width' is not a whole number"),
         (table(width=10**400), "'width' is a huge number, above 16777216"),
         (table(width=1 << 20, height=1 << 20), "declares more than 1024 MiB"),
-        (table(storage="byte"), "'file' is 'table.exr', not one of table.png"),
+        (table(storage="byte"), "'file' is 'felt_.*_table.exr', not one of table.png"),
         (table(storage="byte", file="table.png"), "table.png: is missing"),
         (table(channels=2), "'channels' is 2, not one of 1, 3, 4"),
         (table(channels=4), "has channels 3, but material.json says 4"),
@@ -269,9 +268,9 @@ def test_hostile_json(path: Path, text: bytes, word: str) -> None:
         read_bundle(path)
 
 
-@pytest.mark.parametrize("name", ["table.exr", "material.json"])
+@pytest.mark.parametrize("name", ["table", "material.json"])
 def test_links_pipes_and_folders_are_refused(path: Path, name: str) -> None:
-    file = path / name
+    file = stored(path) if name == "table" else path / name
     elsewhere = file.rename(path.parent / name)
     for make in (lambda: file.symlink_to(elsewhere), lambda: os.mkfifo(file), file.mkdir, lambda: None):
         make()
@@ -288,7 +287,7 @@ def test_preview_link_is_not_followed(path: Path) -> None:
 
 
 def test_changed_and_damaged_pixels(path: Path) -> None:
-    file = path / "table.exr"
+    file = stored(path)
     data = bytearray(file.read_bytes())
     data[-3] ^= 1
     file.write_bytes(data)
@@ -305,8 +304,8 @@ def test_changed_and_damaged_pixels(path: Path) -> None:
 
 def test_pixels_that_are_not_finite(path: Path) -> None:
     # A half of bits 0x7e00 is NaN; such a small image is stored as it is, so the bytes can be found.
-    file, one = path / "table.exr", np.float16(TABLE[0, 0, 0]).tobytes()
     write_bundle(path, {}, {"table": StoredImage(TABLE[:1, :1], Storage.HALF)})
+    file, one = stored(path), np.float16(TABLE[0, 0, 0]).tobytes()
     data = file.read_bytes()
     file.write_bytes(data[:-6] + data[-6:].replace(one, b"\x00\x7e"))
     edit(path, lambda d: d["images"]["table"].update(sha256=bundle._sha256(file)))

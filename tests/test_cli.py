@@ -233,7 +233,7 @@ def test_inspect_bundle(bundle: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["inspect", str(bundle / "material.json"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     table = found["sizes"]["table"]
-    assert table["file_bytes"] == (bundle / "table.exr").stat().st_size
+    assert table["file_bytes"] == (bundle / found["images"]["table"]["file"]).stat().st_size
     assert table["render_bytes"] == table["width"] * table["height"] * 8  # half RGB, padded to RGBA
     assert found["search"]["by_error"]["rms"] <= found["search"]["by_intensity"]["rms"]
 

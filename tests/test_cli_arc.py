@@ -215,7 +215,7 @@ def test_inspect_bundle(bundle: Path, capsys: pytest.CaptureFixture[str]) -> Non
         assert word in text
     assert main(["inspect", str(bundle / "material.json"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["sizes"]["slices"]["file_bytes"] == (bundle / "slices.exr").stat().st_size
+    assert found["sizes"]["slices"]["file_bytes"] == (bundle / found["images"]["slices"]["file"]).stat().st_size
     assert found["map"]["slices"] == 8
 
 

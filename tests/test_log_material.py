@@ -94,7 +94,8 @@ def test_from_bake_to_render(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     """Baked, told of by `inspect`, and rendered."""
     options = ["--resolution", "6", "--storage", "log", "--sampler", "16", "--parameterization", "uniform"]
     assert main(["bake", "brdf", "--analytic", "ggx", "alpha=0.4", "--out", str(tmp_path), *options]) == 0
-    assert {p.name for p in (tmp_path / "ggx.mmat").glob("*.png")} == {"table.png", "residual.png", "preview.png"}
+    pictures = {p.stem.rsplit("_")[-1] for p in (tmp_path / "ggx.mmat").glob("*.png")}
+    assert pictures == {"table", "residual", "preview"}
     capsys.readouterr()
     assert main(["inspect", str(tmp_path / "ggx.mmat")]) == 0
     told = capsys.readouterr().out

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from measured_materials.addon.progress import Progress, readable_time
 from measured_materials.addon.stages import bake_stages, share_done
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
+from support.stacks import write_stack
 
 
 class Terminal(io.StringIO):
@@ -83,14 +90,56 @@ def test_readable_time(seconds: float, words: str) -> None:
     assert readable_time(seconds) == words
 
 
-@pytest.mark.parametrize("filter", ["trilinear", "bspline"])
-def test_stages_of_a_bake_are_known_and_never_go_back(filter: str, tmp_path) -> None:
-    settings = BakeSettings(resolution=8, filter=filter)
-    stages, shares = bake_stages(settings), []
+class Told:
+    """Shares of the whole, as the stages that a bake has told of make them."""
 
-    def note(stage: str, share: float) -> None:
-        assert stage in stages
-        shares.append(share_done(stages, stage, share))
+    def __init__(self, settings: BakeSettings | ArcSettings) -> None:
+        self.stages = bake_stages(settings)
+        self.shares: list[float] = []
 
-    bake_source(by_name("lambert"), tmp_path / "x.mmat", settings, note)
-    assert shares == sorted(shares) and shares[-1] == pytest.approx(1)
+    def __call__(self, stage: str, share: float) -> None:
+        assert stage in self.stages, f"no time is known for the stage {stage!r}"
+        self.shares.append(share_done(self.stages, stage, share))
+
+    def check(self, largest_step: float) -> None:
+        """Never back, to the end, and no stage passes all at once that takes much of the time."""
+        assert self.shares == sorted(self.shares) and self.shares[-1] == pytest.approx(1)
+        steps = np.diff([0.0, *self.shares])
+        assert steps.max() < largest_step, (steps.argmax(), steps.max())
+
+
+BRUSHED = {"alpha": 0.3, "alpha_y": 0.5}
+SMALL = {"resolution": 8, "sampler": SamplerLayout(8, 8, 8)}
+
+
+@pytest.mark.parametrize(
+    "model, parameters, options",
+    [
+        ("lambert", {}, {}),
+        ("lambert", {}, {"filter": "bspline"}),
+        ("lambert", {}, {"envelope": False, "parameterization": "uniform", "basis": "normal"}),
+        ("ggx", BRUSHED, {}),
+        ("ggx", BRUSHED, {"envelope": False, "basis": "normal", "filter": "bspline"}),
+        ("ggx", BRUSHED, {"envelope": False, "basis": "half", "storage": "log"}),
+    ],
+)
+def test_progress_of_a_bake(model: str, parameters: dict[str, float], options: dict[str, Any], tmp_path: Path) -> None:
+    """Of every kind: isotropic and anisotropic, each filter and basis, with and without an envelope."""
+    settings = BakeSettings(**SMALL, **options)
+    told = Told(settings)
+    if settings.envelope and parameters is BRUSHED:  # quick, with few viewers
+        bake_anisotropic(by_name(model, **parameters), tmp_path / "x.mmat", settings, told, viewers=(6, 2))
+    else:
+        bake_source(by_name(model, **parameters), tmp_path / "x.mmat", settings, told)
+    told.check(0.45)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"compression": "basis"}, {"compression": "power", "lobe_auto": True}, {"tileable": "quilt"}],
+)
+def test_progress_of_photographs(options: dict[str, Any], tmp_path: Path) -> None:
+    settings = ArcSettings(**options)
+    told = Told(settings)
+    bake_arc(write_stack(tmp_path / "felt", size=(40, 40)), tmp_path / "x.mmat", settings, told)
+    told.check(0.45)

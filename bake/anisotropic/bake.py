@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -32,6 +34,8 @@ from .views import ViewerGrid
 if TYPE_CHECKING:
     from ..bake_brdf import BakeResult, BakeSettings, Progress
 
+# Behind the name of each stage.
+KIND_OF_STAGE = ", anisotropic"
 _ERROR_PAIRS = 16384
 _DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
 _AZIMUTHS = 8
@@ -65,7 +69,7 @@ def bake_anisotropic(
     """
     from ..bake_brdf import BakeResult
 
-    say = progress or (lambda stage, share: None)
+    say = _named(progress)
     started = time.perf_counter()
     treated = TreatedAnisotropic(source)
     pairs = turned_pairs(_ERROR_PAIRS)
@@ -79,7 +83,7 @@ def bake_anisotropic(
         settings.resolution,
         symmetry,
         basis,
-        lambda share: say("choosing alpha", share),
+        lambda share: say("choosing grid", share),
         parameterization=settings.spacing,
         alpha=settings.alpha,
     )
@@ -88,7 +92,7 @@ def bake_anisotropic(
     table = kept.table
     say("sampler", 0.0)
     layout = sampler_layout(settings, grid, symmetry, search)
-    sampler = build_slope_sampler(table, layout)
+    sampler = build_slope_sampler(table, layout, partial(say, "sampler"))
     say("measuring", 0.0)
     simpler = cast("tuple[Filter, ...]", FILTERS[: FILTERS.index(settings.filter) + 1])
     facts: dict[str, Any] = {
@@ -116,7 +120,8 @@ def bake_anisotropic(
     }
     if settings.envelope:
         say("envelope", 0.0)
-        extra, further = _envelope(treated, table, layout, viewers, settings, pairs, truth)
+        fitted = partial(say, "envelope")
+        extra, further = _envelope(treated, table, layout, viewers, settings, pairs, truth, fitted)
         facts, images = facts | extra, images | further
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(table, settings.filter))  # type: ignore[arg-type]
@@ -132,16 +137,20 @@ def _envelope(
     settings: BakeSettings,
     pairs: DirectionPairs,
     truth: Array,
+    say: Callable[[float], None],
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope, of the residual, whose table has the grid of the whole one, and of Preview."""
     nodes = ViewerGrid(viewers[0], viewers[1] * (1 if layout.folded else 2), layout.folded)
     widths = layout.width_x, layout.width_y
-    fit = fit_anisotropic_envelope(treated, nodes, widths)
+    fit = fit_anisotropic_envelope(treated, nodes, widths, lambda share: say(0.6 * share))
     preview = fit_anisotropic_preview(treated, fit, widths)
+    say(0.7)
     source = AnisotropicResidual(treated, fit)
     kept = quantized(tabulate(source, table.grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
     residual = kept.table
-    sampler = build_slope_sampler(residual, layout)
+    say(0.8)
+    sampler = build_slope_sampler(residual, layout, lambda share: say(0.8 + 0.15 * share))
+    say(0.95)
     together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
     errors = {
         "rms": pairs.rms(together - truth),
@@ -157,6 +166,13 @@ def _envelope(
         "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
     }
     return {"envelope": fit.facts(), "preview": plain, "residual": facts}, images
+
+
+def _named(progress: Progress | None) -> Progress:
+    """Stages are called after the kind of bake: they take other times than those of isotropic ones."""
+    if progress is None:
+        return lambda stage, share: None
+    return lambda stage, share: progress(stage + KIND_OF_STAGE, share)
 
 
 def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, search: dict[str, Any]) -> SlopeLayout:

@@ -11,6 +11,7 @@ exact whatever the material; du/dx = width / (width + |x|)^2, and dx dy = d omeg
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -174,7 +175,9 @@ def _density(xp: Any, layout: SlopeLayout, x: Any, y: Any, half: Any, wo_half: A
     return xp.divide(layout.width_x * layout.width_y / 16, spread)
 
 
-def cell_moments(source: BrdfSource | AnisotropicTable, layout: SlopeLayout) -> tuple[Array, Array]:
+def cell_moments(
+    source: BrdfSource | AnisotropicTable, layout: SlopeLayout, progress: Callable[[float], None] | None = None
+) -> tuple[Array, Array]:
     """Root mean square over each cell and bin of f cos(theta_i) / density, for the material and for a Lambertian one.
 
     That is what the cells' probabilities have to follow for least variance. Channels are averaged.
@@ -194,6 +197,8 @@ def cell_moments(source: BrdfSource | AnisotropicTable, layout: SlopeLayout) -> 
     turn = np.pi if layout.folded else 2 * np.pi
     azimuths = turn * (np.arange(layout.n_phi * _VIEWERS) - 0.5 * (_VIEWERS - 1)) / (layout.n_phi * _VIEWERS)
     for i, chord in enumerate(chords):
+        if progress:
+            progress(i / len(chords))
         for j, phi in enumerate(azimuths):
             wo = spherical(2 * np.arcsin(chord / np.sqrt(2)), phi)
             wo_half = half @ wo
@@ -213,9 +218,11 @@ def _cell_mean(values: Array, layout: SlopeLayout) -> Array:
     return values.reshape(layout.n_y, _POINTS, layout.n_x, _POINTS).mean((1, 3))
 
 
-def build_slope_sampler(source: BrdfSource | AnisotropicTable, layout: SlopeLayout) -> SlopeSampler:
+def build_slope_sampler(
+    source: BrdfSource | AnisotropicTable, layout: SlopeLayout, progress: Callable[[float], None] | None = None
+) -> SlopeSampler:
     """Alias tables for a source, a Lambertian floor included: every direction above the horizon may be drawn."""
-    material, matte = cell_moments(source, layout)
+    material, matte = cell_moments(source, layout, progress)
     matte = np.maximum(matte, 0.25 * _around(matte))
     shape = (layout.bins, layout.cells)
     material, matte = material.reshape(shape), matte.reshape(shape)

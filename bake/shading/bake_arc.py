@@ -17,6 +17,7 @@ from ..anisotropic.facts import is_anisotropic
 from ..bake_brdf import BakeResult, TableSource
 from ..bundle import Bundle, StoredImage, read_bundle, require, write_bundle
 from ..errors import BakeError
+from ..origin import photographs_origin
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
 from ..source import BrdfSource
 from ..storage import IMAGE_STORAGES, Storage
@@ -102,7 +103,8 @@ def bake_arc(
     started = time.perf_counter()
     stack = read_stack(_paths(source), settings.stack, progress, decoder)
     name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
-    result = bake_stack(stack, out, settings, progress, name=name)
+    origin = photographs_origin(_paths(source))
+    result = bake_stack(stack, out, settings, progress, name=name, origin=origin)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 
 
@@ -111,9 +113,15 @@ def _paths(source: str | Path | Sequence[Path]) -> Path | Sequence[Path]:
 
 
 def bake_stack(
-    stack: PhotoStack, out: str | Path, settings: ArcSettings, progress: Progress | None = None, *, name: str = "swatch"
+    stack: PhotoStack,
+    out: str | Path,
+    settings: ArcSettings,
+    progress: Progress | None = None,
+    *,
+    name: str = "swatch",
+    origin: dict[str, str] | None = None,
 ) -> BakeResult:
-    """Bake photographs already read. Raises BakeError."""
+    """Bake photographs already read; `origin` is kept in the bundle. Raises BakeError."""
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
     _check_size(stack, settings)
@@ -139,7 +147,7 @@ def bake_stack(
     say("measuring", 0.0)
     facts = {
         "generator": f"measured_materials {VERSION}",
-        "source": {"name": name, "facts": {"format": "photographs on a light arc", **stack.facts}},
+        "source": {"name": name, **(origin or {}), "facts": {"format": "photographs on a light arc", **stack.facts}},
         "warnings": [*stack.warnings, *_slice_warnings(made), *_tiling_warnings(tiling)],
         "settings": _plain(settings),
         "map": {

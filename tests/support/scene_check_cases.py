@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,6 +137,19 @@ def lost_texture(scene: TestScene) -> None:
     table_image(scene).filepath = "//gone/" + Path(table_image(scene).filepath).name
 
 
+def in_an_older_bundle(scene: TestScene) -> None:
+    """A texture of the same content, called as every bundle's up to schema 2."""
+    image = table_image(scene)
+    older = Path(image.filepath).parent.with_name("older.mmat")
+    older.mkdir(exist_ok=True)
+    image.filepath = str(shutil.copy(image.filepath, older / "residual.exr"))
+
+
+def another_file(scene: TestScene) -> None:
+    image = table_image(scene)
+    image.filepath = next(str(f) for f in Path(image.filepath).parent.iterdir() if f.name.endswith("_sampler.exr"))
+
+
 @dataclass(frozen=True)
 class Case:
     rule: str
@@ -177,6 +191,8 @@ CASES = [
     Case("colour_space", WRONG, lambda s: setattr(table_image(s).colorspace_settings, "name", "sRGB")),
     Case("alpha_mode", WRONG, lambda s: setattr(table_image(s), "alpha_mode", "STRAIGHT")),
     Case("missing_texture", WRONG, lost_texture),
+    Case("wrong_texture", WRONG, another_file),
+    Case("common_names", NOTE, in_an_older_bundle),
     Case("no_texture", WRONG, without_texture, False),
     Case("texture_limit", WRONG, shrunk),
     Case("changed_group", NOTE, changed, False),
