@@ -74,9 +74,9 @@ def shadow_terminator(obj: bpy.types.Object) -> tuple[Any, str, str]:
     return obj.cycles, "shadow_terminator_offset", "shadow_terminator_geometry_offset"  # before 4.4
 
 
-def curves_of(action: bpy.types.Action) -> list[bpy.types.FCurve]:
-    """F-curves of an action; since 4.4 in layers, which 5.0 shows no other way."""
+def curves_of(action: bpy.types.Action, slot: Any = None) -> list[bpy.types.FCurve]:
+    """F-curves of an action, of one slot where one is given; since 4.4 in layers, which 5.0 shows no other way."""
     if not hasattr(action, "layers"):
         return list(action.fcurves)
     bags = (bag for layer in action.layers for strip in layer.strips for bag in strip.channelbags)
-    return [curve for bag in bags for curve in bag.fcurves]
+    return [curve for bag in bags if slot is None or bag.slot_handle == slot.handle for curve in bag.fcurves]
