@@ -56,9 +56,9 @@ def save_as_exr(settings: bpy.types.ImageFormatSettings) -> None:
     settings.linear_colorspace_settings.name = "Linear Rec.709"
 
 
-def uses_nodes(material: bpy.types.Material) -> bool:
-    """Whether the material renders by its nodes; from 5.0 on there is nothing else."""
-    return material.node_tree is not None and (blender_version() >= (5, 0) or material.use_nodes)
+def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:
+    """Whether a datablock renders by its nodes; from 5.0 on there is nothing else."""
+    return owner.node_tree is not None and (blender_version() >= (5, 0) or owner.use_nodes)
 
 
 def compute_device() -> str:
