@@ -84,6 +84,8 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
         why_not = _why_not(obj)
         if not why_not and obj.data.type == "AREA" and _sheared(matrix):
             why_not = "sheared by its parent's scale"
+        if not why_not and obj.data.type == "AREA" and not all(matrix.to_scale()[:2]):
+            why_not = "scaled to nothing, so that no ray can meet it"
         power = 0.0 if why_not else _lamp(obj.data, matrix).power
         if power > 0:
             found.append((original.name, _lamp(obj.data, matrix), obj.data))

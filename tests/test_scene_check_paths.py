@@ -248,7 +248,7 @@ def brightness(bundle: Bundle, mode: str, kind: str, output: str, samples: int, 
         # So large that native closures too meet it by the rays they reflect.
         tree, strength = light_of(scene, kind, size=6.0)
         if output:
-            limit = 3.0 if output == "Ray Length" else 1.5 if output == "Ray Depth" else 0.5
+            limit = 4.0 if output == "Ray Length" else 1.5 if output == "Ray Depth" else 0.5
             darken(tree, strength, output, limit)
         update_scene(scene.scene)
         return float(scene.render(samples, seeds)[:, mask].mean())
