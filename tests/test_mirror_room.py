@@ -132,7 +132,7 @@ def only_its_light_in_a_mirror(scene: TestScene) -> None:
 def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, arrange: Callable[[TestScene], None]) -> None:
     """On ground that the material lights; Exact gives it other samples.
 
-    The mirror shows the sphere itself too, on a tenth of the picture, where Balanced is Exact; pixels of its edge are both.
+    The mirror shows the sphere itself too, on a tenth of the picture, where Balanced is Exact; at its edge, both.
     """
     exact, balanced, preview = (rendered(bundle, mode, arrange) for mode in ("exact", "balanced", "preview"))
     as_preview, as_exact = equal(preview, balanced), equal(exact, balanced)
