@@ -364,7 +364,7 @@ SWITCHES = {"reflective_caustics", "fast_gi", "path_guiding", "denoising", "engi
 ELSEWHERE = {
     "no_texture": "test_scene_check.py, a texture is there or not",
     "linked_slots": "test_linked_groups_with_too_few_slots_are_told_and_left_alone",
-    "not_aimed": "test_a_material_fitted_to_no_lamps_is_told",
+    "not_aimed": "test_modes.py, of a material fitted to no lamps",
     "pixel_jitter": "test_settings_of_newer_versions",
     "texture_resolution": "test_settings_of_newer_versions",
     "world_shadow": "test_settings_of_newer_versions",

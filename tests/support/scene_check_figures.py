@@ -88,7 +88,7 @@ def nodes(kind: str, output: str) -> Change:
 
 FIGURES = [
     Figure("1 lost 0.5 to 2 %", -1, "", cycles("blur_glossy", 1.0)),
-    Figure("10 lost 8 %", -1, "mirror unaimed", cycles("sample_clamp_direct", 10.0), 128),
+    Figure("10 lost 8 %", -1, "mirror unaimed", cycles("sample_clamp_direct", 10.0), 512),
     Figure("that lost 2 %", -1, "", cycles("caustics_reflective", False)),
     Figure("Replace lost 2.6 %", -1, "", fast_gi("REPLACE")),
     Figure("Add gave 51 %", 1, "", fast_gi("ADD")),
@@ -107,11 +107,11 @@ FIGURES = [
         lambda s: setattr(s.sphere, "shadow_terminator_shading_offset", 0.3),
     ),
     Figure(
-        "+0.8 % on a coarse sphere",
+        "+0.4 % on a coarse sphere",
         1,
-        "mirror coarse sphere",
+        "mirror coarse",
         lambda s: setattr(material_of(s).cycles, "use_bump_map_correction", True),
-        64,
+        32,
     ),
     Figure("64 % of a paint's light in mode Exact", -1, "sphere world", nodes("world", "Is Glossy Ray")),
     Figure("79 % in Reference", -1, "sphere world mirror", nodes("world", "Is Glossy Ray")),
