@@ -88,7 +88,7 @@ def nodes(kind: str, output: str) -> Change:
 
 FIGURES = [
     Figure("1 lost 0.5 to 2 %", -1, "", cycles("blur_glossy", 1.0)),
-    Figure("10 lost 8 %", -1, "mirror unaimed", cycles("sample_clamp_direct", 10.0), 512),
+    Figure("10 lost 13 %", -1, "mirror unaimed", cycles("sample_clamp_direct", 10.0), 128),
     Figure("that lost 2 %", -1, "", cycles("caustics_reflective", False)),
     Figure("Replace lost 2.6 %", -1, "", fast_gi("REPLACE")),
     Figure("Add gave 51 %", 1, "", fast_gi("ADD")),
