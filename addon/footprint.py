@@ -9,9 +9,12 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from .motion import changes
+
 _IGNORED = 0.002
 # What a mesh that is not one is asked for.
 _KINDS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+_HIDING = frozenset({"hide_render", "hide_viewport"})
 
 
 @dataclass(frozen=True)
@@ -36,50 +39,74 @@ def texel_footprint(
         return _unknown("its texture coordinates are the artist's own")
     if camera is None or camera.type != "CAMERA" or camera.data.type == "PANO":
         return _unknown("there is no camera with a flat picture")
-    if _moves(camera):
-        return _unknown("the camera moves")
-    layer = scene.view_layers[0]
-    layer.update()
-    graph = layer.depsgraph
+    if changes(camera):
+        return _unknown("the camera moves or zooms")
+    if changes(scene):
+        return _unknown("markers change the scene's camera")
+    if changes(material.node_tree):
+        return _unknown("its nodes are animated")
+    largest, shown = 0.0, set()
+    for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
+        layer.update()
+        found = _largest_in(layer.depsgraph, material, scene, texels, shown)
+        if found.why_unknown:
+            return found
+        largest = max(largest, found.pixels)
+    for obj in scene.objects:
+        if _wears(obj, material) and obj not in shown and (not obj.hide_render or changes(obj, _HIDING)):
+            return _unknown(f"{obj.name} is hidden here, but may be rendered")
+    return Footprint(largest) if shown else _unknown("no object of this scene wears it")
+
+
+def _largest_in(
+    graph: bpy.types.Depsgraph,
+    material: bpy.types.Material,
+    scene: bpy.types.Scene,
+    texels: tuple[float, float],
+    shown: set[bpy.types.Object],
+) -> Footprint:
+    """The largest texel in one view layer, 0 where it shows none; objects with the material are added to `shown`."""
+    camera = scene.camera
     pixels_per_unit, perspective = _projection(camera, scene, graph)
     eye = camera.evaluated_get(graph).matrix_world.translation
-    largest, seen = 0.0, False
+    largest = 0.0
     for instance in graph.object_instances:
         obj = instance.object
-        if obj.type not in _KINDS or not any(
-            s.material and s.material.original == material for s in obj.material_slots
-        ):
+        if not _wears(obj, material):
             continue
-        if _moves(obj.original):
-            return _unknown(f"{obj.original.name} moves")
+        shown.add(obj.original)
+        for moved in (obj.original, *_instancers(instance)):
+            if changes(moved):
+                return _unknown(f"{moved.name} moves or changes its shape")
         size = _largest_texel(obj, np.array(instance.matrix_world)[:3, :3], texels)
         if size is None:
             return _unknown(f"{obj.original.name} has no UV map")
         distance = _distance(obj, instance.matrix_world, eye) if perspective else 1.0
         if distance <= 0:
             return _unknown(f"the camera is at {obj.original.name}")
-        largest, seen = max(largest, size * pixels_per_unit / distance), True
-    return Footprint(largest) if seen else _unknown("no object of this scene wears it")
+        largest = max(largest, size * pixels_per_unit / distance)
+    return Footprint(largest)
 
 
 def _unknown(why: str) -> Footprint:
     return Footprint(float("inf"), why)
 
 
-def _moves(obj: bpy.types.Object | None) -> bool:
-    """Whether an object, or what it hangs on, may be elsewhere in another frame."""
-    while obj is not None:
-        animated = obj.animation_data is not None and (obj.animation_data.action or len(obj.animation_data.drivers))
-        if animated or len(obj.constraints) or obj.rigid_body or obj.particle_systems:
-            return True
-        obj = obj.parent
-    return False
+def _wears(obj: bpy.types.Object, material: bpy.types.Material) -> bool:
+    """Whether it has a surface that shows the material."""
+    return obj.type in _KINDS and any(s.material and s.material.original == material for s in obj.material_slots)
+
+
+def _instancers(instance: Any) -> list[bpy.types.Object]:
+    """What an instance hangs on: the outermost instancer, which changes with all that it instances."""
+    return [instance.parent.original] if instance.is_instance and instance.parent is not None else []
 
 
 def _projection(camera: Any, scene: bpy.types.Scene, graph: Any) -> tuple[float, bool]:
     """Pixels per unit across, at distance 1 where the second is True."""
     render = scene.render
-    share = render.resolution_percentage / 100
+    # Less than the whole is for trying out; nothing is fitted anew when it is set back.
+    share = max(render.resolution_percentage, 100) / 100
     matrix = camera.evaluated_get(graph).calc_matrix_camera(
         graph,
         x=render.resolution_x,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,10 +12,10 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bake.light_sampling import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
-from ..nodes import compat
 from ..nodes.aimed_light_group import MAX_SLOTS
 from ..nodes.group import is_measured_tree
 from . import world_light
+from .motion import changes
 from .world_light import WorldLight
 
 # Rows of the table. Only the strongest lamps are aimed at; the others are found by chance, as without the table.
@@ -92,7 +92,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
             left_out.append(f"{original.name}: {why_not}")
     shown = {original for original, _ in seen}
     hidden = (obj for obj in depsgraphs[0].scene.objects if obj.type == "LIGHT" and obj not in shown)
-    to_come |= {obj for obj in hidden if _is_animated(obj, _HIDING)}
+    to_come |= {obj for obj in hidden if changes(obj, _HIDING)}
     named, rest = [(name, lamp) for name, lamp, _, _ in found], 0.0
     if len(found) > 1 or any(_has_beam(data) for _, _, data, _ in found):
         target = _lit_place(depsgraphs)  # the slow part, of use only where there is a choice
@@ -107,17 +107,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
 
 def _may_shine_later(obj: bpy.types.Object) -> bool:
     """Whether a lamp that gives no light now has something animated that may change that."""
-    return _is_animated(obj, _HIDING) or _is_animated(obj.data) or _is_animated(obj.data.node_tree)
-
-
-def _is_animated(block: bpy.types.ID | None, properties: Container[str] = ()) -> bool:
-    """Whether an F-curve or driver moves one of these properties; by default any."""
-    animation = getattr(block, "animation_data", None)
-    if animation is None:
-        return False
-    actions = [animation.action, *(strip.action for track in animation.nla_tracks for strip in track.strips)]
-    curves = [*animation.drivers, *(c for action in actions if action for c in compat.curves_of(action))]
-    return any(not properties or curve.data_path in properties for curve in curves)
+    return changes(obj, _HIDING | {"scale"}) or changes(obj.data)
 
 
 def _lamp_objects(depsgraph: bpy.types.Depsgraph, for_render: bool) -> Iterator[tuple[bpy.types.Object, Matrix]]:

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable
 
 import bpy
 
-from . import scene_check_blocks, scene_check_mix, scene_check_rules
+from . import scene_check_blocks, scene_check_mix, scene_check_paths, scene_check_rules
 from .scene_check_subject import NOTE, SEVERITIES, Finding, subject_of
 
 _ROUNDS = 3
@@ -20,7 +20,12 @@ def check_scene(scene: bpy.types.Scene) -> list[Finding] | None:
     subject = subject_of(scene)
     if not subject.wearers:
         return None
-    rules = (*scene_check_rules.RULES, *scene_check_blocks.RULES, scene_check_mix.mixed_mirror)
+    rules = (
+        *scene_check_rules.RULES,
+        *scene_check_paths.RULES,
+        *scene_check_blocks.RULES,
+        scene_check_mix.mixed_mirror,
+    )
     if not subject.mirrors:  # mode Preview: native closures, which Cycles' own settings suit
         rules = (
             scene_check_blocks.textures,

@@ -34,7 +34,7 @@ def bump_correction(subject: Subject) -> Iterator[Finding]:
     """Set by the builder; a copied or merged material may have lost it."""
     for material in subject.mirrors:
         if material.cycles.use_bump_map_correction:
-            why = "it bends the mirror where its reflection dips under the facet: +0.8 % on a coarse sphere"
+            why = "it bends the mirror where its reflection dips under the facet: +0.4 % on a coarse sphere"
             mend = setting(material.cycles, "use_bump_map_correction", False)
             yield Finding("bump_correction", WRONG, _name(material), "Bump Map Correction is on", "off", why, mend)
 

@@ -79,11 +79,13 @@ class Subject:
     ----------
     objects : what a render shows, instances and lamps included
     wearers : measured materials, each with the objects that show it
+    materials : all that objects show, measured or not
     """
 
     scene: bpy.types.Scene
     objects: tuple[bpy.types.Object, ...]
     wearers: dict[bpy.types.Material, tuple[bpy.types.Object, ...]]
+    materials: tuple[bpy.types.Material, ...] = ()
 
     @property
     def lamps(self) -> list[bpy.types.Object]:
@@ -118,7 +120,7 @@ def subject_of(scene: bpy.types.Scene) -> Subject:
     for obj, material in (*_own_materials(rendered), *_evaluated_materials(scene, rendered)):
         worn.setdefault(material, {})[obj] = None
     measured = {material: tuple(objects) for material, objects in worn.items() if measured_trees(material)}
-    return Subject(scene, tuple(rendered), measured)
+    return Subject(scene, tuple(rendered), measured, tuple(worn))
 
 
 def editable(block: bpy.types.ID, function: Callable[[], None]) -> Callable[[], None] | None:

@@ -61,9 +61,9 @@ def save_as_exr(settings: bpy.types.ImageFormatSettings) -> None:
     settings.linear_colorspace_settings.name = "Linear Rec.709"
 
 
-def uses_nodes(material: bpy.types.Material) -> bool:
-    """Whether the material renders by its nodes; from 5.0 on there is nothing else."""
-    return material.node_tree is not None and (blender_version() >= (5, 0) or material.use_nodes)
+def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:
+    """Whether a datablock renders by its nodes; from 5.0 on there is nothing else."""
+    return owner.node_tree is not None and (blender_version() >= (5, 0) or owner.use_nodes)
 
 
 def compute_device() -> str:
@@ -79,9 +79,9 @@ def shadow_terminator(obj: bpy.types.Object) -> tuple[Any, str, str]:
     return obj.cycles, "shadow_terminator_offset", "shadow_terminator_geometry_offset"  # before 4.4
 
 
-def curves_of(action: bpy.types.Action) -> list[bpy.types.FCurve]:
-    """F-curves of an action; since 4.4 in layers, which 5.0 shows no other way."""
+def curves_of(action: bpy.types.Action, slot: Any = None) -> list[bpy.types.FCurve]:
+    """F-curves of an action, of one slot where one is given; since 4.4 in layers, which 5.0 shows no other way."""
     if not hasattr(action, "layers"):
         return list(action.fcurves)
     bags = (bag for layer in action.layers for strip in layer.strips for bag in strip.channelbags)
-    return [curve for bag in bags for curve in bag.fcurves]
+    return [curve for bag in bags if slot is None or bag.slot_handle == slot.handle for curve in bag.fcurves]

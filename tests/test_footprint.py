@@ -66,7 +66,7 @@ def test_what_cannot_be_known_keeps_the_texels(view: tuple) -> None:
     scene, plate, material = view
     assert texel_footprint(material, scene, None).why_unknown
     scene.camera.keyframe_insert("location", frame=1)
-    assert texel_footprint(material, scene, (10, 10)).why_unknown == "the camera moves"
+    assert texel_footprint(material, scene, (10, 10)).why_unknown == "the camera moves or zooms"
     scene.camera.animation_data_clear()
     scene.camera.data.type = "PANO"
     assert "flat picture" in texel_footprint(material, scene, (10, 10)).why_unknown

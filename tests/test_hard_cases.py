@@ -20,22 +20,34 @@ from measured_materials.nodes import expr
 from support.cards import card
 from support.hard.case import IMPLEMENTATIONS, Case, measure
 from support.hard.points import EPS, unit_interval
-from support.hard.registry import cases
+from support.hard.registry import CASE_HEAD, cases, committed, is_told
 from support.osl import skip_without_osl
 
 pytestmark = pytest.mark.hard
+PAGE = (Path(__file__).parents[1] / "addon" / "docs" / "hard_cases.md").read_text(encoding="utf-8")
 RUNS = [(case, name) for case in cases() for name in IMPLEMENTATIONS if name in case.bounds]
 
 
 @pytest.mark.parametrize("case, implementation", RUNS, ids=[f"{case}-{name}" for case, name in RUNS])
 def test_case(case: Case, implementation: str, tmp_path: Path) -> None:
-    """Finite, in range, and no further from the truth than the table says."""
+    """Finite, in range, no further from the truth than its bound, and as far as the documentation's page says."""
     if implementation == "osl":
         skip_without_osl()
     result = measure(case, implementation, tmp_path)
     print(f"{result.worst:.3g} of {case.bounds[implementation]:.3g}, {result.values} values")
     assert not result.fault, result.fault
     assert result.worst <= case.bounds[implementation]
+    row = next(row for row in committed(CASE_HEAD, PAGE) if row[0] == str(case))
+    told = float(row[CASE_HEAD.index(implementation)].split(" / ")[0])
+    # Where libraries round otherwise, an error of a rounding is now none and now one.
+    least = 1e-15 if implementation == "float64" else 6e-8
+    assert is_told(told, result.worst, least), f"the page says {told:.1e}; write it anew by ./run bench hard"
+
+
+def test_the_page_is_held_from_both_sides() -> None:
+    """An error three times too large or too small is no longer what was measured."""
+    assert is_told(1e-5, 1e-5, 6e-8) and is_told(1e-5, 1.9e-5, 6e-8) and is_told(1.9e-5, 1e-5, 6e-8)
+    assert not is_told(1e-5, 3e-5, 6e-8) and not is_told(3e-5, 1e-5, 6e-8)
 
 
 @pytest.mark.parametrize("implementation", ["float32", "nodes", "osl"])

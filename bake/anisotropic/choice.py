@@ -107,14 +107,7 @@ def choose_grid(
         raise BakeError("basis", f"cannot be {basis!r}", f"choose from {', '.join(BASES)}")
     kinds = _kinds(basis, parameterization)
     say = progress or (lambda share: None)
-    ranking = turned_pairs(_RANKING, offset=0.25)
-    truth = source.evaluate(ranking.wi, ranking.wo)
-    tried: dict[Grid, float] = {}
-
-    def rms(grid: Grid) -> float:
-        if grid not in tried:
-            tried[grid] = ranking.rms(quadrilinear_estimate(source, grid, ranking) - truth)
-        return tried[grid]
+    rms, tried = _measure(source, offset=0.25)
 
     best: dict[str, Grid] = {}
     for done, (which, kind) in enumerate(kinds):
@@ -125,9 +118,25 @@ def choose_grid(
         start = NormalGrid(normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn, parameterization=kind)
         best[f"normal {kind}"] = _best_normal(source, start, alpha, rms)
     say(1.0)
-    chosen = min(best.values(), key=rms)
-    account = {name: {**grid.facts(), "rms": rms(grid)} for name, grid in best.items()}
+    # The directions that fitted a grid flatter it, the more of its numbers were fitted the more.
+    ranked, _ = _measure(source, offset=0.75)
+    chosen = min(best.values(), key=ranked)
+    account = {name: {**grid.facts(), "rms": ranked(grid)} for name, grid in best.items()}
     return chosen, {"trials": len(tried), "chosen": chosen.basis, "best": account}
+
+
+def _measure(source: BrdfSource, offset: float) -> tuple[Callable[[Grid], float], dict[Grid, float]]:
+    """Cosine-weighted RMS of grids at one set of directions, and what it has found so far."""
+    pairs = turned_pairs(_RANKING, offset)
+    truth = source.evaluate(pairs.wi, pairs.wo)
+    found: dict[Grid, float] = {}
+
+    def rms(grid: Grid) -> float:
+        if grid not in found:
+            found[grid] = pairs.rms(quadrilinear_estimate(source, grid, pairs) - truth)
+        return found[grid]
+
+    return rms, found
 
 
 def _kinds(basis: str, parameterization: str) -> list[tuple[str, str]]:

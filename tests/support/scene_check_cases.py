@@ -23,11 +23,16 @@ from support.scenes import TestScene
 PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.2)
 
 
+_BAKED: list[Bundle] = []
+
+
 def paint_bundle(folder: Path) -> Bundle:
-    """Small, with an envelope."""
-    sampler = SamplerLayout(n_o=16, n_h=16, n_phi=8)
-    settings = BakeSettings(resolution=24, alpha=(0.5, 0.4), sampler=sampler, envelope=True)
-    return read_bundle(bake_source(PAINT, folder / "paint.mmat", settings).path)
+    """Small, with an envelope; baked into the folder by the first of a process who asks."""
+    if not _BAKED:
+        sampler = SamplerLayout(n_o=16, n_h=16, n_phi=8)
+        settings = BakeSettings(resolution=24, alpha=(0.5, 0.4), sampler=sampler, envelope=True)
+        _BAKED.append(read_bundle(bake_source(PAINT, folder / "paint.mmat", settings).path))
+    return _BAKED[0]
 
 
 def clear_blend() -> None:

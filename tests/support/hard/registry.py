@@ -76,6 +76,24 @@ def markdown(head: tuple[str, ...], rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+def committed(head: tuple[str, ...], page: str) -> list[list[str]]:
+    """Cells of the page's table that has this head."""
+    lines = page.splitlines()
+    start = lines.index(markdown(head, []).splitlines()[0])
+    rows = []
+    for line in lines[start + 2 :]:
+        if not line.startswith("|"):
+            break
+        cells = line.replace("\\|", "\0").strip("|").split("|")
+        rows.append([cell.strip().replace("\0", "|") for cell in cells])
+    return rows
+
+
+def is_told(told: float, found: float, least: float) -> bool:
+    """Whether an error is what the page says of it: within a factor of two either way, or both below a rounding."""
+    return found <= 2 * told + least and told <= 2 * found + least
+
+
 def promises(rows: list[list[str]]) -> list[list[str]]:
     """Rows without what was measured: names, words and bounds."""
     return [[_bound(cell) for cell in row] for row in rows]

@@ -1,0 +1,135 @@
+"""The scene check's rules on both sides of what they tell; no rule is without either."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+import pytest
+from measured_materials.addon.lamps import lamp_image, update_scene
+from measured_materials.addon.scene_check import mend
+from measured_materials.addon.scene_check_subject import measured_trees
+from measured_materials.bake.bundle import Bundle
+from measured_materials.nodes.material import build_material
+from support.scene_check_cases import (
+    CASES,
+    clear_blend,
+    lamp_of,
+    material_of,
+    paint_bundle,
+    rules,
+)
+from support.scene_check_edges import EDGES, ELSEWHERE, SWITCHES, Edge, scaled, told_rules
+from support.scenes import TestScene, lit_sphere
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    return paint_bundle(tmp_path_factory.mktemp("edges"))
+
+
+@pytest.fixture(autouse=True)
+def clean_blend() -> Iterator[None]:
+    yield
+    clear_blend()
+
+
+def sound(bundle: Bundle) -> TestScene:
+    """A scene that the check has nothing to say about."""
+    scene = lit_sphere(build_material(bundle, lamps=lamp_image()), 16, resolution=32)
+    scene.sphere.shadow_terminator_geometry_offset = 0
+    update_scene(scene.scene)
+    return scene
+
+
+@pytest.fixture
+def painted(bundle: Bundle) -> Iterator[TestScene]:
+    with sound(bundle) as scene:
+        yield scene
+
+
+def test_no_rule_lacks_a_side() -> None:
+    told = told_rules()
+    assert len(told) > 40
+    edged = {edge.rule for edge in EDGES}
+    assert edged | SWITCHES | set(ELSEWHERE) == told
+    assert not edged & SWITCHES and not edged & set(ELSEWHERE)
+    # What is a switch has a case that turns it.
+    assert not SWITCHES - {case.rule for case in CASES}
+
+
+@pytest.mark.parametrize("edge", EDGES, ids=[f"{edge.rule}-{k}" for k, edge in enumerate(EDGES)])
+def test_edge(bundle: Bundle, edge: Edge) -> None:
+    with sound(bundle) as scene:
+        assert not rules(scene)
+        edge.past(scene)
+        assert edge.rule in rules(scene)
+        if not edge.anew:
+            edge.short(scene)
+            assert edge.rule not in rules(scene)
+            return
+    clear_blend()
+    with sound(bundle) as scene:
+        edge.short(scene)
+        assert edge.rule not in rules(scene)
+
+
+# --- what a lamp is given ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "shape, x, y", [("SQUARE", 0.1, 0.1), ("DISK", 4, 0.25), ("RECTANGLE", 4, 0.25), ("ELLIPSE", 1, 1)]
+)
+def test_a_mended_area_lamp_is_a_fiftieth_of_its_distance_wide(
+    painted: TestScene, shape: str, x: float, y: float
+) -> None:
+    """In the world, whatever its object's scale, and as told: half a degree of radius seen from the sphere."""
+    scaled(x, y, shape=shape, size=0.0, size_y=0.0)(painted)
+    lamp = bpy.data.objects["AREA"]
+    finding = rules(painted)["lamp_size"]
+    mend([finding])
+    bpy.context.view_layer.update()
+    wide = [lamp.data.size * x, (lamp.data.size_y if shape in ("RECTANGLE", "ELLIPSE") else lamp.data.size) * y]
+    assert min(wide) == pytest.approx(0.02 * 4, rel=1e-3)
+    if shape in ("RECTANGLE", "ELLIPSE"):
+        assert max(wide) == pytest.approx(0.02 * 4, rel=1e-3)
+    told = float(finding.wanted.split()[0])
+    assert max(lamp.data.size, lamp.data.size_y if shape in ("RECTANGLE", "ELLIPSE") else 0) == pytest.approx(
+        told, rel=0.05
+    )
+
+
+def test_a_mended_point_lamp_has_the_radius_that_is_told(painted: TestScene) -> None:
+    data = lamp_of(painted).data
+    data.size = 0.0
+    distance = lamp_of(painted).matrix_world.translation.length
+    finding = rules(painted)["lamp_size"]
+    assert float(finding.wanted.split()[0]) == pytest.approx(0.02 * distance, rel=0.05)
+    mend([finding])
+    assert data.size == pytest.approx(0.02 * distance, rel=1e-3)
+
+
+def test_a_lamp_scaled_to_nothing_is_left_to_a_person(painted: TestScene) -> None:
+    scaled(0.0, 1.0, size=1.0)(painted)
+    finding = rules(painted)["lamp_size"]
+    assert "Scale" in finding.found and finding.mend is None
+
+
+# --- every texture of every group ------------------------------------------------------------------------------------
+
+
+def test_every_texture_of_every_measured_group_is_looked_at(painted: TestScene, bundle: Bundle) -> None:
+    """Of a second material too, and of groups within groups."""
+    second = build_material(bundle, mode="reference", lamps=lamp_image())
+    painted.sphere.data.materials.append(second)
+    update_scene(painted.scene)
+    assert not rules(painted)
+    trees = [tree for material in (material_of(painted), second) for tree in measured_trees(material)]
+    nodes = [n for tree in trees for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage"]
+    images = dict.fromkeys(node.image for node in nodes)
+    assert len(images) >= 4 and len({node.id_data for node in nodes}) > 3
+    for image in images:
+        image.alpha_mode = "STRAIGHT"
+        found = rules(painted)
+        assert set(found) == {"alpha_mode"} and found["alpha_mode"].where == f"texture {image.name}"
+        image.alpha_mode = "CHANNEL_PACKED"

@@ -1,0 +1,35 @@
+"""The numbers that the scene check tells users, each held to half and one and a half times of what a render shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from measured_materials.bake.bundle import Bundle
+from support.scene_check_cases import paint_bundle
+from support.scene_check_figures import FIGURES, NUMBERS, UNMEASURED, Figure, measured, sentences
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    return paint_bundle(tmp_path_factory.mktemp("figures"))
+
+
+def test_every_figure_is_measured_or_has_its_reason() -> None:
+    """What stands in the rules, no more and no less."""
+    text = " ".join(line.strip().strip('"') for line in sentences().splitlines())
+    told = {match.group() for match in NUMBERS.finditer(text)}
+    assert len(told) > 25
+    known = {NUMBERS.search(figure.words).group() for figure in FIGURES}  # type: ignore[union-attr]
+    assert told - known - set(UNMEASURED) == set()
+    assert not (known | set(UNMEASURED)) - told
+    for figure in FIGURES:
+        assert figure.words in text, figure.words
+
+
+@pytest.mark.parametrize("figure", FIGURES, ids=[figure.words for figure in FIGURES])
+def test_figure(bundle: Bundle, figure: Figure) -> None:
+    """Seeds differ by less than a tenth of the change in all but the rarest samples."""
+    changes = measured(bundle, figure) * figure.sign
+    low, high = figure.told
+    assert 0.5 * low < np.mean(changes) < 1.5 * high, changes
+    assert np.all(changes > 0), changes
