@@ -331,7 +331,9 @@ def prepare():
     """The file's measured material in a rendered viewport."""
     note(f"Blender {bpy.app.version_string}, seed {SEED}, {COUNT} edits of {len(measured())} measured material")
     area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
-    area.spaces.active.shading.type = "RENDERED"
+    space = area.spaces.active
+    space.shading.type = "RENDERED"
+    space.overlay.show_overlays = space.show_gizmo = False  # most of the time of a window drawn by software
 
 
 def steps():
