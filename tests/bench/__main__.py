@@ -26,6 +26,7 @@ BENCHES = {
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "hard": "numerically hard cases: bound and worst error in numpy, nodes and OSL; unstable formulas and their digits",
+    "planted": "mistakes planted into a copy of the sources, and which of them no test sees; their NAMEs may follow",
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
@@ -45,13 +46,18 @@ def main() -> int:
     parser.add_argument("name", nargs="?", default="speed", choices=BENCHES, metavar="NAME")
     parser.add_argument("--quick", action="store_true", help="fewer materials, samples or repeats")
     parser.add_argument("--out", type=Path, default=Path("out") / "bench", help="folder of pictures and tables")
-    arguments = parser.parse_args()
+    parser.add_argument("parts", nargs="*", metavar="NAME", help="of bench planted: the mistakes, all by default")
+    arguments = parser.parse_intermixed_args()
+    if arguments.parts and arguments.name != "planted":
+        parser.error(f"bench {arguments.name} takes no more names")
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
-    importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick)
+    bench = importlib.import_module(f"bench_{arguments.name}")
+    more = [arguments.parts] if arguments.name == "planted" else []
+    status = bench.run(out, arguments.quick, *more)
     print(f"bench {arguments.name}: {time.perf_counter() - started:.0f} s; files in {out}")
-    return 0
+    return status or 0
 
 
 if __name__ == "__main__":
