@@ -17,7 +17,7 @@ from measured_materials.bake.alias_sampler import SamplerLayout, build_sampler
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.light_sampling import ELLIPSE, SUN, Lamp, aim_numpy, expected_light, lamp_table
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.world_sampling import world_texels
+from measured_materials.bake.world_sampling import expected_world_light, world_texels
 from measured_materials.nodes.aimed_light_group import aimed_light_group
 from measured_materials.nodes.group import call
 from numpy.typing import NDArray
@@ -240,3 +240,21 @@ def test_no_lamp_is_expected_to_bring_far_less_than_it_does(name: str) -> None:
     print(name, ratio.min(), ratio.max())
     assert ratio.min() > 0.25
     assert ratio.max() < 6
+
+
+def test_no_world_is_expected_to_bring_far_less_than_it_does() -> None:
+    """Two small windows at any angle, one up to twenty times as bright: what the lesser alone lights is aimed at it."""
+    rng = np.random.default_rng(23)
+    ratios = []
+    for _ in range(40):
+        towards = spherical(np.arccos(rng.uniform(-1, 1, 2)), rng.uniform(0, 2 * np.pi, 2))
+        flux = np.array([1.0, 10 ** -rng.uniform(0, 1.3)])
+        normals = spherical(np.arccos(rng.uniform(-1, 1, 500)), rng.uniform(0, 2 * np.pi, 500))
+        arriving = np.maximum(normals @ towards.T, 0) @ flux
+        expected = expected_world_light(xp_numpy, flux @ towards / 2, flux.sum() / 4, normals)
+        counts = arriving > 0.02 * flux.sum()
+        ratios.append(expected[counts] / arriving[counts])
+    found = np.concatenate(ratios)
+    print(found.min(), found.max())
+    assert found.min() > 0.04
+    assert found.max() < 20

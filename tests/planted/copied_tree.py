@@ -39,10 +39,6 @@ class CopiedTree:
         """Where the package lies."""
         return self.folder / "measured_materials"
 
-    def restore(self, file: str) -> None:
-        """Take a file from the working tree again."""
-        shutil.copyfile(ROOT / file, self.root / file)
-
     def package(self) -> str:
         """The file that Python imports as the package, as the tests do."""
         code = "import measured_materials.bake as b; print(b.__file__)"
@@ -77,12 +73,16 @@ class CopiedTree:
                 errors="replace",
                 start_new_session=True,
             )
+        status: int | None = None
         try:
             text = self._running.communicate(timeout=timeout)[0]
-            return self._running.returncode, text
+            status = self._running.returncode
         except subprocess.TimeoutExpired:
             _kill(self._running)
-            return None, self._running.communicate()[0]
+            text = self._running.communicate()[0]
+        if self._stopped:
+            raise KeyboardInterrupt
+        return status, text
 
 
 def _kill(process: subprocess.Popen[str]) -> None:

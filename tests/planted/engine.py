@@ -9,6 +9,8 @@ OSL_WALK = "tests/test_random_numbers.py::test_every_number_of_the_osl_twin_is_t
 DARK = "tests/test_dark_room.py::test_nodes_in_a_dark_room"
 DARK_OSL = "tests/test_dark_room.py::test_osl_in_a_dark_room"
 AIMING = "tests/test_aimed_light.py::test_aiming_as_in_numpy"
+OBLIQUE = "tests/test_shading_oblique.py::test_measured_f_r_from_every_elevation[small lamp]"
+OBLIQUE_FORMULA = "tests/test_shading_oblique.py::test_formula_from_every_elevation[phong]"
 UNBIASED = "tests/test_unbiased.py::test_mode_is_unbiased"
 
 MISTAKES = (
@@ -129,7 +131,7 @@ MISTAKES = (
         "nodes/brdf_group.py",
         'outputs["Diffuse Depth"]',
         'outputs["Ray Depth"]',
-        ("tests/test_modes.py",),
+        ("tests/test_modes.py::test_balanced_is_exact_where_it_is_seen",),
         "Balanced shows Preview in mirrors and behind glass",
     ),
     Mistake(
@@ -161,7 +163,7 @@ MISTAKES = (
         "nodes/lamp_share_group.py",
         "expr.where(part, seen, usual)",
         "expr.where(part, usual, seen)",
-        ("tests/test_lamp_share.py",),
+        ("tests/test_lamp_share.py::test_nodes_are_the_formula",),
         "the mirror's probability follows the lamp where other light is all there is: noise",
     ),
     Mistake(
@@ -169,7 +171,7 @@ MISTAKES = (
         "nodes/lamp_share_group.py",
         "sky, _, count = expr.components(scene)",
         "_, sky, count = expr.components(scene)",
-        ("tests/test_lamp_share.py",),
+        ("tests/test_lamp_share.py::test_nodes_are_the_formula",),
         "the largest share is taken for the sky",
     ),
     Mistake(
@@ -177,7 +179,7 @@ MISTAKES = (
         "nodes/shading_map_group.py",
         "lighting.sigma * lobe.native_share, 1 - chance",
         "lighting.sigma, 1 - chance",
-        ("tests/test_shading_render.py::test_envelope_and_residual_are_the_mirror", "tests/test_shading_oblique.py"),
+        (OBLIQUE_FORMULA,),
         "a Phong map counts its diffuse part twice",
     ),
     Mistake(
@@ -185,7 +187,7 @@ MISTAKES = (
         "nodes/shading_map_group.py",
         "call(measured.table.lookup, drawn.wi, drawn.wo, 0.5)",
         "call(measured.table.lookup, drawn.wi, drawn.wi, 0.5)",
-        ("tests/test_shading_oblique.py",),
+        (OBLIQUE,),
         "a measured f_r under a map is seen as if the viewer stood at the light",
     ),
     Mistake(
@@ -193,7 +195,7 @@ MISTAKES = (
         "nodes/shading_map_group.py",
         "call(measured.table.lookup, drawn.wi, drawn.wo, 0.5)",
         "call(measured.table.lookup, drawn.wi, expr.vec(0.0, 0.0, 1.0), 0.5)",
-        ("tests/test_shading_oblique.py",),
+        (OBLIQUE,),
         "right where the viewer is at the normal and nowhere else",
     ),
     Mistake(
@@ -201,7 +203,7 @@ MISTAKES = (
         "nodes/slices_group.py",
         "for level in expr.components(x)]",
         "for level in [expr.components(x)[0]] * 3]",
-        ("tests/test_shading_cards.py::test_coloured_levels_reach_their_own_slices", "tests/test_shading_oblique.py"),
+        ("tests/test_shading_cards.py::test_coloured_levels_reach_their_own_slices", OBLIQUE),
         "all channels of a coloured f_r read the slices of red",
     ),
     Mistake(
@@ -217,7 +219,7 @@ MISTAKES = (
         "nodes/aimed_light_group.py",
         "u_aim < share * acceptance",
         "u_aim < acceptance",
-        ("tests/test_aimed_world.py", "tests/test_sampler_moments.py::test_nodes_draw_into_a_world_by_its_cells"),
+        ("tests/test_aimed_world.py::test_aiming_as_in_numpy",),
         "below the share the number is even from 0 to the share only: aliases are hardly ever taken",
     ),
     Mistake(
@@ -225,7 +227,7 @@ MISTAKES = (
         "nodes/osl/measured_lamps.h",
         "sky[0] + mm_expected_world_light(toward, sky[2], n)",
         "sky[0]",
-        ("tests/test_osl_cards.py", "tests/test_osl_material.py"),
+        ("tests/test_osl_cards.py::test_aiming",),
         "OSL aims too often where the world's own bright parts give the light: noise",
     ),
 )

@@ -148,15 +148,15 @@ def _verdict(tree: CopiedTree, mistake: Mistake, baseline: dict[str, float]) -> 
             return Verdict(mistake.name, "unusable", f"{test} does not pass without the mistake, or is skipped")
         usual += sum(own)
     started, caught = time.perf_counter(), ""
+    restore = mistake.plant(tree.root)
     try:
-        mistake.plant(tree.root)
         # Each file in a process of its own, the quickest first: most mistakes need only one.
         for ids in _by_file([mistake]).values():
             caught = _seen(*tree.pytest(["-x", *_selection(ids)], 10 * usual + 120))
             if caught:
                 break
     finally:
-        tree.restore(mistake.file)
+        restore()
     return Verdict(
         mistake.name,
         "caught" if caught else "escaped",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,10 +41,13 @@ class Mistake:
             return f"{self.file} holds its text {count} times, not once"
         if self.find == self.replace:
             return "it changes nothing"
-        missing = [test for test in self.tests if not (root / test.partition("::")[0]).is_file()]
-        return f"{missing[0]} is no file" if missing else "" if self.tests else "it names no test"
+        files = [test.partition("::")[0] for test in self.tests]
+        missing = [file for file in files if not (root / file).is_file()]
+        return f"{missing[0]} is no file" if missing else "" if files else "it names no test"
 
-    def plant(self, root: Path) -> None:
-        """Change the file under `root`."""
+    def plant(self, root: Path) -> Callable[[], object]:
+        """Change the file under `root`; returns what undoes that."""
         path = root / self.file
-        path.write_text(path.read_text(encoding="utf-8").replace(self.find, self.replace), encoding="utf-8")
+        before = path.read_bytes()
+        path.write_text(before.decode("utf-8").replace(self.find, self.replace), encoding="utf-8")
+        return lambda: path.write_bytes(before)
