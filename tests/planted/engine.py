@@ -131,8 +131,27 @@ MISTAKES = (
         "nodes/brdf_group.py",
         'outputs["Diffuse Depth"]',
         'outputs["Ray Depth"]',
-        ("tests/test_modes.py::test_balanced_is_exact_where_it_is_seen",),
+        ("tests/test_mirror_room.py::test_balanced_is_exact_by_way_of[mirror]",),
         "Balanced shows Preview in mirrors and behind glass",
+    ),
+    Mistake(
+        "osl-balanced-by-ray-depth",
+        "nodes/osl/measured_material.osl",
+        '"path:diffuse_depth"',
+        '"path:ray_depth"',
+        ("tests/test_mirror_room.py::test_osl_balanced_is_exact_by_way_of",),
+        "the OSL twin of Balanced shows Preview in mirrors and behind glass",
+    ),
+    Mistake(
+        "balanced-always-exact",
+        "nodes/brdf_group.py",
+        'outputs["Diffuse Depth"]',
+        'outputs["Transmission Depth"]',
+        (
+            "tests/test_mirror_room.py::test_balanced_is_exact_by_way_of[glass]",
+            "tests/test_modes.py::test_balanced_is_preview_after_a_diffuse_bounce",
+        ),
+        "rooms full of materials lose what Balanced is for",
     ),
     Mistake(
         "native-closures-not-divided",

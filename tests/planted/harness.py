@@ -24,7 +24,8 @@ LEAST_RATE = 0.95
 _WORKERS = 2
 _QUICK = 5  # every so many
 _BASELINE_TIMEOUT = 1800.0
-_FAILED, _INTERRUPTED = 1, 2
+_FAILED, _INTERRUPTED = 1, 2  # of pytest
+_INTERRUPTED_STATUS = 130  # of this bench
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,9 @@ def run(names: Sequence[str], quick: bool, out: Path) -> int:
         trees = [CopiedTree(Path(folder) / str(k)) for k in range(min(_WORKERS, len(chosen)))]
         try:
             verdicts = _judged(trees, chosen)
+        except KeyboardInterrupt:
+            print("interrupted; the working tree was never touched")
+            return _INTERRUPTED_STATUS
         finally:
             for tree in trees:
                 tree.stop()
