@@ -43,7 +43,7 @@ MISTAKES = (
         "nodes/drawn_direction.py",
         "roulette = more[2]",
         "roulette = more[1]",
-        (f"{WALK}[exact]", "tests/test_random_numbers.py::test_a_black_channel_under_the_default_sun"),
+        (f"{WALK}[map exact]", "tests/test_random_numbers.py::test_a_black_channel_under_the_default_sun"),
         "+11 % on a material with a black channel under the default sun",
     ),
     Mistake(
@@ -59,7 +59,7 @@ MISTAKES = (
         "nodes/drawn_direction.py",
         "*more[:2], u[0], u[1])",
         "*more[:2], u[4], u[5])",
-        (f"{WALK}[reference]",),
+        (f"{WALK}[map reference]",),
         "the slice of the table depends on where on the lamp the draw went: wrong colours across a highlight",
     ),
     Mistake(
@@ -75,7 +75,7 @@ MISTAKES = (
         "nodes/stochastic_mirror_group.py",
         "position, (_, _, third) = ray_hash()",
         "position, (_, third, _) = ray_hash()",
-        (f"{WALK}[exact]", "tests/test_random_numbers.py::test_numbers_of_one_sample_are_independent"),
+        (f"{WALK}[map exact]", "tests/test_random_numbers.py::test_numbers_of_one_sample_are_independent"),
         "lamps are chosen by the numbers that choose slice and closure",
     ),
     Mistake(
@@ -99,7 +99,7 @@ MISTAKES = (
         "nodes/drawn_direction.py",
         "pdf = aimed + rest * density(wi, wo)",
         "pdf = aimed + rest * pdf",
-        (f"{WALK}[exact]", f"{DARK}[reference]", f"{UNBIASED}[felt-small lamp-exact]"),
+        (f"{WALK}[map exact]", f"{DARK}[reference]", f"{UNBIASED}[felt-small lamp-exact]"),
         "aimed draws are weighed by the density of the direction that was given up",
     ),
     Mistake(
