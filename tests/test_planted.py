@@ -43,7 +43,7 @@ def test_planting_changes_one_place(tmp_path: Path) -> None:
 
 
 def test_how_a_run_sees_a_mistake() -> None:
-    title = "________ test_x[a-b] ________\n"
+    title = "_ test_x[a-b] _\n"
     assert _seen(0, "") == "" and _seen(1, title) == "by test_x[a-b]" and _seen(None, "") == "by a hang"
     assert (
         _seen(2, "_____ ERROR collecting tests/test_a.py _____") == "by tests/test_a.py"

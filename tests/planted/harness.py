@@ -177,7 +177,7 @@ def _seen(status: int | None, text: str) -> str:
         return "by a hang"
     if status in (_FAILED, _INTERRUPTED):
         # The title of a failure, or of a module that cannot be imported.
-        title = re.search(r"^_{3,} (?:ERROR collecting |ERROR at \w+ of )?(.+?) _{3,}$", text, re.MULTILINE)
+        title = re.search(r"^_+ (?:ERROR collecting |ERROR at \w+ of )?(\S.*?) _+$", text, re.MULTILINE)
         return f"by {title[1]}" if title else "by a failure"
     if status < 0:
         return f"by signal {-status}"
