@@ -45,7 +45,7 @@ SETTINGS = BakeSettings(resolution=12, alpha=(0.5, 0.3), sampler=SIZES, storage=
 FINDS, FINDS_BELOW = 0.02, 0.06
 SEEDS = 8
 # By mode. Reference finds the floor by the tenth of its draws that are not aimed.
-SAMPLES = {"exact": 224, "balanced": 192, "reference": 192, "preview": 64, "map": 320}
+SAMPLES = {"exact": 400, "balanced": 400, "reference": 192, "preview": 64, "map": 320}
 
 
 def dark_room(material: bpy.types.Material) -> TestScene:
