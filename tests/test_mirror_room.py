@@ -1,141 +1,107 @@
-"""Mode Balanced behind a perfect mirror, behind glass and after a diffuse bounce, sample by sample.
+"""Balanced in a mirror, behind glass and behind what is transparent: Exact, sample by sample.
 
-At equal seeds two modes that choose the same closure trace the same paths: pictures are then equal to the last digits,
-and nothing statistical is left to tolerate.
+Only a diffuse bounce may turn it into Preview. A count of any other kind of bounce would do as well wherever a material
+is seen directly, and show Preview in every mirror.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import product
+import math
+from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix, Vector
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.bake.bundle import Bundle
+from mathutils import Matrix
+from measured_materials.addon.lamps import lamp_image
+from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.sources import analytic
+from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
-from support.scene_check_cases import clear_blend, paint_bundle
+from measured_materials.nodes.osl_material import build_osl_material
+from measured_materials.nodes.osl_script import use_osl
+from measured_materials.nodes.shading_map_material import build_shading_map
+from support.clean_blend import clean_blend  # noqa: F401
+from support.osl import skip_without_osl
 from support.scenes import Array, TestScene, diffuse_material, lit_sphere
+from support.swatches import map_bundle, rough_map
 
-SAMPLES = 16
-# Of a box whose corners count x, y, z as bits, z the last; seen from outside they turn against the clock.
-FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+# The pane that the camera looks at: its closure, and whether the sphere lies behind the camera.
+PANES: dict[str, tuple[str, dict[str, Any], bool]] = {
+    "mirror": ("ShaderNodeBsdfAnisotropic", {"Roughness": 0.0}, True),
+    "glass": ("ShaderNodeBsdfGlass", {"Roughness": 0.0, "IOR": 1.45}, False),
+    "transparent": ("ShaderNodeBsdfTransparent", {}, False),
+}
 
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return paint_bundle(tmp_path_factory.mktemp("mirror"))
+    paint = analytic.MetallicPaint((0.05, 0.1, 0.3), (0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.2)
+    settings = BakeSettings(resolution=12, alpha=(0.5, 0.3), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8))
+    return read_bundle(bake_source(paint, tmp_path_factory.mktemp("mirrors") / "paint", settings).path)
 
 
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    yield
-    clear_blend()
-
-
-def smooth(kind: str) -> bpy.types.Material:
-    """A perfect mirror ("ShaderNodeBsdfGlossy") or clear glass ("ShaderNodeBsdfGlass")."""
-    material = bpy.data.materials.new(kind)
-    material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    shader.inputs["Roughness"].default_value = 0.0
-    shader.inputs["Color"].default_value = (1, 1, 1, 1)
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
-
-
-def box(scene: TestScene, size: tuple[float, float, float], matrix: Matrix, material: bpy.types.Material) -> None:
-    mesh = bpy.data.meshes.new("box")
-    corners = [tuple((b - 0.5) * s for b, s in zip(bits, size)) for bits in product((0, 1), repeat=3)]
-    mesh.from_pydata(corners, [], FACES)
-    mesh.materials.append(material)
-    obj = bpy.data.objects.new("box", mesh)
-    obj.matrix_world = matrix
+def room(pane: str) -> TestScene:
+    """The sphere seen by way of a pane, and of nothing else."""
+    kind, inputs, turned = PANES[pane]
+    scene = lit_sphere(diffuse_material(0.5), 48, lamp_size=0.6, ground=False, resolution=24)
+    scene.sphere.shadow_terminator_geometry_offset = 0
+    glass = compat.new_material("pane")
+    closure, output = (glass.node_tree.nodes.new(n) for n in (kind, "ShaderNodeOutputMaterial"))
+    for name, value in inputs.items():
+        closure.inputs[name].default_value = value
+    glass.node_tree.links.new(closure.outputs[0], output.inputs["Surface"])
+    mesh = bpy.data.meshes.new("pane")
+    mesh.from_pydata([(-9, 0, -9), (9, 0, -9), (9, 0, 9), (-9, 0, 9)], [], [(0, 1, 2, 3)])
+    mesh.materials.append(glass)
+    obj = bpy.data.objects.new("pane", mesh)
+    obj.matrix_world = Matrix.Translation((0, -5 if turned else -2, 0))
     scene.scene.collection.objects.link(obj)
+    away = math.pi if turned else 0.0
+    scene.scene.camera.matrix_world = Matrix.Translation((0, -3.6, 0)) @ Matrix.Rotation(away, 4, "Z")
+    scene.scene.camera.matrix_world @= Matrix.Rotation(math.pi / 2, 4, "X")
+    return scene
 
 
-def look_from(scene: TestScene, eye: Vector, at: Vector) -> Matrix:
-    """Turn the camera, and return a frame half way whose -z looks the same way."""
-    turn = (at - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    scene.scene.camera.matrix_world = Matrix.Translation(eye) @ turn
-    return Matrix.Translation(eye.lerp(at, 0.5)) @ turn
+def assert_exact(scene: TestScene, exact: bpy.types.Material, balanced: bpy.types.Material, other: Any) -> None:
+    """Balanced is Exact to the last bits, and `other`, Preview, is not."""
+    pictures: list[Array] = []
+    for material in (exact, balanced, other):
+        scene.show(material)
+        pictures.append(scene.render(4, 1)[0])
+    assert pictures[0].any()
+    np.testing.assert_allclose(pictures[1], pictures[0], rtol=1e-5, atol=1e-7)
+    shown = np.abs(pictures[2] - pictures[0]).max(-1) > 1e-3 * pictures[0].max()
+    assert shown.mean() > 0.05, "the sphere is hardly seen, or Preview is Exact: this proves nothing"
 
 
-def in_a_mirror(scene: TestScene) -> None:
-    """The camera looks away from the sphere, into a mirror behind which it appears."""
-    look_from(scene, Vector((0, -3, 0.6)), Vector((0, -6, 0.6)))
-    box(scene, (8, 0.1, 8), Matrix.Translation((0, -5, 0)), smooth("ShaderNodeBsdfGlossy"))
-    scene.scene.camera.data.lens = 80
+@pytest.mark.parametrize("pane", PANES)
+def test_balanced_is_exact_by_way_of(bundle: Bundle, pane: str) -> None:
+    with room(pane) as scene:
+        built = [build_material(bundle, mode=m, lamps=lamp_image()) for m in ("exact", "balanced", "preview")]
+        assert_exact(scene, *built)
 
 
-def in_two_mirrors(scene: TestScene) -> None:
-    """By way of one at 45 degrees, then of one beside it."""
-    look_from(scene, Vector((6, -6, 0)), Vector((0, -6, 0)))
-    turned = Matrix.Translation((0, -6, 0)) @ Matrix.Rotation(np.pi / 4, 4, "Z")
-    box(scene, (0.1, 6, 6), turned, smooth("ShaderNodeBsdfGlossy"))
-    scene.scene.camera.data.lens = 170
+@pytest.mark.parametrize("pane", ["mirror", "glass"])
+def test_osl_balanced_is_exact_by_way_of(bundle: Bundle, pane: str) -> None:
+    skip_without_osl()
+    with room(pane) as scene:
+        use_osl(scene.scene)
+        built = [build_osl_material(bundle, mode=m, lamps=lamp_image()) for m in ("exact", "balanced", "preview")]
+        assert_exact(scene, *built)
 
 
-def behind_glass(scene: TestScene) -> None:
-    frame = look_from(scene, Vector((0, -4.5, 0.5)), Vector((0, 0, 0)))
-    box(scene, (6, 6, 0.1), frame, smooth("ShaderNodeBsdfGlass"))
-
-
-def rendered(bundle: Bundle, mode: str, arrange: Callable[[TestScene], None]) -> Array:
-    material = build_material(bundle, mode=mode, lamps=lamp_image())
-    # Matte ground would bring diffuse bounces, after which the modes may differ.
-    with lit_sphere(material, 32, lamp_size=0.6, ground=False, resolution=24) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
-        arrange(scene)
-        update_scene(scene.scene)
-        picture = scene.render(SAMPLES, 1)[0]
-    clear_blend()
-    return picture
-
-
-def equal(a: Array, b: Array) -> np.ndarray:
-    """Pixels that agree to float32's digits."""
-    return np.all(np.abs(a - b) <= 2e-5 * np.maximum(np.abs(a), 1e-3), -1)
-
-
-@pytest.mark.parametrize("arrange", [in_a_mirror, in_two_mirrors, behind_glass], ids=lambda f: f.__name__)
-def test_balanced_is_exact_in_mirrors_and_behind_glass(bundle: Bundle, arrange: Callable[[TestScene], None]) -> None:
-    """Every sample, whatever the number of such bounces; Preview there is told apart by a quarter of the picture.
-
-    A path that leaves the sphere by a diffuse closure and meets it again by way of mirror or glass may differ.
-    """
-    exact, balanced, preview = (rendered(bundle, mode, arrange) for mode in ("exact", "balanced", "preview"))
-    assert equal(exact, balanced).mean() > 0.97
-    assert equal(exact, preview).mean() < 0.75
-    assert balanced.mean() == pytest.approx(exact.mean(), rel=1e-3)
-
-
-def only_its_light(scene: TestScene) -> None:
-    """The camera sees the matte ground, which the sphere above lights, and not the sphere."""
-    scene.sphere.visible_camera = False
-    scene.scene.camera.matrix_world = Matrix.Translation((0, 0, 6))
-    box(scene, (8, 8, 0.1), Matrix.Translation((0, 0, -1.1)), diffuse_material((0.8, 0.8, 0.8)))
-
-
-def only_its_light_in_a_mirror(scene: TestScene) -> None:
-    """As before, and the camera sees the ground in a mirror: the diffuse bounce is not the first."""
-    only_its_light(scene)
-    look_from(scene, Vector((0, -4, 1)), Vector((0, -6, 0.9)))
-    box(scene, (8, 0.1, 8), Matrix.Translation((0, -6, 0)), smooth("ShaderNodeBsdfGlossy"))
-
-
-@pytest.mark.parametrize("arrange", [only_its_light, only_its_light_in_a_mirror], ids=lambda f: f.__name__)
-def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, arrange: Callable[[TestScene], None]) -> None:
-    """On ground that the material lights; Exact gives it other samples.
-
-    The mirror shows the sphere itself too, on a tenth of the picture, where Balanced is Exact; at its edge, both.
-    """
-    exact, balanced, preview = (rendered(bundle, mode, arrange) for mode in ("exact", "balanced", "preview"))
-    as_preview, as_exact = equal(preview, balanced), equal(exact, balanced)
-    assert (as_preview | as_exact).mean() > 0.93
-    assert as_preview.mean() > (0.97 if arrange is only_its_light else 0.8)
-    assert as_exact.mean() < 0.85
+def test_a_balanced_map_is_exact_by_way_of_a_mirror(tmp_path: Path) -> None:
+    render = RenderSettings(Lobe("lambert"), sigma=0.8)
+    maps = map_bundle(tmp_path / "rough", rough_map(), render)
+    with room("mirror") as scene:
+        built = [
+            build_shading_map(maps, settings=RenderSettings(Lobe("lambert"), sigma=0.8, mode=mode), lamps=lamp_image())
+            for mode in ("exact", "balanced", "preview")
+        ]
+        assert_exact(scene, *built)

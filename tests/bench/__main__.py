@@ -28,6 +28,7 @@ BENCHES = {
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "hard": "numerically hard cases: bound and worst error in numpy, nodes and OSL; unstable formulas and their digits",
+    "planted": "mistakes planted into a copy of the sources, and which of them no test sees; their NAMEs may follow",
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
@@ -54,13 +55,17 @@ def main() -> int:
         help="keep the figures for the README; with the bench readme, write them into it",
     )
     parser.add_argument("--out", type=Path, default=Path("out") / "bench", help="folder of pictures and tables")
-    arguments = parser.parse_args()
+    parser.add_argument("parts", nargs="*", metavar="NAME", help="of bench planted: the mistakes, all by default")
+    arguments = parser.parse_intermixed_args()
+    if arguments.parts and arguments.name != "planted":
+        parser.error(f"bench {arguments.name} takes no more names")
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     if arguments.name == "readme" and arguments.record:
         importlib.import_module("bench_readme").fill(out)
-    importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick)
+    more = [arguments.parts] if arguments.name == "planted" else []
+    status = importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick, *more)
     seconds, values = time.perf_counter() - started, record.taken()
     print(f"bench {arguments.name}: {seconds:.0f} s; files in {out}")
     if values:
@@ -68,7 +73,7 @@ def main() -> int:
     if arguments.record and values:
         record.write(record.RECORDED / f"{arguments.name}.json", arguments.name, arguments.quick, seconds, values)
         print(f"recorded in {record.RECORDED / arguments.name}.json; ./run bench readme compares the README with it")
-    return 0
+    return status or 0
 
 
 if __name__ == "__main__":
