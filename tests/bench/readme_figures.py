@@ -288,4 +288,6 @@ NO_FIGURES = (
     "in 1/sr",
     "GPL-3.0-or-later",
     "3-Degree Polynomial",
+    "Display P3, ACES and others",
+    "converted to Rec.709",
 )

@@ -61,8 +61,7 @@ def prepare(share: Path) -> None:
     sky = np.full((64, 128, 3), 0.1, np.float32)
     sky[10:13, 30:33] = 500
     write_image(share / "spot.exr", sky, Storage.FLOAT32)
-    for name in ("window_edits.py",):
-        shutil.copy(HERE / name, share)
+    shutil.copy(HERE / "window_edits.py", share)
     (share / "fresh.py").write_text(_FRESH)
     (share / "start.py").write_text(_START)
 
@@ -70,9 +69,8 @@ def prepare(share: Path) -> None:
 def edits(blender: Blender, seed: int, count: int) -> str:
     """Words on what went wrong; empty if nothing did."""
     share = blender.share
-    done = blender.window(
-        "start.blend", "--python", "window_edits.py", "--", str(seed), str(count), timeout=120 + 4 * count
-    )
+    script = [f"start{seed % 2}.blend", "--python", "window_edits.py", "--", str(seed), str(count)]
+    done = blender.window(*script, timeout=120 + 30 * count)
     journal = (share / "journal.txt").read_text().splitlines() if (share / "journal.txt").exists() else ["nothing"]
     if done.returncode or not any(line.startswith("ended") for line in journal):
         return "\n".join([f"exit code {done.returncode}; the last lines of the journal:", *journal[-12:]])

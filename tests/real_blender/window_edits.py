@@ -24,7 +24,7 @@ LAMPS = ("POINT", "SUN", "SPOT", "AREA")
 # Seconds that Blender gets to draw and to evaluate after an edit, before it is looked at.
 PAUSE = 0.15
 
-chance = random.Random(SEED)
+random.seed(SEED)
 journal = (HERE / "journal.txt").open("w", buffering=1)
 
 
@@ -59,7 +59,7 @@ def scene():
 
 def place():
     """Somewhere around the objects."""
-    return chance.uniform(-4, 4), chance.uniform(-4, 4), chance.uniform(0.5, 5)
+    return random.uniform(-4, 4), random.uniform(-4, 4), random.uniform(0.5, 5)
 
 
 def select(objects):
@@ -73,7 +73,7 @@ def select(objects):
 def any_of(kind):
     """A random object of the scene of this type, or None."""
     found = [obj for obj in scene().objects if obj.type == kind]
-    return chance.choice(found) if found else None
+    return random.choice(found) if found else None
 
 
 def measured():
@@ -85,8 +85,8 @@ def measured():
 
 
 def add_lamp():
-    kind = chance.choice(LAMPS)
-    operator(bpy.ops.object.light_add, type=kind, location=place(), rotation=(chance.uniform(-1, 1), 0, 0))
+    kind = random.choice(LAMPS)
+    operator(bpy.ops.object.light_add, type=kind, location=place(), rotation=(random.uniform(-1, 1), 0, 0))
     return kind
 
 
@@ -102,13 +102,13 @@ def scale_lamp():
     if (lamp := any_of("LIGHT")) is None:
         return "no lamp"
     select([lamp])
-    operator(bpy.ops.transform.resize, value=(chance.uniform(0.5, 2),) * 3)
+    operator(bpy.ops.transform.resize, value=(random.uniform(0.5, 2),) * 3)
     return lamp.name
 
 
 def delete_lamps():
     lamps = [obj for obj in scene().objects if obj.type == "LIGHT"]
-    gone = chance.sample(lamps, min(len(lamps), chance.choice((1, 1, 2, 9))))
+    gone = random.sample(lamps, min(len(lamps), random.choice((1, 1, 2, 9))))
     if not gone:
         return "no lamp"
     words = ", ".join(obj.name for obj in gone)
@@ -121,14 +121,14 @@ def duplicate_lamp():
     if (lamp := any_of("LIGHT")) is None:
         return "no lamp"
     select([lamp])
-    operator(bpy.ops.object.duplicate, linked=chance.random() < 0.5)
+    operator(bpy.ops.object.duplicate, linked=random.random() < 0.5)
     return lamp.name
 
 
 def dim_lamp():
     if (lamp := any_of("LIGHT")) is None:
         return "no lamp"
-    lamp.data.energy = chance.choice((0.0, 3.0, 1000.0))
+    lamp.data.energy = random.choice((0.0, 3.0, 1000.0))
     edited("Energy")
     return f"{lamp.name} to {lamp.data.energy}"
 
@@ -144,15 +144,15 @@ def hide_lamp():
 def change_lamp():
     if (lamp := any_of("LIGHT")) is None:
         return "no lamp"
-    lamp.data.type = chance.choice(LAMPS)
+    lamp.data.type = random.choice(LAMPS)
     edited("Type")
     return f"{lamp.name} to {lamp.data.type}"
 
 
 def add_object():
     operator(bpy.ops.mesh.primitive_monkey_add, location=place())
-    if measured() and chance.random() < 0.7:
-        bpy.context.object.data.materials.append(chance.choice(measured()))
+    if measured() and random.random() < 0.7:
+        bpy.context.object.data.materials.append(random.choice(measured()))
         edited("Material")
     return bpy.context.object.name
 
@@ -161,7 +161,7 @@ def delete_object():
     meshes = [obj for obj in scene().objects if obj.type == "MESH"]
     if len(meshes) < 2:
         return "too few"
-    gone = chance.choice(meshes)
+    gone = random.choice(meshes)
     words = gone.name
     select([gone])
     operator(bpy.ops.object.delete)
@@ -180,7 +180,7 @@ def copy_material():
     if not measured() or (obj := any_of("MESH")) is None:
         return "no material"
     select([obj])
-    copy = chance.choice(measured()).copy()
+    copy = random.choice(measured()).copy()
     obj.active_material = copy
     edited("Material")
     return copy.name
@@ -197,7 +197,7 @@ def import_material():
 def delete_material():
     if len(measured()) < 2:
         return "too few"
-    gone = chance.choice(measured())
+    gone = random.choice(measured())
     words = gone.name
     bpy.data.materials.remove(gone)
     edited("Delete Material")
@@ -207,7 +207,7 @@ def delete_material():
 def change_mode():
     if not measured():
         return "no material"
-    material, mode = chance.choice(measured()), chance.choice(MODES)
+    material, mode = random.choice(measured()), random.choice(MODES)
     material.measured_quality.mode = mode
     edited("Mode")
     return f"{material.name} to {mode}"
@@ -226,7 +226,7 @@ def purge():
 
 
 def new_world():
-    kind = chance.choice(("none", "grey", "spot", "bright spot"))
+    kind = random.choice(("none", "grey", "spot", "bright spot"))
     if kind == "none":
         scene().world = None
     else:
@@ -250,7 +250,7 @@ def dim_world():
     if tree is None:
         return "no world"
     background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
-    background.inputs["Strength"].default_value = chance.uniform(0, 2)
+    background.inputs["Strength"].default_value = random.uniform(0, 2)
     edited("Strength")
     return ""
 
@@ -258,12 +258,12 @@ def dim_world():
 def shading():
     window = bpy.context.window_manager.windows[0]
     area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    area.spaces.active.shading.type = chance.choice(("RENDERED", "RENDERED", "SOLID"))
+    area.spaces.active.shading.type = random.choice(("RENDERED", "RENDERED", "SOLID"))
     return area.spaces.active.shading.type
 
 
 def next_frame():
-    operator(bpy.ops.screen.frame_offset, delta=chance.choice((-1, 1)))
+    operator(bpy.ops.screen.frame_offset, delta=random.choice((-1, 1)))
     return str(scene().frame_current)
 
 
@@ -273,7 +273,7 @@ def render():
 
 
 def undo():
-    steps = chance.choice((1, 1, 1, 2, 3))
+    steps = random.choice((1, 1, 1, 2, 3))
     for _ in range(steps):
         if bpy.ops.ed.undo.poll():
             bpy.ops.ed.undo()
@@ -281,7 +281,7 @@ def undo():
 
 
 def redo():
-    steps = chance.choice((1, 1, 2))
+    steps = random.choice((1, 1, 2))
     for _ in range(steps):
         if bpy.ops.ed.redo.poll():
             bpy.ops.ed.redo()
@@ -329,6 +329,8 @@ def fault():
 
 def prepare():
     """The file's measured material in a rendered viewport."""
+    if not measured():
+        raise RuntimeError("the file has no measured material")
     note(f"Blender {bpy.app.version_string}, seed {SEED}, {COUNT} edits of {len(measured())} measured material")
     area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
     space = area.spaces.active
@@ -341,7 +343,7 @@ def steps():
     prepare()
     yield
     for number in range(COUNT):
-        edit = chance.choices(list(EDITS), list(EDITS.values()))[0]
+        edit = random.choices(list(EDITS), list(EDITS.values()))[0]
         note(f"{number} {edit.__name__} ...")
         with view():
             words = edit()
