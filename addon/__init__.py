@@ -55,6 +55,8 @@ def _undo_at_exit() -> None:
 
     The application unregisters its extensions itself.
     """
-    if import_module("bpy").app.module:
+    app = import_module("bpy").app
+    # Until 4.3 it does not say so itself, but has no program.
+    if getattr(app, "module", not app.binary_path):
         atexit.unregister(unregister)
         atexit.register(unregister)

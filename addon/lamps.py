@@ -94,6 +94,10 @@ def _follow_scene(scene: bpy.types.Scene, for_render: bool) -> LampReport:
 
 def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = True) -> LampReport:
     if key is not None:
+        scene, which = key
+        if isinstance(which, str):  # edited since a file was opened or rendered, which looked at all layers together
+            for older in (False, True):
+                _needs.pop((scene, older), None)
         _needs[key] = (report.slots, report.world.aimed)
         _fit_slots()
     changed = world_light.write_world(report.world) if report.world.aimed else []
@@ -107,8 +111,8 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
 
 def _fit_slots() -> None:
     """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
-    shown = {scene.session_uid for scene in bpy.data.scenes}
-    needs = [need for (scene, _), need in _needs.items() if scene in shown]
+    shown = {(s.session_uid, which) for s in bpy.data.scenes for which in (False, True, *s.view_layers.keys())}
+    needs = [need for key, need in _needs.items() if key in shown]
     slots, world = max((slots for slots, _ in needs), default=0), any(aimed for _, aimed in needs)
     for group in bpy.data.node_groups:
         if can_switch(group) and (group[SLOTS_KEY], bool(group[WORLD_KEY])) != (slots, world):

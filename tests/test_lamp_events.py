@@ -266,6 +266,22 @@ def test_after_each_event_the_tables_are_those_of_a_fresh_start(
             assert np.array(bpy.data.images["MM World"].pixels[:]).any(), name
 
 
+@pytest.mark.parametrize("event", ["loaded", "rendered", "evaluated"])
+def test_what_an_edit_takes_away_is_not_kept_for_an_earlier_event(
+    scene: bpy.types.Scene, tmp_path: Path, event: str
+) -> None:
+    """A render, a loaded file and a view layer that is gone needed more than the scene does now."""
+    scene = EVENTS[event](scene, lambda s: (four_more(s), spot_world(s)), tmp_path)
+    if event == "evaluated":
+        scene.view_layers[0].name = "renamed"
+    for obj in [obj for obj in scene.objects if obj.type == "LIGHT"][1:]:
+        bpy.data.objects.remove(obj)
+    grey_world(scene)
+    scene.view_layers[0].update()
+    wanted = [(tree[SLOTS_KEY], tree[WORLD_KEY]) for tree in bpy.data.node_groups if can_switch(tree)]
+    assert wanted == [(1, False)]
+
+
 def test_undo_of_a_lamp_and_redo_keep_every_datablock(scene: bpy.types.Scene) -> None:
     """The edit that crashed: the group of one lamp had gone when undo asked for it."""
     known = {key for key in datablocks() if key[0] == "node_groups"}
