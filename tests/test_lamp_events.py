@@ -129,6 +129,12 @@ def grey_world(scene: bpy.types.Scene) -> None:
     scene.world = world
 
 
+def brighten_world(scene: bpy.types.Scene) -> None:
+    """The world alone: the scene itself knows nothing of it."""
+    background = next(n for n in scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeBackground")
+    background.inputs["Strength"].default_value *= 3
+
+
 EDITS: dict[str, Callable[[bpy.types.Scene], object]] = {
     **{f"add {kind.lower()}": lambda s, kind=kind: add(s, kind, (1, -1, 2)) for kind in KINDS},
     "add four": four_more,
@@ -145,7 +151,9 @@ EDITS: dict[str, Callable[[bpy.types.Scene], object]] = {
     "hide its collection": hide_collection,
     "instance": instances,
     "grey world": grey_world,
+    "brighter grey world": brighten_world,
     "spotted world": spot_world,
+    "brighter spotted world": brighten_world,
     "no world": lambda s: setattr(s, "world", None),
 }
 
@@ -294,6 +302,28 @@ def test_undo_of_a_lamp_and_redo_keep_every_datablock(scene: bpy.types.Scene) ->
             scene = bpy.context.scene
             untouched(lambda: bpy.context.scene.view_layers[0].update())
             assert {key for key in datablocks() if key[0] == "node_groups"} == known
+
+
+@pytest.mark.parametrize("step", ["undo", "redo"])
+def test_undo_and_redo_trust_no_pixels(scene: bpy.types.Scene, step: str) -> None:
+    """Either may part an image from what its properties say: draws by a table of zeros would be wrong."""
+    spot_world(scene)
+    scene.view_layers[0].update()
+    bpy.ops.ed.undo_push(message="World")
+    image = bpy.data.images["MM World"]
+    kept = np.array(image.pixels[:])
+    lamp(scene).location.x += 1
+    scene.view_layers[0].update()
+    bpy.ops.ed.undo_push(message="Move")
+    if step == "redo":
+        bpy.ops.ed.undo()
+        bpy.context.scene.view_layers[0].update()
+    image = bpy.data.images["MM World"]
+    image.pixels.foreach_set(np.zeros_like(kept, np.float32))
+    getattr(bpy.ops.ed, step)()
+    spot = bpy.context.scene
+    spot.view_layers[0].update()
+    assert np.array_equal(bpy.data.images["MM World"].pixels[:], kept)
 
 
 # --- the group ---------------------------------------------------------------------------------------------
