@@ -38,6 +38,7 @@ bpy.ops.wm.save_userpref()
 scene = bpy.context.scene
 scene.render.engine = "CYCLES"
 scene.cycles.samples, scene.cycles.preview_samples = 1, 2
+scene.cycles.use_denoising = False  # some builds have no denoiser
 scene.render.resolution_x = scene.render.resolution_y = 16
 scene.render.preview_pixel_size = "8"
 bpy.ops.measured_materials.import_brdf(
