@@ -304,6 +304,24 @@ def test_undo_of_a_lamp_and_redo_keep_every_datablock(scene: bpy.types.Scene) ->
             assert {key for key in datablocks() if key[0] == "node_groups"} == known
 
 
+def test_a_render_aims_at_lamps_that_only_it_shows(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Looked at while it renders: the next edit is again about the viewport."""
+    lamp(scene).hide_viewport = True
+    scene.view_layers[0].update()
+    assert [tree[SLOTS_KEY] for tree in bpy.data.node_groups if can_switch(tree)] == [0]
+    seen = []
+
+    def look(*_: Any) -> None:
+        seen.extend(active_output(tree)[SLOTS_KEY] for tree in bpy.data.node_groups if can_switch(tree))
+
+    bpy.app.handlers.render_post.append(look)
+    try:
+        rendered(scene, lambda _: None, tmp_path)
+    finally:
+        bpy.app.handlers.render_post.remove(look)
+    assert seen == [1] and written()[0, 1, 3] > 0
+
+
 @pytest.mark.parametrize("step", ["undo", "redo"])
 def test_undo_and_redo_trust_no_pixels(scene: bpy.types.Scene, step: str) -> None:
     """Either may part an image from what its properties say: draws by a table of zeros would be wrong."""
