@@ -24,6 +24,7 @@ TOP = {
     "bake",
     "nodes",
 }
+LEFT_OUT = ("tests", "findings", "run", "pyproject.toml", "CONTRIBUTING.md", "__main__.py", "addon/docs")
 NEEDED = {"__init__.py", "blender_manifest.toml", "LICENSE"}
 
 
@@ -65,6 +66,9 @@ def test_zip_holds_all_that_runs_and_nothing_else(archive: Path) -> None:
     names = {name for name in zipfile.ZipFile(archive).namelist() if not name.endswith("/")}
     assert {name.split("/")[0] for name in names} <= TOP
     assert NEEDED <= names
+    for left_out in LEFT_OUT:
+        assert (ROOT / left_out).exists()
+        assert not [name for name in names if name == left_out or name.startswith(left_out + "/")], left_out
     sources = {
         path.relative_to(ROOT).as_posix()
         for folder in ("addon", "bake", "nodes")

@@ -16,7 +16,7 @@ from measured_materials.bake import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 TOP = {
-    "addon", "nodes", "bake", "tests", ".ci",
+    "addon", "nodes", "bake", "tests", "findings", ".ci",
     "__init__.py", "__main__.py", "blender_manifest.toml", "pyproject.toml", "run",
     "README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE",
     ".gitattributes", ".gitignore",
