@@ -27,6 +27,9 @@ _MODULES = (
 )
 
 
+_parts: list[ModuleType] = []
+
+
 def register() -> None:
     """Register everything, or, when a part fails, nothing, and let its exception out."""
     done: list[ModuleType] = []
@@ -39,15 +42,21 @@ def register() -> None:
         for module in reversed(done):
             module.unregister()
         raise
+    _parts[:] = done
     _undo_at_exit()
 
 
 def unregister() -> None:
-    """Undo `register`, last first; where a part fails, all others are undone and its exception let out."""
+    """Undo `register`, last first; where a part fails, all others are undone and its exception let out.
+
+    Nothing happens where nothing is registered: at the end of Python both `atexit` and whatever has enabled the
+    extension may ask.
+    """
     atexit.unregister(unregister)
     with contextlib.ExitStack() as parts:
-        for name in _MODULES:
-            parts.callback(import_module(f".{name}", __package__).unregister)
+        for module in _parts:
+            parts.callback(module.unregister)
+        _parts.clear()
 
 
 def _undo_at_exit() -> None:
