@@ -11,6 +11,8 @@ loaded, which is before its first undo step.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -27,6 +29,8 @@ from .world_light import PROBE
 TABLE = "MM Lamps"
 # Of the draws, at most: the rest finds sky, bounce light and lamps that are not in the table.
 LARGEST_SHARE = 0.9
+# Seconds until writes that Blender has refused are tried again.
+_PATIENCE = 0.3
 # By scene, and its view layer in a window or whether it is rendered: lamps to aim at, and whether at the world.
 _needs: dict[tuple[int, Any], tuple[int, bool]] = {}
 
@@ -173,10 +177,38 @@ def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
         _needs.clear()  # nobody looks at the lamps until then
     elif PROBE not in depsgraph.scene:
         known = (depsgraph.scene.session_uid, depsgraph.view_layer.name) in _needs
-        if not known or any(_concerns_lamps(update) for update in depsgraph.updates):
-            update_lamps(depsgraph)
-        elif any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
-            _fit_slots()
+        with _tried_again_where_locked():
+            if not known or any(_concerns_lamps(update) for update in depsgraph.updates):
+                update_lamps(depsgraph)
+            elif any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
+                _fit_slots()
+
+
+@contextmanager
+def _tried_again_where_locked() -> Iterator[None]:
+    """While Cycles renders in another thread, be it a material's preview, Blender refuses Python all writes to nodes."""
+    try:
+        yield
+    except AttributeError as error:
+        if "not allowed" not in str(error):
+            raise
+        _needs.clear()
+        if not bpy.app.timers.is_registered(_try_again):
+            bpy.app.timers.register(_try_again, first_interval=_PATIENCE)
+
+
+def _try_again() -> float | None:
+    """Look at what the windows show once more; called by a timer, until the writes are allowed."""
+    try:
+        for window in bpy.context.window_manager.windows:
+            depsgraph = window.view_layer.depsgraph
+            if depsgraph is not None and _in_use() and PROBE not in window.scene:
+                update_lamps(depsgraph)
+    except AttributeError as error:
+        if "not allowed" not in str(error):
+            raise
+        return _PATIENCE
+    return None
 
 
 def _concerns_lamps(update: bpy.types.DepsgraphUpdate) -> bool:
@@ -194,7 +226,8 @@ def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
     # thread, and the nodes are evaluated already: none is touched there, but where only that lets Cycles see the
     # table, and then Blender evaluates them once more.
     if _in_use() and PROBE not in depsgraph.scene:
-        update_lamps(depsgraph, switch=depsgraph.mode == "VIEWPORT" and _is_main_thread())
+        with _tried_again_where_locked():
+            update_lamps(depsgraph, switch=depsgraph.mode == "VIEWPORT" and _is_main_thread())
         if depsgraph.mode == "RENDER" and depsgraph.scene.render.use_persistent_data:
             for image in (*_tables(), *world_light.tables()):
                 fresh_tables.for_a_render(depsgraph.scene, image)
@@ -263,4 +296,6 @@ def unregister() -> None:
     """Called by `addon.unregister`."""
     for handlers, handler in _registered():
         handlers.remove(handler)
+    if bpy.app.timers.is_registered(_try_again):
+        bpy.app.timers.unregister(_try_again)
     _needs.clear()

@@ -323,6 +323,25 @@ def test_a_render_aims_at_lamps_that_only_it_shows(scene: bpy.types.Scene, tmp_p
     assert seen == [([1], True)]
 
 
+def test_writes_that_blender_refuses_are_tried_again(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it does while a thread renders a preview; here the writes of two attempts."""
+    refused = iter((True, True))
+
+    def refuse(*arguments: Any) -> None:
+        if next(refused, False):
+            raise AttributeError("Writing to ID classes in this context is not allowed: MM Aim, NodeTree datablock")
+        aim_by(*arguments)
+
+    monkeypatch.setattr(lamps, "aim_by", refuse)
+    add(scene, "AREA", (1, 1, 2))
+    scene.view_layers[0].update()
+    assert bpy.app.timers.is_registered(lamps._try_again)
+    assert lamps._try_again() == lamps._PATIENCE
+    assert lamps._try_again() is None
+    assert [tree[SLOTS_KEY] for tree in bpy.data.node_groups if can_switch(tree)] == [2]
+    assert np.array_equal(written(), table_of(survey(scene.view_layers[0].depsgraph)))
+
+
 @pytest.mark.parametrize("step", ["undo", "redo"])
 def test_undo_and_redo_trust_no_pixels(scene: bpy.types.Scene, step: str) -> None:
     """Either may part an image from what its properties say: draws by a table of zeros would be wrong."""

@@ -346,6 +346,8 @@ def steps():
     prepare()
     yield
     for number in range(COUNT):
+        while any(map(bpy.app.is_job_running, ("RENDER_PREVIEW", "RENDER"))):
+            yield  # while a thread renders, Blender refuses writes to a timer; an artist's edits stop the thread
         edit = random.choices(list(EDITS), list(EDITS.values()))[0]
         note(f"{number} {edit.__name__} ...")
         with view():
@@ -353,7 +355,11 @@ def steps():
         note(f"{number} {edit.__name__} {words}")
         yield
         yield
-        if words := fault():
+        for _ in range(20):  # what a handler was refused, because of a preview, it does soon
+            if not (words := fault()):
+                break
+            yield
+        else:
             raise RuntimeError(words)
     bpy.ops.wm.save_as_mainfile(filepath=str(HERE / "edited.blend"), copy=True)
     table, wanted = expected()
