@@ -77,7 +77,7 @@ def read_color_marks(path: Path, page: int = 0) -> ColorMarks:
 
 
 def _png(stream: BinaryIO) -> ColorMarks:
-    marks = NOTHING
+    marks, pending = NOTHING, {b"cICP", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"eXIf"}
     stream.seek(8)
     for _ in range(_MOST_PARTS):
         head = stream.read(8)
@@ -85,7 +85,8 @@ def _png(stream: BinaryIO) -> ColorMarks:
             break
         length, kind = struct.unpack(">I4s", head)
         start = stream.tell()
-        if kind in (b"cICP", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"eXIf") and length <= MAX_PROFILE:
+        if kind in pending and length <= MAX_PROFILE:
+            pending.remove(kind)  # the first counts: thousands would take hours to unpack
             try:
                 marks = _with_chunk(marks, kind, stream.read(length), stream, start)
             except _DAMAGE:
