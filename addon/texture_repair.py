@@ -16,7 +16,15 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..bake.image_names import common_name, is_unique_name
-from ..nodes.data_image import CONTENT_KEY, PART_KEY, content_of, file_name, has_common_name, rename_packed
+from ..nodes.data_image import (
+    CONTENT_KEY,
+    PART_KEY,
+    content_of,
+    file_name,
+    has_common_name,
+    movable_path,
+    rename_packed,
+)
 from . import texture_content
 from .kept_textures import bundle_path, textures_of
 from .measured_material import facts_of, is_measured
@@ -78,7 +86,7 @@ def load_right(image: bpy.types.Image, place: Path) -> None:
         image.buffers_free()  # not `reload`, which would pack whatever lies at the image's path
         image.update_tag()
     else:
-        image.filepath = str(place)
+        image.filepath = movable_path(place)
         image.reload()
 
 

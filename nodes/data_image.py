@@ -64,9 +64,7 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
         raise BakeError(path, "cannot be loaded by Blender", "bake it again") from error
     image.name = name
     if bpy.data.filepath and not pack:
-        # Beside a saved .blend, so that the two can move together; on another drive there is no relative path.
-        with contextlib.suppress(ValueError):
-            image.filepath = bpy.path.relpath(str(path))
+        image.filepath = movable_path(path)
     image.colorspace_settings.name = "Non-Color"
     # RGBA data would otherwise be divided by alpha, and float32 cut to half when it goes to the device.
     image.alpha_mode = "CHANNEL_PACKED"
@@ -74,6 +72,17 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
     if pack:
         image.pack()
     return image
+
+
+def movable_path(path: Path) -> str:
+    """The file relative to a saved .blend, so that the two can move together; on another drive there is no such path.
+
+    For images of the file itself: those of a library go by the library's place.
+    """
+    if bpy.data.filepath:
+        with contextlib.suppress(ValueError):
+            return str(bpy.path.relpath(str(path)))
+    return str(path)
 
 
 def file_name(image: bpy.types.Image) -> str:
