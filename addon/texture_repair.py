@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..bake.image_names import common_name, is_unique_name
+from ..bake.image_names import common_name, is_unique_name, title_of
 from ..nodes.data_image import (
     CONTENT_KEY,
     PART_KEY,
@@ -97,13 +97,7 @@ def give_names() -> None:
             for part, image in textures_of(material).items():
                 if image.is_editable and image.packed_file is not None and has_common_name(image, part):
                     if (wanted := expected(image, material)) is not None:
-                        rename_packed(image, _title(material), *wanted)
-
-
-def _title(material: bpy.types.Material) -> str:
-    source = facts_of(material).get("source")
-    name = source.get("name") if isinstance(source, dict) else None
-    return name if isinstance(name, str) else material.name
+                        rename_packed(image, title_of(facts_of(material), material.name), *wanted)
 
 
 @persistent

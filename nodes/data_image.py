@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..bake.bundle import MATERIAL, Bundle, require
 from ..bake.errors import BakeError
-from ..bake.image_names import common_name, unique_name
+from ..bake.image_names import common_name, title_of, unique_name
 from ..bake.storage import Storage
 
 # Custom properties of an image: which of the bundle's it is, and the SHA-256 of its file.
@@ -50,9 +50,7 @@ def bundle_image(bundle: Bundle, name: str, label: str, *, pack: bool = False) -
     image = load_data_image(path, label, half=entry["storage"] == Storage.HALF, pack=pack)
     image[PART_KEY], image[CONTENT_KEY] = name, entry["sha256"]
     if pack:
-        source = bundle.material.get("source")
-        title = source.get("name") if isinstance(source, dict) else None
-        rename_packed(image, title if isinstance(title, str) else bundle.path.stem, name, entry["sha256"])
+        rename_packed(image, title_of(bundle.material, bundle.path.stem), name, entry["sha256"])
     return image
 
 
