@@ -6,10 +6,13 @@ import struct
 import tracemalloc
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from measured_materials.bake.photographs.color_marks import read_color_marks
 from measured_materials.bake.photographs.icc_profile import parse_icc
+from measured_materials.bake.photographs.primaries import KNOWN, REC709
 from measured_materials.bake.photographs.tiff_tags import TiffTags, choose_page
 from support.color_files import SRGB_ICC, chunk, icc, icc_chunk, write_png
 
@@ -50,3 +53,22 @@ def test_a_profile_with_many_large_tags_takes_no_memory() -> None:
     finally:
         tracemalloc.stop()
     assert found is not None and found.name == "small" and len(found.curves) == 1
+
+
+@pytest.mark.parametrize(
+    ("space", "sound"),
+    [
+        *((space, True) for space in KNOWN.values()),
+        ((1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3), True),
+        (REC709[2:4] + REC709[:2] + REC709[4:], True),  # turning the other way
+        ((*REC709[:6], 0.60, 0.50), False),
+        ((*REC709[:6], 0.0, 1.0), False),
+        ((*REC709[6:], *REC709[:6]), False),  # the white first, as some write it
+        ((0.64, 0.33) * 3 + (0.3127, 0.3290), False),
+    ],
+)
+def test_primaries_that_mix_no_such_white_are_as_good_as_not_said(space: Any, sound: bool, tmp_path: Path) -> None:
+    """They would give a matrix of large and negative numbers, and colours that nobody photographed."""
+    path = tmp_path / "a.hdr"
+    path.write_bytes(b"#?RADIANCE\nPRIMARIES=" + " ".join(map(str, space)).encode() + b"\n\n-Y 1 +X 1\n")
+    assert read_color_marks(path).chromaticities == (space if sound else None)

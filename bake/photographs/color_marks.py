@@ -181,9 +181,12 @@ def _hdr(stream: BinaryIO) -> ColorMarks:
 
 
 def _plausible(*values: float) -> Chromaticities | None:
-    """Eight chromaticities that span a triangle with the white in a finite place, else None."""
+    """Eight chromaticities that span a triangle with the white inside, else None: no light would mix such a white."""
     if len(values) != 8 or not all(math.isfinite(value) and abs(value) < 10 for value in values):
         return None
     rx, ry, gx, gy, bx, by, wx, wy = values
     area = (gx - rx) * (by - ry) - (bx - rx) * (gy - ry)
-    return (rx, ry, gx, gy, bx, by, wx, wy) if abs(area) > 1e-4 and wy > 1e-3 else None
+    around = ((rx, ry, gx, gy), (gx, gy, bx, by), (bx, by, rx, ry))
+    shares = [((x1 - x0) * (wy - y0) - (wx - x0) * (y1 - y0)) * area for x0, y0, x1, y1 in around]
+    sound = abs(area) > 1e-4 and wy > 1e-3 and min(shares) > 0
+    return (rx, ry, gx, gy, bx, by, wx, wy) if sound else None
