@@ -56,7 +56,7 @@ def bake_jobs(
             progress.start(job.title)
             try:
                 if not replace:
-                    refuse_another(target, job.origin())
+                    refuse_another(target, job.origin)
                 result = job.bake(target, settings, progress)
             except BakeError as error:
                 errors.append(error)

@@ -23,6 +23,8 @@ from .progress import Progress
 _LARGEST = 16384
 _MOST_REPEATS = 1000.0
 USUAL_REPEAT = 3.0
+# Behind the mark of a picture whose linear twin was written too.
+_TWIN = " linear"
 
 
 def add_to(commands: Any) -> None:
@@ -103,8 +105,14 @@ def run(options: argparse.Namespace) -> Result:
     if out.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
     mark = mark_of(require(bundle.material, "source", dict, bundle.path))
+    linear = out.with_suffix(".exr")
+    if options.exr and options.environment is not None and linear.resolve() == options.environment.resolve():
+        raise BakeError(linear, "is the environment and would be replaced", "give another --out FILE.png")
+    earlier = _mark_in(out)
     if not options.replace:
-        _keep_others(out, mark, options)
+        _keep_others(out, [own for own in (mark, mark + _TWIN) if own == earlier], options)
+    if options.exr or earlier == mark + _TWIN:
+        mark += _TWIN
     need_blender("render")
     # About 1.5 million samples a second on two cores; only the proportion matters.
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
@@ -125,20 +133,25 @@ def run(options: argparse.Namespace) -> Result:
     return Result(document, files)
 
 
-def _keep_others(out: Path, mark: str, options: argparse.Namespace) -> None:
-    """Raise BakeError where a name that nobody gave is that of a file which is not an older render of this source."""
-    linear = out.with_suffix(".exr")
-    derived = [out] * (options.out is None) + [linear] * options.exr
+def _mark_in(out: Path) -> str:
+    """What an older render left in the file of this name, empty in all others."""
     try:
-        taken = [path for path in derived if os.path.lexists(path)]
-        own = bool(taken) and out.is_file() and png_about(out) == mark
+        return png_about(out) if out.is_file() else ""
     except (OSError, ValueError) as error:
         raise BakeError(out, f"cannot be read ({error})", "choose another place by --out") from error
-    if taken and not own:
-        cause = "is there already, shows something else and is not replaced"
-        raise BakeError(taken[0], cause, "give another --out FILE.png, or --replace to replace it")
-    if options.exr and options.environment is not None and linear.resolve() == options.environment.resolve():
-        raise BakeError(linear, "is the environment and would be replaced", "give another --out FILE.png")
+
+
+def _keep_others(out: Path, own: list[str], options: argparse.Namespace) -> None:
+    """Raise BakeError where a name that nobody gave is that of a file which no older render of this source has made.
+
+    `own` holds the mark of the picture there if it is such a render.
+    """
+    linear = out.with_suffix(".exr")
+    ours = {out: bool(own), linear: any(mark.endswith(_TWIN) for mark in own)}
+    for path in [out] * (options.out is None) + [linear] * options.exr:
+        if os.path.lexists(path) and not ours[path]:
+            cause = "is there already, is no known render of this source, and is not replaced"
+            raise BakeError(path, cause, "give another --out FILE.png, or --replace to replace it")
 
 
 def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | None:

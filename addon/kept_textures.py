@@ -11,6 +11,7 @@ import bpy
 
 from ..bake.bundle import Bundle, read_bundle, require
 from ..bake.errors import BakeError
+from ..bake.image_names import title_of
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, LoadedBundle, bundle_image
 from ..nodes.material import BUNDLE_KEY, part_name
 from .cli_bake_arc import is_bundle
@@ -27,8 +28,7 @@ def keep_textures(material: bpy.types.Material, bundle: Bundle, *, pack: bool, o
     """
     images = (node.image for node in image_nodes(material.node_tree))
     found = {image[PART_KEY]: image for image in images if _is_of(bundle, image)}
-    source = bundle.material.get("source")
-    title = part_name(str(source.get("name") if isinstance(source, dict) else material.name))
+    title = part_name(title_of(bundle.material, material.name))
     for name in others:
         if name not in found and bundle.has(name):
             found[name] = bundle_image(bundle, name, f"{title} {name.replace('_', ' ')}", pack=pack)

@@ -171,7 +171,7 @@ def told_place(operator: bpy.types.Operator, material: bpy.types.Material, obj: 
         return ""
     if why:
         name = one_line(obj.name)
-        operator.report({"WARNING"}, f"{material.name} is not on {name}: {why}; choose it in another object's material")
+        operator.report({"WARNING"}, f"{material.name} is not on {name}: {why}; assign it to another object")
     return "" if why else f" on {obj.name}"
 
 

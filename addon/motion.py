@@ -11,7 +11,6 @@ from collections.abc import Container, Iterator
 import bpy
 
 from ..nodes import compat
-from ..nodes.group import trees_below
 
 # Modifiers that have a clock of their own.
 _TIMED = frozenset({
@@ -42,57 +41,56 @@ def changes(block: bpy.types.ID | None, properties: Container[str] = ()) -> bool
     """
     if properties:
         return any(path in properties for path in _animated_paths(block))
-    return _changes(block, set())
+    seen: set[bpy.types.ID] = set()
+    pending = [block]  # no recursion: chains of parents are longer than Python allows
+    while pending:
+        here = pending.pop()
+        if here is None or here in seen:
+            continue
+        if _changes_itself(here):
+            return True
+        seen.add(here)
+        pending += _hangs_on(here)
+    return False
 
 
-def _changes(block: bpy.types.ID | None, seen: set[bpy.types.ID]) -> bool:
-    if block is None or block in seen:
-        return False
-    seen.add(block)
+def _changes_itself(block: bpy.types.ID) -> bool:
     if isinstance(block, bpy.types.Scene):
         cameras = {marker.camera for marker in block.timeline_markers if marker.camera is not None}
         return bool(cameras - {block.camera})
     if any(True for _ in _animated_paths(block)):
         return True
-    if isinstance(block, bpy.types.Object):
-        return _object_changes(block, seen)
-    if isinstance(block, bpy.types.Collection):
-        return any(_changes(obj, seen) for obj in block.all_objects)
     if isinstance(block, bpy.types.Image):
         return block.source in ("MOVIE", "SEQUENCE")
-    tree = block if isinstance(block, bpy.types.NodeTree) else getattr(block, "node_tree", None)
-    if tree is not None and any(_tree_changes(below, seen) for below in (tree, *trees_below(tree))):
+    if isinstance(block, bpy.types.NodeTree):
+        return any(node.bl_idname in _TIMED_NODES for node in block.nodes)
+    if not isinstance(block, bpy.types.Object):
+        return False
+    if block.constraints or block.rigid_body or block.rigid_body_constraint or block.particle_systems:
         return True
-    return any(_changes(other, seen) for other in _pointed_at(block))
+    bones = block.pose.bones if block.pose else ()
+    clocks = any(modifier.type in _TIMED for modifier in block.modifiers)
+    return clocks or block.soft_body is not None or any(bone.constraints for bone in bones)
 
 
-def _object_changes(obj: bpy.types.Object, seen: set[bpy.types.ID]) -> bool:
-    if obj.constraints or obj.rigid_body or obj.rigid_body_constraint or obj.particle_systems or obj.soft_body:
-        return True
-    if obj.pose and any(bone.constraints for bone in obj.pose.bones):
-        return True
-    if any(_modifier_changes(modifier, seen) for modifier in obj.modifiers):
-        return True
-    if obj.type == "META":  # one surface of all of a name
-        family = obj.name.split(".")[0]
-        if any(_changes(o, seen) for o in bpy.data.objects if o.type == "META" and o.name.split(".")[0] == family):
-            return True
-    instanced = obj.instance_collection if obj.instance_type == "COLLECTION" else None
-    return any(_changes(block, seen) for block in (obj.parent, obj.data, instanced))
-
-
-def _modifier_changes(modifier: bpy.types.Modifier, seen: set[bpy.types.ID]) -> bool:
-    """The clock's, or those that follow another datablock."""
-    return modifier.type in _TIMED or any(_changes(block, seen) for block in _pointed_at(modifier))
-
-
-def _tree_changes(tree: bpy.types.NodeTree, seen: set[bpy.types.ID]) -> bool:
-    if any(True for _ in _animated_paths(tree)):
-        return True
-    for node in tree.nodes:
-        if node.bl_idname in _TIMED_NODES or _changes(getattr(node, "image", None), seen):
-            return True
-    return False
+def _hangs_on(block: bpy.types.ID) -> Iterator[bpy.types.ID | None]:
+    """What a datablock changes with."""
+    if isinstance(block, bpy.types.Object):
+        yield from (block.parent, block.data)
+        if block.instance_type == "COLLECTION":
+            yield block.instance_collection
+        for modifier in block.modifiers:
+            yield from _pointed_at(modifier)
+        if block.type == "META":  # one surface of all of a name
+            family = block.name.split(".")[0]
+            yield from (o for o in bpy.data.objects if o.type == "META" and o.name.split(".")[0] == family)
+    elif isinstance(block, bpy.types.Collection):
+        yield from block.all_objects
+    elif not isinstance(block, (bpy.types.Scene, bpy.types.Image)):
+        yield from _pointed_at(block)
+    if isinstance(block, bpy.types.NodeTree):
+        for node in block.nodes:
+            yield from (getattr(node, "node_tree", None), getattr(node, "image", None))
 
 
 def _pointed_at(owner: bpy.types.bpy_struct) -> Iterator[bpy.types.ID]:

@@ -15,8 +15,16 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..bake.image_names import common_name, is_unique_name
-from ..nodes.data_image import CONTENT_KEY, PART_KEY, content_of, file_name, has_common_name, rename_packed
+from ..bake.image_names import common_name, is_unique_name, title_of
+from ..nodes.data_image import (
+    CONTENT_KEY,
+    PART_KEY,
+    content_of,
+    file_name,
+    has_common_name,
+    movable_path,
+    rename_packed,
+)
 from . import texture_content
 from .kept_textures import bundle_path, textures_of
 from .measured_material import facts_of, is_measured
@@ -78,7 +86,7 @@ def load_right(image: bpy.types.Image, place: Path) -> None:
         image.buffers_free()  # not `reload`, which would pack whatever lies at the image's path
         image.update_tag()
     else:
-        image.filepath = str(place)
+        image.filepath = movable_path(place)
         image.reload()
 
 
@@ -89,13 +97,7 @@ def give_names() -> None:
             for part, image in textures_of(material).items():
                 if image.is_editable and image.packed_file is not None and has_common_name(image, part):
                     if (wanted := expected(image, material)) is not None:
-                        rename_packed(image, _title(material), *wanted)
-
-
-def _title(material: bpy.types.Material) -> str:
-    source = facts_of(material).get("source")
-    name = source.get("name") if isinstance(source, dict) else None
-    return name if isinstance(name, str) else material.name
+                        rename_packed(image, title_of(facts_of(material), material.name), *wanted)
 
 
 @persistent

@@ -121,25 +121,36 @@ def measure_world(scene: bpy.types.Scene) -> WorldLight:
 
 def write_world(light: WorldLight) -> list[bpy.types.Image]:
     """Write the tables of a world that is aimed at, where they are of another one; returns those."""
-    texels, written = None, []
+    source, written = None, []
     for image in tables():
         if image.library is None:
             image.use_fake_user = light.measured  # even while another scene is shown
-        if light.key not in _known or (image.get(_KEY) == light.key and _intact(image)):
+        if image.get(_KEY) == light.key and _intact(image):
             continue
-        structure, weights = _known[light.key]
-        texels = world_texels(weights) if texels is None else texels
-        image.pixels.foreach_set(texels.ravel())
+        source = source or _table_of(light.key)
+        if source is None:
+            continue
+        texels, facts = source
+        image.pixels.foreach_set(texels)
         image.update()
         if image.library is None:
             # At once, not when the file is saved: undo would bring the image back without its pixels, and draws by a
             # table of zeros would be wrong.
             image.pack()
-        image[_KEY], image[_FACTS] = light.key, json.dumps(asdict(structure))
+        image[_KEY], image[_FACTS] = light.key, facts
         image[_SUM] = _checksum(image)
         _trusted.add(image.session_uid)
         written.append(image)
     return written
+
+
+def _table_of(key: str) -> tuple[Array, str] | None:
+    """Texels of a world's table in Blender's order, and its facts: as remembered, or as the .blend was saved with."""
+    if key in _known:
+        structure, weights = _known[key]
+        return world_texels(weights).ravel(), json.dumps(asdict(structure))
+    image = _saved(key)
+    return (_pixels(image), str(image[_FACTS])) if image is not None else None
 
 
 def distrust_tables() -> None:
@@ -154,16 +165,26 @@ def _intact(image: bpy.types.Image) -> bool:
 
 
 def _checksum(image: bpy.types.Image) -> str:
+    return hashlib.sha256(_pixels(image).tobytes()).hexdigest()
+
+
+def _pixels(image: bpy.types.Image) -> Array:
     pixels = np.empty(COLUMNS * ROWS * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    return hashlib.sha256(pixels.tobytes()).hexdigest()
+    return pixels
+
+
+def _saved(key: str) -> bpy.types.Image | None:
+    """The file's own table, if it is of that world."""
+    image = bpy.data.images.get((IMAGE, None))
+    return image if image is not None and image.get(_KEY) == key and _intact(image) else None
 
 
 def _structure(key: str) -> WorldStructure | None:
     if key in _known:
         return _known[key][0]
-    image = bpy.data.images.get((IMAGE, None))
-    if image is None or image.get(_KEY) != key or not _intact(image):
+    image = _saved(key)
+    if image is None:
         return None
     # The .blend was saved with its table: what has been rendered need not be rendered again.
     with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from .atomic import recover, replacing_folder
 from .errors import BakeError
 from .image_io import MAX_IMAGE_BYTES, read_header, read_image, write_image, write_png
-from .image_names import common_name, is_unique_name, unique_name
+from .image_names import common_name, is_unique_name, title_of, unique_name
 from .material_json import dump_json, load_json, require
 from .storage import IMAGE_STORAGES, Storage
 
@@ -138,7 +138,7 @@ def write_bundle(
     document.pop("images", None)
     # Without indentation, for the headers; also refuses what JSON cannot hold before anything is written.
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)
-    title = _title(document, target)
+    title = title_of(document, target.stem)
     with _told_as(target):
         _refuse_strangers(target)
         with replacing_folder(target) as folder:
@@ -160,13 +160,6 @@ def _told_as(target: Path) -> Iterator[None]:
         cause = f"cannot be written ({getattr(error, 'strerror', None) or error})"
         remedy = "check the folder, its permissions and the free space, and close programs that use it"
         raise BakeError(target, cause, remedy) from error
-
-
-def _title(document: Mapping[str, Any], target: Path) -> str:
-    """What the images are named after."""
-    source = document.get("source")
-    name = source.get("name") if isinstance(source, Mapping) else None
-    return name if isinstance(name, str) else target.stem
 
 
 def _write_image(

@@ -9,10 +9,19 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Mapping
+from typing import Any
 
 _DIGITS = 12  # of the SHA-256: 48 bits, which no library of materials exhausts
 _LONGEST_TITLE = 40
 _OTHER = re.compile("[^A-Za-z0-9]+")
+
+
+def title_of(material: Mapping[str, Any], otherwise: str) -> str:
+    """What images are named after: the name of what a material was measured on, as its material.json has it."""
+    source = material.get("source")
+    name = source.get("name") if isinstance(source, Mapping) else None
+    return name if isinstance(name, str) else otherwise
 
 
 def unique_name(title: str, image: str, sha256: str, suffix: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,16 +42,21 @@ def model_origin(name: str, facts: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
-def refuse_another(target: Path, origin: Origin) -> None:
-    """Raise BakeError where a bundle of another source has this name; whatever is no bundle is left to the writer."""
+def refuse_another(target: Path, origin: Callable[[], Origin]) -> None:
+    """Raise BakeError where a bundle of another source has this name; whatever is no bundle is left to the writer.
+
+    `origin` is asked only where there is a bundle: gigabytes of photographs take a while to read.
+    """
     try:
         source = load_json(target / _DOCUMENT).get("source")
     except (BakeError, OSError, ValueError):
         return
-    if isinstance(source, dict) and not is_same(source, origin):
+    if isinstance(source, dict) and not is_same(source, origin()):
         kept = source.get("file", source.get("name"))
         what = f"holds a bake of another {str(kept)[:60]!r}" if isinstance(kept, str) else "holds another bake"
-        raise BakeError(target, f"{what} and is not replaced", "give --out NAME.mmat, or --replace to replace it")
+        raise BakeError(
+            target, f"{what} and is not replaced", "give another --out NAME.mmat, or --replace to replace it"
+        )
 
 
 def is_same(kept: Origin, given: Origin) -> bool:

@@ -18,7 +18,7 @@ from ..bake.light_sampling import TEXELS, Aim, aim_at, density_towards, draw_tow
 from ..bake.world_sampling import choose_cell, draw_in_world, expected_world_light, world_coordinates
 from . import expr
 from .group import FAMILY_KEY, HASH_KEY, SWITCHED_KEY, active_output, call, content_hash, node_group, nodes_before
-from .light_images import world_table
+from .light_images import WORLD, world_table
 
 NAME = "MM Aim"
 # Custom properties of the group and of its outputs: how many lamps they aim at, and whether at the world.
@@ -93,7 +93,8 @@ def _made_before(lamps: bpy.types.Image, world: bpy.types.Image) -> bpy.types.Sh
 
 
 def _family(lamps: bpy.types.Image, world: bpy.types.Image) -> str:
-    return f"{NAME} by {lamps.name_full} and {world.name_full}"
+    # With the file's own world as versions before called it: what such a group stood in stays as it was built.
+    return f"{NAME} by {lamps.name_full}" + f" and {world.name_full}" * (world.name_full != WORLD)
 
 
 def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int) -> bpy.types.ShaderNodeTree:

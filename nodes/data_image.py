@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..bake.bundle import MATERIAL, Bundle, require
 from ..bake.errors import BakeError
-from ..bake.image_names import common_name, unique_name
+from ..bake.image_names import common_name, title_of, unique_name
 from ..bake.storage import Storage
 
 # Custom properties of an image: which of the bundle's it is, and the SHA-256 of its file.
@@ -50,9 +50,7 @@ def bundle_image(bundle: Bundle, name: str, label: str, *, pack: bool = False) -
     image = load_data_image(path, label, half=entry["storage"] == Storage.HALF, pack=pack)
     image[PART_KEY], image[CONTENT_KEY] = name, entry["sha256"]
     if pack:
-        source = bundle.material.get("source")
-        title = source.get("name") if isinstance(source, dict) else None
-        rename_packed(image, title if isinstance(title, str) else bundle.path.stem, name, entry["sha256"])
+        rename_packed(image, title_of(bundle.material, bundle.path.stem), name, entry["sha256"])
     return image
 
 
@@ -64,9 +62,7 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
         raise BakeError(path, "cannot be loaded by Blender", "bake it again") from error
     image.name = name
     if bpy.data.filepath and not pack:
-        # Beside a saved .blend, so that the two can move together; on another drive there is no relative path.
-        with contextlib.suppress(ValueError):
-            image.filepath = bpy.path.relpath(str(path))
+        image.filepath = movable_path(path)
     image.colorspace_settings.name = "Non-Color"
     # RGBA data would otherwise be divided by alpha, and float32 cut to half when it goes to the device.
     image.alpha_mode = "CHANNEL_PACKED"
@@ -74,6 +70,17 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
     if pack:
         image.pack()
     return image
+
+
+def movable_path(path: Path) -> str:
+    """The file relative to a saved .blend, so that the two can move together; on another drive there is no such path.
+
+    For images of the file itself: those of a library go by the library's place.
+    """
+    if bpy.data.filepath:
+        with contextlib.suppress(ValueError):
+            return str(bpy.path.relpath(str(path)))
+    return str(path)
 
 
 def file_name(image: bpy.types.Image) -> str:

@@ -27,6 +27,7 @@ from measured_materials.bake.world_sampling import cell_directions, cell_light, 
 from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import aimed_light_group
 from measured_materials.nodes.group import call
+from measured_materials.nodes.light_images import new_table
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.cards import card, data_image
 from support.monte_carlo import assert_agree, compare
@@ -251,6 +252,11 @@ def test_a_world_of_nodes_is_measured_on_request(tmp_path: Path, monkeypatch: py
         world_light._known.clear()
         world_light.distrust_tables()
         assert survey(scene.scene.view_layers[0].depsgraph).world.aimed
+        # And so does a table that came along with a linked or appended material, and that holds nothing yet.
+        other = new_table(f"{world_light.IMAGE} of a library", *bpy.data.images[world_light.IMAGE].size)
+        update_scene(scene.scene)
+        assert np.array_equal(np.array(other.pixels), np.array(bpy.data.images[world_light.IMAGE].pixels))
+        bpy.data.images.remove(other)
         bpy.data.images[world_light.IMAGE].pixels[7] = 0.5
         world_light.distrust_tables()
         assert "measure the world" in survey(scene.scene.view_layers[0].depsgraph).world.why_not

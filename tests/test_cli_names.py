@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 from measured_materials.addon.cli import main
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.origin import refuse_another
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from support.stacks import write_stack
@@ -41,6 +43,16 @@ def test_another_source_does_not_replace_a_bundle(tmp_path: Path, capsys: pytest
     assert main(["bake", "brdf", "--analytic", "lambert", "--out", str(bundle), *QUICK]) == 1
 
 
+def test_a_source_is_read_for_comparison_only_where_a_bundle_is(tmp_path: Path) -> None:
+    """Forty photographs of 100 MB would be read once more for nothing."""
+    refuse_another(tmp_path / "new.mmat", lambda: pytest.fail("read without need"))
+    (tmp_path / "old.mmat").mkdir()
+    (tmp_path / "old.mmat" / "material.json").write_text('{"source": {"name": "felt"}}')
+    refuse_another(tmp_path / "old.mmat", lambda: {"name": "felt", "sha256": "0"})
+    with pytest.raises(BakeError, match="give another --out"):
+        refuse_another(tmp_path / "old.mmat", lambda: {"name": "denim", "sha256": "0"})
+
+
 def test_two_inputs_of_one_name_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Also where only some file systems would take the names for one."""
     paths = [str(tmp_path / "a" / "Über.binary"), str(tmp_path / "b" / "U\u0308ber.binary")]
@@ -68,6 +80,11 @@ def test_render_replaces_its_own_pictures_only(
     assert mine.read_bytes() == b"a photograph of Lambert"
     assert main([*render, "--replace"]) == 0
     assert main(render) == 0  # its own
+    twin = tmp_path / "lambert.exr"
+    twin.write_bytes(b"a room")
+    assert main([*render, "--exr"]) == 1  # the picture is its own, what lies beside it is not
+    assert twin.read_bytes() == b"a room"
+    assert main([*render, "--exr", "--replace"]) == main(render) == main([*render, "--exr"]) == 0
     (tmp_path / "sky.exr").write_bytes(b"light")
     for further in ([], ["--environment", "sky.exr"]):
         capsys.readouterr()
@@ -75,6 +92,7 @@ def test_render_replaces_its_own_pictures_only(
         error = capsys.readouterr().err
         assert "sky.exr" in error and "replace" in error
     assert main([*render, "--exr", "--out", "sky.png", "--environment", "sky.exr", "--replace"]) == 1
+    assert "is the environment" in capsys.readouterr().err
     assert (tmp_path / "sky.exr").read_bytes() == b"light"
 
 

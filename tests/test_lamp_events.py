@@ -395,6 +395,8 @@ def exchange_all(old: bpy.types.ShaderNodeTree) -> int:
     nodes = [n for t in bpy.data.node_groups for n in t.nodes if can_switch(getattr(n, "node_tree", None) or {})]
     for node in nodes:
         node.node_tree = old
+    for tree in [tree for tree in bpy.data.node_groups if HASH_KEY in tree]:
+        tree[HASH_KEY] = content_hash(tree)
     return len(nodes)
 
 
@@ -408,6 +410,8 @@ def test_files_of_versions_before_get_room_when_they_are_opened(scene: bpy.types
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
     aiming = [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users]
     assert aiming and all(can_switch(tree) and tree[SLOTS_KEY] == 2 for tree in aiming)
+    # Nothing of it was changed by hand, and nothing says so.
+    assert all(tree[HASH_KEY] == content_hash(tree) for tree in bpy.data.node_groups if HASH_KEY in tree)
 
 
 def test_materials_of_versions_before_get_room_when_they_are_appended(scene: bpy.types.Scene, tmp_path: Path) -> None:

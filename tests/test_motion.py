@@ -72,6 +72,15 @@ def still_parent(view: View) -> None:
     view.plate.parent = view.add("parent")
 
 
+def still_ancestors(view: View) -> None:
+    """A rope, each link the child of the one before."""
+    above = view.add("link")
+    for _ in range(600):
+        link = view.add("link")
+        link.parent, above = above, link
+    view.plate.parent = above
+
+
 def still_instancer(view: View) -> None:
     instanced(view)
 

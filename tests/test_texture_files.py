@@ -191,7 +191,8 @@ for name in ("canvas", "satin"):
     shutil.copytree(folder / f"{name}.mmat", moved / f"{name}.mmat")
 lost = [measured_material.is_measured(m) and rebuild.why_not_rebuildable(m) for m in bpy.data.materials]
 scene_check.mend_scene(bpy.context.scene)
-tell(before=before, swapped=swapped, right=right, after=after, mended=is_right(), left=wrong(), lost=lost)
+paths = [i.filepath for m in bpy.data.materials for i in textures_of(m).values() if Path(i.filepath).suffix]
+tell(before=before, swapped=swapped, right=right, after=after, mended=is_right(), left=wrong(), lost=lost, paths=paths)
 """
     found = run(tmp_path, "from measured_materials.addon import rebuild\n" + script)
     assert "common_names" in found["before"] and "wrong_texture" not in found["before"]
@@ -199,6 +200,7 @@ tell(before=before, swapped=swapped, right=right, after=after, mended=is_right()
     assert taken and taken == {part for part, right in found["right"].items() if not right}
     assert "wrong_texture" in found["after"]
     assert found["mended"] == dict.fromkeys(PARTS, True) and found["left"] == {"canvas": [], "satin": []}
+    assert found["paths"] and all(path.startswith("//") for path in found["paths"])  # the project may move again
     call = [sys.executable, "-P", "-m", "measured_materials", "check", str(tmp_path / "swapped.blend"), "--json"]
     done = subprocess.run(call, capture_output=True, text=True, timeout=120)
     rules = [finding["rule"] for finding in json.loads(done.stdout)["findings"]]

@@ -77,7 +77,7 @@ def read_color_marks(path: Path, page: int = 0) -> ColorMarks:
 
 
 def _png(stream: BinaryIO) -> ColorMarks:
-    marks = NOTHING
+    marks, pending = NOTHING, {b"cICP", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"eXIf"}
     stream.seek(8)
     for _ in range(_MOST_PARTS):
         head = stream.read(8)
@@ -85,7 +85,8 @@ def _png(stream: BinaryIO) -> ColorMarks:
             break
         length, kind = struct.unpack(">I4s", head)
         start = stream.tell()
-        if kind in (b"cICP", b"iCCP", b"sRGB", b"gAMA", b"cHRM", b"eXIf") and length <= MAX_PROFILE:
+        if kind in pending and length <= MAX_PROFILE:
+            pending.remove(kind)  # the first counts: thousands would take hours to unpack
             try:
                 marks = _with_chunk(marks, kind, stream.read(length), stream, start)
             except _DAMAGE:
@@ -180,9 +181,12 @@ def _hdr(stream: BinaryIO) -> ColorMarks:
 
 
 def _plausible(*values: float) -> Chromaticities | None:
-    """Eight chromaticities that span a triangle with the white in a finite place, else None."""
+    """Eight chromaticities that span a triangle with the white inside, else None: no light would mix such a white."""
     if len(values) != 8 or not all(math.isfinite(value) and abs(value) < 10 for value in values):
         return None
     rx, ry, gx, gy, bx, by, wx, wy = values
     area = (gx - rx) * (by - ry) - (bx - rx) * (gy - ry)
-    return (rx, ry, gx, gy, bx, by, wx, wy) if abs(area) > 1e-4 and wy > 1e-3 else None
+    around = ((rx, ry, gx, gy), (gx, gy, bx, by), (bx, by, rx, ry))
+    shares = [((x1 - x0) * (wy - y0) - (wx - x0) * (y1 - y0)) * area for x0, y0, x1, y1 in around]
+    sound = abs(area) > 1e-4 and wy > 1e-3 and min(shares) > 0
+    return (rx, ry, gx, gy, bx, by, wx, wy) if sound else None

@@ -84,7 +84,7 @@ def choose_encoding(path: Path, info: PhotoInfo, rule: str) -> Encoding:
     asked = parse_rule(rule)
     if info.format in FLOAT_FORMATS:
         return _of_floats(info)
-    found = _of_codes(path, info)
+    found = _of_codes(path, info, asked)
     if info.is_float:
         return replace(found, curves=(LINEAR,), why="floating-point values are linear")
     if asked is not None:
@@ -117,10 +117,10 @@ def _of_interop_id(linear: Encoding, identity: str) -> Encoding:
     return replace(linear, warnings=(warning,))
 
 
-def _of_codes(path: Path, info: PhotoInfo) -> Encoding:
+def _of_codes(path: Path, info: PhotoInfo, asked: Response | None) -> Encoding:
     marks = info.color
     if marks.cicp is not None:
-        return _of_code_points(path, marks.cicp, f"the {info.format}'s code points (cICP)")
+        return _of_code_points(path, marks.cicp, f"the {info.format}'s code points (cICP)", asked)
     if marks.icc:
         return _of_profile(path, parse_icc(marks.icc))
     if marks.srgb:
@@ -130,13 +130,16 @@ def _of_codes(path: Path, info: PhotoInfo) -> Encoding:
     return _of_exif(info)
 
 
-def _of_code_points(path: Path, codes: tuple[int, int, int, int], origin: str) -> Encoding:
+def _of_code_points(
+    path: Path, codes: tuple[int, int, int, int], origin: str, asked: Response | None = None
+) -> Encoding:
     primaries, transfer, _, full = codes
-    curve = SRGB if transfer == _UNSPECIFIED else _CODED_CURVES.get(transfer)
+    curve = asked or (SRGB if transfer == _UNSPECIFIED else _CODED_CURVES.get(transfer))
     known = primaries in _CODED_PRIMARIES or primaries in (_UNSPECIFIED, _CODED_XYZ)
     if curve is None or not known or not full:
         what = f"primaries {primaries}, transfer {transfer}" + ("" if full else " in narrow range")
-        raise BakeError(path, f"states an encoding that is not known here (H.273: {what})", "export it as sRGB")
+        remedy = "export it as sRGB" + ", or say by decode what its curve is" * (curve is None and known and bool(full))
+        raise BakeError(path, f"states an encoding that is not known here (H.273: {what})", remedy)
     scale = {"pq": f", {DIFFUSE_WHITE:g} cd/m² as 1", "hlg": ", light of the scene"}.get(curve.name, "")
     found = Encoding((curve,), origin + scale)
     if primaries == _CODED_XYZ:

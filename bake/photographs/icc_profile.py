@@ -18,6 +18,7 @@ _MOST_TAGS, _MOST_SAMPLES = 256, 1 << 16
 _COLORANTS, _CURVES = (b"rXYZ", b"gXYZ", b"bXYZ"), (b"rTRC", b"gTRC", b"bTRC")
 _SAME = 3e-4
 """Curves closer than this over the whole range are one; 1024 samples of sRGB in 16 bits are."""
+_READ = frozenset({*_COLORANTS, *_CURVES, b"kTRC", b"cicp", b"desc"})
 # Places among g, a, b, c, d, e, f of the numbers of each parametric type (ICC.1:2022, table 68).
 _PARAMETRIC = {0: "g", 1: "gab", 2: "gabe", 3: "gabcd", 4: "gabcdef"}
 
@@ -65,7 +66,7 @@ def _tags(data: bytes) -> dict[bytes, bytes]:
     found: dict[bytes, bytes] = {}
     for k in range(min(count, _MOST_TAGS)):
         tag, offset, size = struct.unpack_from(">4sII", data, 132 + 12 * k)
-        if offset + size <= len(data):
+        if tag in _READ and offset + size <= len(data):
             found.setdefault(tag, data[offset : offset + size])
     return found
 

@@ -8,6 +8,8 @@ from typing import Any, BinaryIO
 
 _MOST_TAGS, _MOST_PAGES = 4096, 4096
 _LARGEST = 16 << 20
+_MOST_NUMBERS = 16
+_PROFILE = 34675
 # Size in bytes and struct code of each type; text and undefined bytes stay bytes.
 _TYPES = {
     1: (1, "B"), 2: (1, "s"), 3: (2, "H"), 4: (4, "I"), 5: (8, "II"), 7: (1, "s"), 8: (2, "h"), 9: (4, "i"),
@@ -93,7 +95,9 @@ class TiffTags:
             self._stream.seek(self._origin + place + start + entry * k)
             tag, kind, number = self._read("HH" + self._word)
             size, code = _TYPES.get(kind, (0, ""))
-            if not code or not 1 <= number <= _LARGEST // size:
+            # Strips, previews and makers' notes are nothing to this reader, and may be made to fill the memory.
+            most = _LARGEST if tag == _PROFILE and size == 1 else _MOST_NUMBERS
+            if not code or not 1 <= number <= most:
                 continue
             if size * number > (8 if self._big else 4):
                 self._stream.seek(self._origin + self._read(self._word)[0])

@@ -45,7 +45,8 @@ def judge_brightness(
         warnings.append(f"{total} negative values were set to 0 in {list_names(list(negative))}")
     gray = [name for name, count in zip(names, counts) if count.gray and name not in black]
     if 0 < len(gray) < len(names) - len(black):
-        warnings.append(f"grey among coloured photographs (take the coloured ones or none): {list_names(gray)}")
+        told = list_names(gray)
+        warnings.append(f"grey photographs among coloured ones (leave them out, or export them in colour): {told}")
     outside = {name: round(count.outside_share, 6) for name, count in zip(names, counts) if count.outside}
     if (most := max(outside.values(), default=0.0)) > _OUTSIDE_WARNING:
         told = list_names([name for name, share in outside.items() if share > _OUTSIDE_WARNING])
