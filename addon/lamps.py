@@ -186,7 +186,7 @@ def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
 
 @contextmanager
 def _tried_again_where_locked() -> Iterator[None]:
-    """While Cycles renders in another thread, a material's preview for one, Blender refuses Python to write to nodes."""
+    """While a thread renders, if only a material's preview, Blender refuses Python to write to nodes."""
     try:
         yield
     except AttributeError as error:
