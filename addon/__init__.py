@@ -55,6 +55,6 @@ def _undo_at_exit() -> None:
 
     The application unregisters its extensions itself.
     """
-    if import_module("bpy").app.module:
+    if import_module("..nodes.compat", __package__).is_module():
         atexit.unregister(unregister)
         atexit.register(unregister)
