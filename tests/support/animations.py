@@ -240,7 +240,8 @@ def by_geometry_nodes(view: View, animate: bool = True) -> Any:
 def by_keyed_geometry_nodes(view: View) -> None:
     tree = by_geometry_nodes(view, animate=False)
     scale = next(n for n in tree.nodes if n.bl_idname == "GeometryNodeTransform")
-    keyed(tree, f'nodes["{scale.name}"].inputs[3].default_value', 1.0, 20.0, 0)
+    index = scale.inputs.find("Scale")  # one further since 5.0, where Mode is an input
+    keyed(tree, f'nodes["{scale.name}"].inputs[{index}].default_value', 1.0, 20.0, 0)
 
 
 def by_hiding(view: View) -> None:
