@@ -64,8 +64,6 @@ def _undo_at_exit() -> None:
 
     The application unregisters its extensions itself.
     """
-    app = import_module("bpy").app
-    # Until 4.3 it does not say so itself, but has no program.
-    if getattr(app, "module", not app.binary_path):
+    if import_module("..nodes.compat", __package__).is_module():
         atexit.unregister(unregister)
         atexit.register(unregister)

@@ -12,6 +12,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bake.light_sampling import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
+from ..nodes import compat
 from ..nodes.aimed_light_group import MAX_SLOTS
 from ..nodes.group import is_measured_tree
 from . import world_light
@@ -259,7 +260,7 @@ def _strength(data: Any) -> float:
     colour = np.array(data.color, float) * max(data.energy, 0.0) * 2.0 ** getattr(data, "exposure", 0.0)
     if getattr(data, "use_temperature", False):
         colour *= np.array(data.temperature_color)
-    if data.use_nodes and data.node_tree:
+    if compat.uses_nodes(data):
         output = data.node_tree.get_output_node("CYCLES")
         if output is None or not output.inputs["Surface"].is_linked:
             return 0.0

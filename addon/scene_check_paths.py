@@ -29,7 +29,7 @@ def light_paths(subject: Subject) -> Iterator[Finding]:
     if scene.world is not None and compat.uses_nodes(scene.world):
         yield from _told(subject, "world", f"world {scene.world.name}", scene.world.node_tree)
     for data in dict.fromkeys(obj.data for obj in subject.lamps):
-        if data.node_tree is not None and data.use_nodes:
+        if compat.uses_nodes(data):
             yield from _told(subject, "lamp", f"lamp {data.name}", data.node_tree)
     for material in subject.materials:
         if compat.uses_nodes(material):

@@ -224,9 +224,7 @@ def _why_not_worth_it(structure: WorldStructure) -> str:
 
 
 def _tree(world: bpy.types.World) -> bpy.types.NodeTree | None:
-    if compat.blender_version() < (5, 0) and not world.use_nodes:
-        return None
-    return world.node_tree
+    return world.node_tree if compat.uses_nodes(world) else None
 
 
 def _surface(world: bpy.types.World) -> bpy.types.NodeSocket | None:

@@ -12,6 +12,12 @@ def blender_version() -> tuple[int, int]:
     return bpy.app.version[0], bpy.app.version[1]
 
 
+def is_module() -> bool:
+    """Whether this is Blender as a Python module, not the application."""
+    # Before 4.4 nothing says so; the application knows its program.
+    return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
+
+
 def longest_name() -> int:
     """Bytes of UTF-8 in the longest name of a datablock: 63, from 5.0 on 255."""
     return int(bpy.types.ID.bl_rna.properties["name"].length_max) - 1  # one for the end of the text
@@ -61,9 +67,15 @@ def save_as_exr(settings: bpy.types.ImageFormatSettings) -> None:
     settings.linear_colorspace_settings.name = "Linear Rec.709"
 
 
-def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:
-    """Whether a datablock renders by its nodes; from 5.0 on there is nothing else."""
-    return owner.node_tree is not None and (blender_version() >= (5, 0) or owner.use_nodes)
+def uses_nodes(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bool:
+    """Whether a datablock renders by its nodes.
+
+    From 5.0 on there is nothing else for materials and worlds, and, seen in 5.2, for lamps; whoever asks `use_nodes`
+    there is warned.
+    """
+    switch = owner.bl_rna.properties.get("use_nodes")
+    there = switch is not None and not getattr(switch, "is_deprecated", False)
+    return owner.node_tree is not None and (not there or bool(owner.use_nodes))
 
 
 def compute_device() -> str:

@@ -29,7 +29,8 @@ with bpy.data.libraries.load(str(folder / "library.blend"), link=True, relative=
 for obj in linked.objects:
     bpy.context.scene.collection.objects.link(obj)
 world = bpy.data.worlds.new("World")
-world.use_nodes = True
+if bpy.app.version < (5, 0, 0):
+    world.use_nodes = True
 bpy.context.scene.world = world
 
 

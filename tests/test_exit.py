@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+from measured_materials.nodes import compat
 
 ENDINGS = {
     "the last line": ("", 0),
@@ -25,3 +27,17 @@ def test_a_script_ends_with_its_own_code(ending: str) -> None:
     done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=60)
     assert done.returncode == code, done.stderr
     assert ("of the script" in done.stderr) == (code == 1) and done.stderr.count("Traceback") == (code == 1)
+
+
+def test_the_application_is_told_from_the_module_in_every_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`bpy.app.module` is younger than the oldest version: in 4.3 the extension would not register by asking for it."""
+    for app, expected in (
+        (SimpleNamespace(binary_path="/usr/bin/blender"), False),
+        (SimpleNamespace(binary_path=""), True),
+        (SimpleNamespace(binary_path="/usr/bin/blender", module=False), False),
+        (SimpleNamespace(binary_path="/usr/bin/blender", module=True), True),  # scripts may set the path
+    ):
+        monkeypatch.setattr(compat, "bpy", SimpleNamespace(app=app))
+        assert compat.is_module() is expected
+    monkeypatch.undo()
+    assert compat.is_module()

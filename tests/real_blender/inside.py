@@ -1,17 +1,13 @@
 """Run inside a real Blender by check.py: the operators as the window calls them, and what a .blend keeps."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import bpy
 
-PACKAGE = "bl_ext.user_default.measured_materials"
-
-
-def require(good, words):
-    """Unlike assert, also under python -O."""
-    if not good:
-        raise RuntimeError(words)
+sys.path.insert(0, str(Path.cwd()))
+from common import PACKAGE, require
 
 
 def registered():

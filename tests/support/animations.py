@@ -10,6 +10,7 @@ import numpy as np
 from mathutils import Matrix
 from measured_materials.addon import footprint
 from measured_materials.addon.footprint import texel_footprint
+from measured_materials.nodes import compat
 
 
 class View:
@@ -22,7 +23,7 @@ class View:
         mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
         mesh.uv_layers.new().uv.foreach_set("vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32))
         self.material = bpy.data.materials.new("swatch")
-        self.material.use_nodes = True
+        compat.node_tree(self.material)
         mesh.materials.append(self.material)
         self.plate = self.add("plate", mesh)
         self.camera = self.add("camera", bpy.data.cameras.new("camera"))
@@ -239,7 +240,8 @@ def by_geometry_nodes(view: View, animate: bool = True) -> Any:
 def by_keyed_geometry_nodes(view: View) -> None:
     tree = by_geometry_nodes(view, animate=False)
     scale = next(n for n in tree.nodes if n.bl_idname == "GeometryNodeTransform")
-    keyed(tree, f'nodes["{scale.name}"].inputs[3].default_value', 1.0, 20.0, 0)
+    index = scale.inputs.find("Scale")  # one further since 5.0, where Mode is an input
+    keyed(tree, f'nodes["{scale.name}"].inputs[{index}].default_value', 1.0, 20.0, 0)
 
 
 def by_hiding(view: View) -> None:

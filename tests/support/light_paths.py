@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 from mathutils import Matrix
+from measured_materials.nodes import compat
 
 from support.scene_check_cases import lamp_of
 from support.scenes import TestScene
@@ -45,10 +46,8 @@ def emitter(scene: TestScene, matrix: Matrix, size: float = 2.0) -> bpy.types.No
     """A square that shines to both sides; returns its material's tree."""
     mesh = bpy.data.meshes.new("emitter")
     mesh.from_pydata([(x * size / 2, y * size / 2, 0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], [], [range(4)])
-    material = bpy.data.materials.new("emitter")
-    material.use_nodes = True
+    material = compat.new_material("emitter")
     tree = material.node_tree
-    tree.nodes.clear()
     emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
     emission.inputs["Strength"].default_value = 10
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
