@@ -44,23 +44,44 @@ Build = Callable[[Bundles, Path], bpy.types.Material]
 
 # What a number may decide beside one thing, and why that is no second decision; with the number of nodes.
 AN_AIMED_DRAW_OR_THE_MATERIALS = "a draw takes the light's direction or the material's, and only one of them is placed"
+LAMP_OR_WORLD = ("Lamp: Random 1 x3 + World: Random 1", "Lamp: Random 2 x2 + World: Random 2")
+CELL, ALIAS = f"Random Cell + {LAMP_OR_WORLD[0]}", f"Random Alias + {LAMP_OR_WORLD[1]}"
+AZIMUTH, POLAR = f"Random Azimuth + {LAMP_OR_WORLD[0]}", f"Random Polar + {LAMP_OR_WORLD[1]}"
+OF_PHONG, SHARE = f"Random Polar x2 + {LAMP_OR_WORLD[1]}", "Aim: Random Aim + World: Random Aim"
 DELIBERATE: dict[str, str] = {
-    "Random Cell + Aim: Random 1 x4": AN_AIMED_DRAW_OR_THE_MATERIALS,
-    "Random Alias + Aim: Random 2 x3": AN_AIMED_DRAW_OR_THE_MATERIALS,
-    "Random Azimuth + Aim: Random 1 x4": AN_AIMED_DRAW_OR_THE_MATERIALS,
-    "Random Polar + Aim: Random 2 x3": AN_AIMED_DRAW_OR_THE_MATERIALS,
-    "Random Polar x2 + Aim: Random 2 x3": "the same, and a draw follows Phong's lobe or its diffuse part",
-    "Aim: Random Aim x2": "below the share it is even from 0 to the share, and decides about the world's alias",
+    CELL: AN_AIMED_DRAW_OR_THE_MATERIALS,
+    ALIAS: AN_AIMED_DRAW_OR_THE_MATERIALS,
+    AZIMUTH: AN_AIMED_DRAW_OR_THE_MATERIALS,
+    POLAR: AN_AIMED_DRAW_OR_THE_MATERIALS,
+    OF_PHONG: "the same, and a draw follows Phong's lobe or its diffuse part",
+    SHARE: "below the share it is even from 0 to the share, and decides about the world's alias",
     "Random Phi x2": "its half chooses the side, and within a half it is even: the place",
     "Slices: Random x3": "three channels, each unbiased by itself; they enter the picture one by one",
     "Lookup: Random x3": "one choice among four slices, by three comparisons with running sums",
     "Lookup: Random x2": "what choosing along one axis leaves of it is even again, and chooses along the other",
 }
-TABLE = ["Random Cell + Aim: Random 1 x4", "Random Alias + Aim: Random 2 x3", "Random Theta", "Random Phi x2"]
+# What groups are for, by the beginning of their names.
+KINDS = {
+    "MM Aim": "Aim",
+    "MM Draw Towards Lamp": "Lamp",
+    "MM Draw Towards World": "World",
+    "MM Lookup": "Lookup",
+    "MM Slices": "Slices",
+}
+TABLE = [
+    CELL,
+    ALIAS,
+    "Random Theta",
+    "Random Phi x2",
+]
 SLOPES = [*TABLE[:2], "Random X", "Random Y"]
-AIM = ["Aim: Random Lamp", "Aim: Random Aim x2", "LESS_THAN"]  # the last is the roulette of faint mirrors
-LOBE = ["Random Azimuth + Aim: Random 1 x4", "Random Polar + Aim: Random 2 x3"]
-PHONG = [LOBE[0], "Random Polar x2 + Aim: Random 2 x3"]
+AIM = [
+    "Aim: Random Lamp",
+    SHARE,
+    "LESS_THAN",
+]  # the last is the roulette of faint mirrors
+LOBE = [AZIMUTH, POLAR]
+PHONG = [LOBE[0], OF_PHONG]
 THIRD = ["Random Choice"]
 CHOICE = ["LESS_THAN"]  # between native closures and the mirror
 
@@ -126,10 +147,10 @@ def decisions(walk: Walk) -> list[str]:
         words = []
         for use, count in uses.items():
             group, _, how = use.partition(": ")
-            kind = next((k for k in ("Aim", "Lookup", "Slices") if group.startswith(f"MM {k}")), "")
+            kind = next((kind for name, kind in KINDS.items() if group.startswith(name)), "")
             words.append(": ".join([*([kind] if kind else []), how]) + (f" x{count}" if count > 1 else ""))
         if words and words != ["ShaderNodeTexWhiteNoise"]:
-            found.append(" + ".join(sorted(words, key=lambda word: word.startswith("Aim"))))
+            found.append(" + ".join(sorted(words, key=lambda word: (word.startswith(("Lamp:", "World:")), word))))
     return found
 
 

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from measured_materials.nodes.group import active_output, nodes_before, trees_below
+
 _SUFFIX = re.compile(r"\.\d{3}$")
 # Nodes that hand a number on as it is.
 _PASSING = frozenset(
@@ -41,14 +43,14 @@ class Walk:
     @classmethod
     def of(cls, tree: Any) -> Walk:
         """From every White Noise that reaches something."""
-        walk = cls()
+        walk, live = cls(), _live(tree)
         for path, node in _nodes(tree, ()):
             if node.bl_idname == "ShaderNodeTexWhiteNoise":
                 number = walk.describe_noise(path, node)
                 for name in ("Color", "Value"):
                     for channel, place in _channels(Place(path, node.outputs[name])):
                         uses = walk.uses.setdefault(f"{number}[{channel}]", {})
-                        for use in _uses(place, ""):
+                        for use in _uses(place, "", live):
                             uses[use] = uses.get(use, 0) + 1
         return walk
 
@@ -75,7 +77,7 @@ class Walk:
         if node.bl_idname == "NodeGroupInput":
             return self.describe(Place(path[:-1], _socket(path[-1].inputs, source))) if path else source.name
         if node.bl_idname == "ShaderNodeGroup":
-            sink = next(n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput")
+            sink = active_output(node.node_tree)
             return self.describe(Place((*path, node), _socket(sink.inputs, source)))
         inputs = [self.describe(Place(path, s)) for s in node.inputs if s.enabled]
         operation = getattr(node, "operation", "")
@@ -87,6 +89,15 @@ def _nodes(tree: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], 
         yield path, node
         if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
             yield from _nodes(node.node_tree, (*path, node))
+
+
+def _live(tree: Any) -> set[Any]:
+    """Nodes that count: a group that aims has an output for each number of lamps, and one of them is active."""
+    found: set[Any] = set()
+    for part in trees_below(tree):
+        sink = next((n for n in part.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None)
+        found.update(nodes_before(sink) if sink else part.nodes)
+    return found
 
 
 def _socket(sockets: Any, like: Any) -> Any:
@@ -107,18 +118,20 @@ def _channels(place: Place) -> Iterator[tuple[int, Place]]:
             raise AssertionError(f"a random colour goes into {node.bl_idname} whole")
 
 
-def _uses(place: Place, came_by: str) -> Iterator[str]:
+def _uses(place: Place, came_by: str, live: set[Any]) -> Iterator[str]:
     """Names of the uses of a value, one for each node that computes with it."""
     for link in place.socket.links:
         node, entered = link.to_node, link.to_socket
+        if node not in live:
+            continue
         if node.bl_idname == "ShaderNodeGroup":
             source = next(n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupInput")
-            yield from _uses(Place((*place.path, node), _socket(source.outputs, entered)), entered.name)
+            yield from _uses(Place((*place.path, node), _socket(source.outputs, entered)), entered.name, live)
         elif node.bl_idname == "NodeGroupOutput":
             if place.path:
-                yield from _uses(Place(place.path[:-1], _socket(place.path[-1].outputs, entered)), "")
+                yield from _uses(Place(place.path[:-1], _socket(place.path[-1].outputs, entered)), "", live)
         elif node.bl_idname in _PASSING:
-            yield from _uses(Place(place.path, node.outputs[0]), came_by)
+            yield from _uses(Place(place.path, node.outputs[0]), came_by, live)
         else:
             operation = getattr(node, "operation", node.bl_idname)
             yield f"{_family(node.id_data.name)}: {came_by or operation}"
