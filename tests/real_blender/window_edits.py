@@ -333,9 +333,6 @@ def prepare():
         raise RuntimeError("the file has no measured material")
     note(f"Blender {bpy.app.version_string}, seed {SEED}, {COUNT} edits of {len(measured())} measured material")
     area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
-    for other in bpy.context.window_manager.windows[0].screen.areas:
-        if other.type == "PROPERTIES":
-            other.spaces.active.context = "MATERIAL"  # so that the panel is drawn after each edit
     space = area.spaces.active
     space.shading.type = "RENDERED"
     space.overlay.show_overlays = space.show_gizmo = False  # most of the time of a window drawn by software
