@@ -114,13 +114,16 @@ def assert_diffuse(diffuse: Array, kind: str, show: Callable[[TestScene], None])
     assert not compare(diffuse, 0.92 * pictures, lower_third(mask), tolerance=1e-3).passed
 
 
-@pytest.mark.parametrize("mode", ["exact", "balanced", "reference", "preview"])
+# What is the same closures as in Exact, or the same shader as in nodes, is looked at with --all.
+@pytest.mark.parametrize(
+    "mode", ["exact", "reference", *(pytest.param(m, marks=pytest.mark.slow) for m in ("balanced", "preview"))]
+)
 def test_nodes_in_a_dark_room(diffuse: Array, lambert: Bundle, mode: str) -> None:
     material = build_material(lambert, mode=mode, lamps=lamp_image(), lamp_share=True)
     assert_diffuse(diffuse, mode, lambda room: room.show(material))
 
 
-@pytest.mark.parametrize("mode", ["exact", "reference"])
+@pytest.mark.parametrize("mode", ["exact", pytest.param("reference", marks=pytest.mark.slow)])
 def test_osl_in_a_dark_room(diffuse: Array, lambert: Bundle, mode: str) -> None:
     skip_without_osl()
 

@@ -26,6 +26,7 @@ def test_every_figure_is_measured_or_has_its_reason() -> None:
         assert figure.words in text, figure.words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", FIGURES, ids=[figure.words for figure in FIGURES])
 def test_figure(bundle: Bundle, figure: Figure) -> None:
     """Seeds differ by less than a tenth of the change in all but the rarest samples."""

@@ -84,7 +84,11 @@ def test_measured_f_r_from_every_elevation(measured: Bundle, light: str) -> None
 
 
 @pytest.mark.parametrize(
-    "lobe, above", [(Lobe("phong", 12.0, 0.4), "scale"), (Lobe("ggx", 0.4), "clamp")], ids=["phong", "ggx"]
+    "lobe, above",
+    [
+        pytest.param(Lobe("phong", 12.0, 0.4), "scale", id="phong"),
+        pytest.param(Lobe("ggx", 0.4), "clamp", id="ggx", marks=pytest.mark.slow),
+    ],
 )
 def test_formula_from_every_elevation(tmp_path: Path, lobe: Lobe, above: str) -> None:
     """Exact: envelope, closure and mirror together, beyond the brightest photograph too."""
