@@ -76,13 +76,13 @@ def lambert(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """A Lambertian whose envelope carries a part, so that each mode has what makes it differ from the others."""
     patch = pytest.MonkeyPatch()
 
-    def part(*arguments: Any) -> EnvelopeFit:
-        fit = fit_envelope(*arguments)
+    def part(*arguments: Any, **options: Any) -> EnvelopeFit:
+        fit = fit_envelope(*arguments, **options)
         share = np.full_like(fit.residual_share, DECLARED)
         return replace(fit, weights=fit.weights * CARRIED, residual_share=share)
 
-    def declared(*arguments: Any) -> Array:
-        shares = lamp_shares(*arguments)
+    def declared(*arguments: Any, **options: Any) -> Array:
+        shares = lamp_shares(*arguments, **options)
         shares[..., 0] = DECLARED
         return shares
 

@@ -362,6 +362,8 @@ EDGES = [
 SWITCHES = {"reflective_caustics", "fast_gi", "path_guiding", "denoising", "engine", "bump_correction", "alpha_mode"}
 # Held from both sides by tests of their own.
 ELSEWHERE = {
+    "common_names": "tests/test_texture_files.py",
+    "wrong_texture": "tests/test_texture_files.py",
     "no_texture": "test_scene_check.py, a texture is there or not",
     "linked_slots": "test_linked_groups_with_too_few_slots_are_told_and_left_alone",
     "not_aimed": "test_modes.py, of a material fitted to no lamps",
