@@ -118,7 +118,8 @@ def _chosen(views: Views, importance: Array, most: int) -> tuple[tuple[Lobe, ...
         left = squares - 2 * (weights * side).sum(-1) + np.einsum("vsk,vskl,vsl->vs", weights, gram, weights)
         errors = np.sqrt(np.maximum(worth @ left, 0) / worth.dot(squares[:, 0]))
         best = int(errors.argmin())
-        if errors[best] > _GAIN * found[1]:
+        # An error of rounding alone is none: the next set would only have luckier digits.
+        if errors[best] > _GAIN * found[1] or found[1] < 1e-6:
             break
         found = tuple(int(i) for i in sets[best]), float(errors[best])
     return tuple(BASIS[i] for i in found[0]), found[1]
