@@ -190,11 +190,15 @@ def _tried_again_where_locked() -> Iterator[None]:
     try:
         yield
     except AttributeError as error:
-        if "not allowed" not in str(error):
-            raise
+        _raise_unless_refused(error)
         _needs.clear()
         if not bpy.app.timers.is_registered(_try_again):
             bpy.app.timers.register(_try_again, first_interval=_PATIENCE)
+
+
+def _raise_unless_refused(error: AttributeError) -> None:
+    if "not allowed" not in str(error):
+        raise error
 
 
 def _try_again() -> float | None:
@@ -205,8 +209,7 @@ def _try_again() -> float | None:
             if depsgraph is not None and _in_use() and PROBE not in window.scene:
                 update_lamps(depsgraph)
     except AttributeError as error:
-        if "not allowed" not in str(error):
-            raise
+        _raise_unless_refused(error)
         return _PATIENCE
     return None
 
