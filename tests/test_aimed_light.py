@@ -80,7 +80,13 @@ LIGHTING: dict[str, list[tuple[str, tuple[float, float, float], dict[str, Any]]]
 }
 
 
-@pytest.mark.parametrize("lighting", LIGHTING)
+# Those of which "three" has the kind take a minute each.
+SLOW_LIGHTING = {"square", "point", "sun", "default sun"}
+
+
+@pytest.mark.parametrize(
+    "lighting", [pytest.param(k, marks=[pytest.mark.slow] if k in SLOW_LIGHTING else []) for k in LIGHTING]
+)
 def test_aimed_mirror_is_diffuse_under_every_lamp(tmp_path: Path, lighting: str) -> None:
     """Mirror only, so that nothing but the aimed samples can find a small lamp; with a planted 2 % that fails."""
     render = RenderSettings(sigma=0.5, mode="reference")

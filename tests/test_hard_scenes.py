@@ -32,8 +32,7 @@ SAMPLES, MORE_SAMPLES, MOST_SAMPLES = 80, 160, 256
 DRESSED = {"bump": link_bump, "normal map": link_normal_map}
 SCENES = (*HARD, *DRESSED)
 # What the others have in common with these, or strain less, is left to the slow tests.
-QUICK = {"as_usual", "far", "far_orthographic", "millimetre", "zoom", "moving", "instanced", "mirrored", "sheared"}
-QUICK |= {"two_sided", "bump"}
+QUICK = {"as_usual", "far", "millimetre", "moving", "instanced", "sheared", "two_sided", "bump"}
 QUICK_REFERENCE = {"far_orthographic"}
 VIEWS = ("far", "far_narrow", "far_orthographic", "millimetre", "zoom", "zoom_orthographic", "moving", "instanced")
 # Where rays are parallel float32 leaves some thousand positions to a pixel: of 16 000 samples a few are of one ray.

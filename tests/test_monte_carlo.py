@@ -53,8 +53,7 @@ def test_false_alarms_stay_within_the_level(noise_a: Noise, noise_b: Noise) -> N
     assert alarms <= stats.binom.ppf(0.999, tries, LEVEL)
 
 
-@pytest.mark.parametrize("seeds", [5, 12])
-@pytest.mark.parametrize("noise", [normal, uneven, lognormal])
+@pytest.mark.parametrize("noise, seeds", [(normal, 5), (uneven, 12), (lognormal, 5)])
 def test_detectable_effect_is_found_with_the_stated_power(noise: Noise, seeds: int) -> None:
     rng = np.random.default_rng(2)
     tries, found, part_found = 40, 0, 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from support.scenes import diffuse_material, furnace, lit_sphere
 
 EFFECT = 0.01
 LIGHT_SAMPLER = SamplerLayout(n_o=16, n_h=16, n_phi=16, warp_power=1)
+QUICK_BAKE = BakeSettings(resolution=8, alpha=(0.5, 0.5), sampler=LIGHT_SAMPLER, envelope=False)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,7 @@ def group_node(material: bpy.types.Material) -> bpy.types.Node:
     return next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
 
 
-@pytest.mark.parametrize("segments", [64, 12])
+@pytest.mark.parametrize("segments", [pytest.param(64, marks=pytest.mark.slow), 12])
 def test_grey_lambert_equals_diffuse(grey: Bundle, segments: int) -> None:
     """Sky, area lamp and bounce light; a planted error of 2 % fails the same test."""
     with lit_sphere(diffuse_material(0.5), segments, lamp_size=4.0) as scene:
@@ -85,8 +87,16 @@ def test_grey_lambert_in_a_white_furnace(grey: Bundle) -> None:
         assert not compare(reference, scene.render(64, range(200, 208)), scene.mask()).passed
 
 
-@pytest.mark.parametrize("filter", ["nearest", "trilinear", "bspline"])
-@pytest.mark.parametrize("stochastic", [True, False])
+QUICK_FURNACES = {("nearest", False), ("trilinear", True), ("bspline", True)}
+
+
+@pytest.mark.parametrize(
+    "filter, stochastic",
+    [
+        pytest.param(*case, marks=[] if case in QUICK_FURNACES else [pytest.mark.slow])
+        for case in itertools.product(("nearest", "trilinear", "bspline"), (True, False))
+    ],
+)
 def test_furnace_shows_the_albedo_of_gloss(tmp_path: Path, filter: str, stochastic: bool) -> None:
     """In a furnace a glossy material shows its directional albedo, by a quadrature that knows nothing of tables."""
     source = analytic.Ggx(alpha=0.3, f0=(0.9, 0.6, 0.3))
@@ -117,12 +127,7 @@ def test_scaled_tables_are_scaled_back(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_changed_pixels_are_refused(tmp_path: Path) -> None:
     """A bundle whose table was exchanged after baking is one clear error, and leaves nothing in the file."""
-    first, second = (
-        bake_source(
-            analytic.Ggx(alpha=a), tmp_path / str(a), BakeSettings(resolution=8, sampler=LIGHT_SAMPLER, envelope=False)
-        ).path
-        for a in (0.2, 0.4)
-    )
+    first, second = (bake_source(analytic.Ggx(alpha=a), tmp_path / str(a), QUICK_BAKE).path for a in (0.2, 0.4))
     shutil.copy(*(read_bundle(path).image_path("table") for path in (second, first)))
     before = len(bpy.data.images), len(bpy.data.node_groups), len(bpy.data.materials)
     with pytest.raises(BakeError, match="changed after it was baked"):

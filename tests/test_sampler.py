@@ -109,7 +109,9 @@ def test_chi_square_finds_a_wrong_sampler() -> None:
     assert stats.chi2.sf(((found - expected)[keep] ** 2 / expected[keep]).sum(), keep.sum() - 1) < 1e-6
 
 
-@pytest.mark.parametrize("theta_o", VIEWS)
+@pytest.mark.parametrize(
+    "theta_o", [pytest.param(view, marks=[] if view in (0.3, 1.5) else [pytest.mark.slow]) for view in VIEWS]
+)
 def test_pdf_integrates_to_one_by_quadrature(theta_o: float) -> None:
     """Over the whole sphere of light directions, by scipy's adaptive quadrature: independent of the sampler's cells."""
     sampler = build_sampler(SOURCES["rough"], SamplerLayout(n_o=16, n_h=8, n_phi=8))
