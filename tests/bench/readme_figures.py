@@ -158,7 +158,7 @@ STATED = (
     _engine("Exact, not aimed", "exact, not aimed"),
     _engine("Reference", "reference"),
     _engine("Reference, not aimed", "reference, not aimed"),
-    Stated("engine", "hardly any noise at all ({Principled's own noise, small lamp|1%} %)"),
+    Stated("engine", "little noise of its own ({Principled's own noise, small lamp|1%} %)"),
     _arc("closure + mirror, aimed (default)", "envelope + residual, aimed at lamps"),
     _arc("mirror only, aimed", "mirror only, aimed at lamps"),
     _arc("closure + mirror, not aimed", "envelope + residual, not aimed"),
