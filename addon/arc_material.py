@@ -19,9 +19,10 @@ from ..nodes.shading_map_material import build_shading_map
 from .arc_build import build_map
 from .blender_photographs import decode
 from .describe_map import energy_rows, map_error_rows, map_rows
+from .facts import facts_of, source_file
 from .kept_textures import keep_textures
-from .lighting_properties import show_lighting
-from .measured_material import facts_of, free_bundle, remember, source_file, target_of
+from .lighting import show_lighting
+from .measured_material import free_bundle, remember, target_of
 
 # Names of the photographs as JSON where they are not a whole folder.
 FILES_KEY = "measured_materials_photographs"

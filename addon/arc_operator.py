@@ -10,10 +10,11 @@ from ..bake.errors import BakeError
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
 from .arc_material import import_arc, map_words
 from .arc_properties import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
-from .cli_result import one_line
-from .import_operator import object_under
+from .facts import facts_of
 from .lighting_properties import LightingProperties, draw_lighting
-from .measured_material import bundle_folder, facts_of, told_place
+from .measured_material import bundle_folder, told_place
+from .text import one_line
+from .ui_context import object_under
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")

@@ -12,7 +12,8 @@ from ..bake.shading.bake_arc import TILEABLES, ArcSettings
 from ..bake.shading.map_store import COMPRESSIONS
 from ..bake.shading.shading_map import MAX_SLICES, MIN_SLICES
 from ..bake.storage import IMAGE_STORAGES, Storage
-from .lighting_properties import MEASURED, enum, lighting_of, number
+from .enum_items import enum
+from .lighting import MEASURED, lighting_of, number
 from .stages import USUAL_SIZE
 
 _USUAL, _STACK = ArcSettings(), StackSettings()

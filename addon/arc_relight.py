@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..bake.bake_brdf import TableSource
-from ..bake.bundle import MATERIAL, Bundle, require
+from ..bake.bundle import MATERIAL, Bundle, is_bundle, require
 from ..bake.errors import BakeError
 from ..bake.shading.map_albedo import map_albedo_facts
 from ..bake.shading.map_facts import map_facts_of
@@ -23,11 +23,10 @@ from ..bake.shading.shading_map import ShadingMap
 from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
 from .arc_build import build_map
-from .cli_bake_arc import is_bundle
-from .cli_result import one_line
+from .facts import facts_of, is_shading_map, keep_facts
 from .kept_textures import bundle_path, missing_texture, rebuild
-from .lighting_properties import lighting_of, show_lighting
-from .measured_material import facts_of, is_shading_map, keep_facts
+from .lighting import lighting_of, show_lighting
+from .text import one_line
 
 
 def relight_or_say(material: bpy.types.Material) -> None:

@@ -12,10 +12,12 @@ from .arc_material import bake_arc_again, map_words
 from .arc_operator import chosen_photographs, tell_warnings
 from .arc_properties import arc_settings_of
 from .bake_properties import settings_of
-from .cli_result import one_line
 from .describe import error_rows
+from .facts import facts_of, is_measured, is_shading_map, source_file
 from .import_operator import SUFFIXES, error_words
-from .measured_material import bake_again, facts_of, is_measured, is_shading_map, source_file, why_not_bakeable
+from .measured_material import bake_again, why_not_bakeable
+from .text import one_line
+from .ui_context import shown_material
 from .window_progress import window_progress
 
 _FILEPATH = bpy.props.StringProperty(
@@ -30,14 +32,6 @@ _CHOOSE = bpy.props.BoolProperty(
     name="Choose File", description="Ask for the measurement or the photographs", options={"HIDDEN", "SKIP_SAVE"}
 )
 _FILTER_GLOB = bpy.props.StringProperty(default="", options={"HIDDEN", "SKIP_SAVE"})
-
-
-def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
-    """The material of the properties editor, else of the active object."""
-    material = getattr(context, "material", None)
-    if material is None and context.object is not None:
-        material = context.object.active_material
-    return material
 
 
 class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):

@@ -7,9 +7,9 @@ import bpy
 from ..bake.errors import BakeError
 from ..nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
 from . import lamps, world_light
-from .cli_result import one_line
-from .measured_material import is_measured
+from .facts import is_measured
 from .rebuild import refit
+from .text import one_line
 
 
 class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):

@@ -5,9 +5,6 @@ What is particular to shading maps is in `arc_material`.
 
 from __future__ import annotations
 
-import functools
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +13,14 @@ import bpy
 from ..bake.bake_brdf import BakeResult, BakeSettings, Progress, bake_file, bake_source
 from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
-from ..bake.material_json import dump_json
 from ..bake.sources.analytic import by_name
 from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices
-from .cli_result import one_line
+from .choices import choices_of, show_choices
 from .describe import image_sizes
+from .facts import facts_of, is_measured, is_shading_map, keep_facts, source_file
 from .kept_textures import keep_textures
-from .quality_properties import choices_of, show_choices
-
-# The bundle's facts as JSON text, so that the panel knows them wherever the .blend goes.
-FACTS_KEY = "measured_materials_facts"
+from .text import one_line
 
 
 def import_brdf(
@@ -87,41 +81,6 @@ def remember(
     }
     keep_facts(material, facts)
     material[SOURCE_KEY] = str(Path(file).resolve()) if file is not None else ""
-
-
-def keep_facts(material: bpy.types.Material, facts: Mapping[str, Any]) -> None:
-    """Replace what is known of the material."""
-    material[FACTS_KEY] = dump_json(facts, material.name)
-
-
-def is_measured(material: bpy.types.Material | None) -> bool:
-    """Whether the material was made here."""
-    return material is not None and isinstance(material.get(FACTS_KEY), str)
-
-
-def is_shading_map(material: bpy.types.Material | None) -> bool:
-    """Whether the material was made here of photographs."""
-    return material is not None and is_measured(material) and facts_of(material).get("kind") == "shading_map"
-
-
-def facts_of(material: bpy.types.Material) -> dict[str, Any]:
-    """What its bundle said of it; empty if that is not to be read. Do not change it."""
-    return _parsed(material[FACTS_KEY])
-
-
-@functools.lru_cache(maxsize=64)
-def _parsed(text: str) -> dict[str, Any]:
-    try:
-        facts = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    return facts if isinstance(facts, dict) else {}
-
-
-def source_file(material: bpy.types.Material) -> Path | None:
-    """The measurement or the folder of photographs it was baked from, as a path that may be gone; None for a model."""
-    text = material.get(SOURCE_KEY)
-    return Path(text) if isinstance(text, str) and text else None
 
 
 def why_not_bakeable(material: bpy.types.Material) -> str:

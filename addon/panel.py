@@ -11,19 +11,22 @@ from . import describe, describe_map
 from .arc_operator import MEASURED_MATERIALS_OT_import_arc
 from .arc_properties import draw_arc_settings
 from .arc_relight import why_not_relightable
-from .bake_operator import MEASURED_MATERIALS_OT_bake_again, shown_material
+from .bake_operator import MEASURED_MATERIALS_OT_bake_again
 from .bake_properties import draw_settings
 from .brdf_build import asks_for_passes
+from .choices import choices_of
 from .effects import plan_filter
 from .expectation import expectation
+from .facts import facts_of, is_measured, is_shading_map
 from .fit_operator import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
 from .import_operator import MEASURED_MATERIALS_OT_import_brdf
 from .lighting_properties import draw_lighting
-from .measured_material import facts_of, is_measured, is_shading_map, why_not_bakeable
-from .quality_properties import choices_of, draw_quality
+from .measured_material import why_not_bakeable
+from .quality_properties import draw_quality
 from .rebuild import effects_of, why_not_rebuildable
 from .tangent_rows import draw_tangent
 from .texture_repair import wrong_textures
+from .ui_context import shown_material
 
 _TITLE = "Measured Materials"
 _BRDF_ROWS = (

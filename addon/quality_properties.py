@@ -1,15 +1,14 @@
 """How much a measured BRDF spends on a sample, as Blender properties: a change rebuilds the material at once."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
 from ..bake.modes import MODES
 from ..bake.table import FILTERS
-from .effects import Choices
+from .choices import AUTO, is_rebuilding, without_rebuilding
+from .rebuild import rebuild_or_say
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
 MODE_WORDS = {
@@ -21,7 +20,6 @@ MODE_WORDS = {
     "exact": ("Exact", "Cycles' own closures as far as they go, the rest by a stochastic mirror: less noise"),
     "reference": ("Reference", "All of it by a stochastic mirror"),
 }
-AUTO = "auto"
 _FILTER_WORDS = {"nearest": "Nearest", "trilinear": "Linear", "bspline": "B-Spline"}
 
 
@@ -29,25 +27,8 @@ def _items(words: dict[str, tuple[str, str]], choices: tuple[str, ...]) -> list[
     return [(choice, *words[choice]) for choice in choices]
 
 
-_quiet = False
-
-
-@contextmanager
-def without_rebuilding() -> Iterator[None]:
-    """Inside, a change of these properties rebuilds nothing."""
-    global _quiet
-    before, _quiet = _quiet, True
-    try:
-        yield
-    finally:
-        _quiet = before
-
-
 def _changed(properties: Any, _context: bpy.types.Context) -> None:
-    if not _quiet:
-        # Imported here: it needs what is defined in this module.
-        from .rebuild import rebuild_or_say
-
+    if is_rebuilding():
         with without_rebuilding():
             rebuild_or_say(properties.id_data)
 
@@ -115,24 +96,6 @@ class MEASURED_MATERIALS_PG_quality(bpy.types.PropertyGroup):
     filter: _FILTER
     detail: _DETAIL
     problem: bpy.props.StringProperty(description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"})
-
-
-def choices_of(properties: Any) -> Choices:
-    """The properties as choices."""
-    return Choices(
-        mode=properties.mode,
-        aim=properties.aim,
-        residual=properties.residual,
-        filter=properties.filter,
-        detail=properties.detail,
-    )
-
-
-def show_choices(properties: Any, choices: Choices) -> None:
-    """Set the properties to how a material is built; nothing is rebuilt."""
-    with without_rebuilding():
-        for name in ("mode", "aim", "residual", "filter", "detail"):
-            setattr(properties, name, getattr(choices, name))
 
 
 def draw_quality(layout: bpy.types.UILayout, properties: Any, *, shading_map: bool) -> None:

@@ -8,15 +8,14 @@ from typing import Any
 
 import bpy
 
-from ..bake.bundle import Bundle
+from ..bake.bundle import Bundle, is_bundle
 from ..bake.errors import BakeError
 from .brdf_build import account_of, build_brdf, choices_from
-from .cli_bake_arc import is_bundle
-from .cli_result import one_line
-from .effects import Choices, Effect
+from .choices import Choices, choices_of, show_choices
+from .effects import Effect
+from .facts import facts_of, is_measured, is_shading_map, keep_facts
 from .kept_textures import bundle_path, missing_texture, rebuild
-from .measured_material import facts_of, is_measured, is_shading_map, keep_facts
-from .quality_properties import choices_of, show_choices
+from .text import one_line
 
 # Images of the bundle that each mode is built of, beside the weights of Preview.
 _IMAGES = {

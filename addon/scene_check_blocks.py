@@ -16,8 +16,8 @@ from ..nodes.data_image import has_common_name, rename_packed
 from ..nodes.group import HASH_KEY, content_hash
 from . import aim, lamps, rebuild
 from .arc_relight import why_not_relightable
-from .effects import AUTO
-from .measured_material import is_measured, is_shading_map
+from .choices import AUTO
+from .facts import is_measured, is_shading_map
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 from .texture_content import file_of
 from .texture_repair import expected, is_another, load_right, right_file

@@ -12,8 +12,9 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon import arc_material, arc_operator, arc_relight, kept_textures, measured_material, panel
+from measured_materials.addon.facts import FACTS_KEY, facts_of
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.lighting_properties import lighting_of, show_lighting
+from measured_materials.addon.lighting import lighting_of, show_lighting
 from measured_materials.addon.rebuild import refit
 from measured_materials.addon.scene_check_subject import measured_trees
 from measured_materials.addon.stages import USUAL_SIZE
@@ -65,7 +66,7 @@ def mapping_of(material: Any) -> Any:
 
 def assert_lit_as(material: Any, settings: RenderSettings, bundle_path: Path) -> None:
     """As if it had been built from a bundle of this light; names of textures apart, which Blender numbers."""
-    facts = {**read_bundle(bundle_path).material, "albedo": measured_material.facts_of(material)["albedo"]}
+    facts = {**read_bundle(bundle_path).material, "albedo": facts_of(material)["albedo"]}
     fresh = build_shading_map(Bundle(bundle_path, facts), settings=settings, lamps=lamp_image())
     assert shape_of(group_of(material)) == shape_of(group_of(fresh))
     assert arc_relight.current_lighting(material) == settings
@@ -97,7 +98,7 @@ def test_import_puts_the_material_on_the_object(felt: Any, stack: Path, tmp_path
     assert felt.name == "felt" and felt.users == 1 and not felt.use_fake_user
     bundle = read_bundle(tmp_path / "felt.mmat")
     assert felt[BUNDLE_KEY] == str(bundle.path) and felt[SOURCE_KEY] == str(stack)
-    facts = measured_material.facts_of(felt)
+    facts = facts_of(felt)
     assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
     assert all(image.packed_file for image in kept_textures.textures_of(felt).values())
     assert felt.measured_arc.size == USUAL_SIZE and felt.measured_lighting.lobe == "lambert"
@@ -110,7 +111,7 @@ def test_import_of_chosen_files(stack: Path, plate: Any, tmp_path: Path) -> None
     options = {"lobe": "ggx", "ggx_alpha": 0.25, "slices": 4, "scale_by": "albedo", "albedo": 0.3, "pack": False}
     bpy.ops.measured_materials.import_arc(directory=str(stack), files=files, bundles=str(tmp_path), **options)
     material = plate.active_material
-    facts = measured_material.facts_of(material)
+    facts = facts_of(material)
     assert facts["averages"]["photographs"] == ["el15.png", "el55.png", "el90.png"]
     assert facts["render"]["lobe"] == {"name": "ggx", "alpha": 0.25} and facts["map"]["a_max"] > 0
     assert material.measured_lighting.ggx_alpha == 0.25 and material.measured_arc.scale_by == "albedo"
@@ -124,14 +125,14 @@ def test_one_file_stands_for_its_folder(chosen: str, tmp_path: Path, plate: Any)
     (folder / "lights.csv").write_text("file,elevation\nel20.png,21\nel50.png,51\nel80.png,81\n")
     where = {"filepath": str(folder / chosen), "directory": str(folder), "files": [{"name": chosen}]}
     bpy.ops.measured_materials.import_arc(**where, bundles=str(tmp_path))
-    facts = measured_material.facts_of(plate.active_material)
+    facts = facts_of(plate.active_material)
     assert facts["averages"]["elevations_deg"] == [21, 51, 81]
 
 
 def test_fitted_lobe_is_shown(stack: Path, plate: Any, tmp_path: Path) -> None:
     bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), fit_lobe=True)
     material = plate.active_material
-    fitted = measured_material.facts_of(material)["lobe_fit"]["lobe"]
+    fitted = facts_of(material)["lobe_fit"]["lobe"]
     assert lighting_of(material.measured_lighting).lobe.name == fitted["name"]
     assert material.measured_arc.fit_lobe
 
@@ -179,7 +180,7 @@ def test_a_change_of_light_rebuilds_at_once(
     light.technique, light.mode, light.a_max = "angular", "reference", 0.2
     last = RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", "angular", "reference", "extend", 0.2)
     assert_lit_as(material, last, bundle.path)
-    albedo = measured_material.facts_of(material)["albedo"]
+    albedo = facts_of(material)["albedo"]
     expected = map_albedo_facts(shading_map_of(bundle), last, None)
     # The means are kept in float32.
     np.testing.assert_allclose(albedo["directional"], expected["directional"], rtol=1e-5)
@@ -314,7 +315,7 @@ def test_baking_again_keeps_the_users(felt: Any, plate: Any, tmp_path: Path) -> 
     mapping_of(felt).inputs["Scale"].default_value = (3, 3, 1)
     assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
     assert plate.active_material == felt and felt.users == 1
-    facts = measured_material.facts_of(felt)
+    facts = facts_of(felt)
     assert facts["map"]["slices"] == 4 and facts["render"] == GGX.facts()
     assert [file.name for file in tmp_path.iterdir()] == ["felt.mmat"]
     assert len(bpy.data.images) == images
@@ -332,16 +333,16 @@ def test_baking_a_copy_leaves_the_original_alone(felt: Any, plate: Any) -> None:
     bpy.ops.measured_materials.bake_again()
     assert copy[BUNDLE_KEY] != felt[BUNDLE_KEY]
     assert read_bundle(felt[BUNDLE_KEY]).material["map"]["slices"] == 8
-    assert measured_material.facts_of(felt)["map"]["slices"] == 8
+    assert facts_of(felt)["map"]["slices"] == 8
     felt.measured_lighting.sigma = 0.4
     assert felt.measured_lighting.problem == ""
 
 
 def test_failed_baking_changes_nothing(felt: Any, tmp_path: Path) -> None:
-    facts = felt[measured_material.FACTS_KEY]
+    facts = felt[FACTS_KEY]
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "absent"))
-    assert felt[measured_material.FACTS_KEY] == facts
+    assert felt[FACTS_KEY] == facts
     felt.measured_lighting.sigma = 0.4
     assert felt.measured_lighting.problem == ""
     felt[SOURCE_KEY] = str(tmp_path / "moved")
@@ -391,7 +392,7 @@ def test_panels_offer_what_has_an_effect(felt: Any) -> None:
     "text", ["", "{}", '{"kind": "shading_map"}', '{"kind": "shading_map", "images": {"slices": 1}, "render": {}}']
 )
 def test_panel_survives_foreign_facts(text: str, felt: Any) -> None:
-    felt[measured_material.FACTS_KEY] = text
+    felt[FACTS_KEY] = text
     assert Stage(felt).drawn(panel._Panel)
     Stage(felt).drawn(panel._BakePanel)
     Stage(felt).drawn(panel._LightingPanel)

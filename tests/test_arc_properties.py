@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import pytest
 from measured_materials.addon.arc_properties import arc_settings_of, show_arc_settings
-from measured_materials.addon.lighting_properties import lighting_of, show_lighting
+from measured_materials.addon.lighting import lighting_of, show_lighting
 from measured_materials.addon.stages import USUAL_SIZE
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading.bake_arc import ArcSettings

@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon import brdf_build, measured_material, rebuild
-from measured_materials.addon.effects import Choices
+from measured_materials.addon.choices import Choices
+from measured_materials.addon.facts import facts_of
 from measured_materials.addon.kept_textures import textures_of
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.scene_check import check_scene, mend
@@ -145,7 +146,7 @@ def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Mate
     assert images_in(material.node_tree) == exact
     quality.mode = "exact"
     assert images_in(material.node_tree) == exact
-    assert set(textures_of(material)) == set(measured_material.facts_of(material)["images"])
+    assert set(textures_of(material)) == set(facts_of(material)["images"])
     assert not [image for image in bpy.data.images if not image.users and image.name.startswith("metallic-paint")]
 
 
