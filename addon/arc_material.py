@@ -95,7 +95,7 @@ def _material_from(
         rendering=rendering,
     )
     material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
-    show_lighting(material.measured_lighting, render_of(bundle))
+    show_lighting(material, render_of(bundle))
     return material
 
 

@@ -16,7 +16,7 @@ class Choices:
 
     Parameters
     ----------
-    mode : of `bake.modes.MODES`; a shading map's is with its lighting
+    mode : of `bake.modes.MODES`; of a shading map, `RenderSettings.mode` counts
     aim, residual, detail : "auto", "always" or "never"
     filter : "auto" or one of `bake.table.FILTERS`
     """

@@ -27,11 +27,6 @@ def is_measured(material: bpy.types.Material | None) -> bool:
     return material is not None and isinstance(material.get(FACTS_KEY), str)
 
 
-def is_shading_map(material: bpy.types.Material | None) -> bool:
-    """Whether the material was made here of photographs."""
-    return material is not None and is_measured(material) and facts_of(material).get("kind") == "shading_map"
-
-
 def facts_of(material: bpy.types.Material) -> dict[str, Any]:
     """What its bundle said of it; empty if that is not to be read. Do not change it."""
     return _parsed(material[FACTS_KEY])

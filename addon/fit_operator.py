@@ -8,7 +8,7 @@ from ..bake.errors import BakeError
 from ..nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
 from . import lamps, world_light
 from .facts import is_measured
-from .rebuild import refit
+from .kinds import kind_of
 from .text import one_line
 
 
@@ -33,7 +33,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
         fitted = 0
         for material in materials_in(context.scene):
             try:
-                refit(material, context.scene)
+                kind_of(material).refit(material, context.scene)
                 fitted += 1
             except BakeError as error:
                 self.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))

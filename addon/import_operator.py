@@ -9,9 +9,7 @@ import bpy
 from ..bake.errors import BakeError
 from ..bake.sources import READERS, known_formats
 from .bake_properties import BakeProperties, draw_settings, settings_of, show_settings
-from .describe import error_rows
-from .facts import facts_of
-from .measured_material import assign, bundle_folder, import_brdf, told_place
+from .measured_material import assign, bundle_folder, error_words, import_brdf, told_place
 from .text import one_line
 from .ui_context import object_under
 from .window_progress import window_progress
@@ -119,12 +117,6 @@ class MEASURED_MATERIALS_FH_brdf(bpy.types.FileHandler):
     def poll_drop(cls, context: bpy.types.Context) -> bool:
         """Where the import makes sense."""
         return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
-
-
-def error_words(material: bpy.types.Material) -> str:
-    """Its measured error, short."""
-    rows = dict(error_rows(facts_of(material), material.name))
-    return f"RMS error {rows['RMS error']} ({rows['Relative']})"
 
 
 def _others(count: int) -> str:

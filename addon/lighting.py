@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
+
 from ..bake.shading.lobes import PARAMETERS, Lobe, Parameter
 from ..bake.shading.render_settings import RenderSettings
 from .choices import without_rebuilding
@@ -11,7 +13,7 @@ from .choices import without_rebuilding
 # The choice of a measured BRDF among the lobes.
 MEASURED = "measured"
 # Those named as in the settings.
-_PLAIN = ("above", "technique", "mode", "tiling")
+_PLAIN = ("above", "technique", "tiling")
 
 
 def number(value: float) -> float:
@@ -24,8 +26,13 @@ def parameter_key(lobe: str, parameter: Parameter) -> str:
     return f"{lobe}_{parameter.name}"
 
 
-def lighting_of(properties: Any) -> RenderSettings:
-    """The properties as settings. Raises BakeError."""
+def uses_mode(technique: str) -> bool:
+    """Whether a technique goes by the light that is reflected, so that the mode and what is brighter matter."""
+    return technique in ("lookup", "final_radiance")
+
+
+def lighting_of(properties: Any, mode: str) -> RenderSettings:
+    """The properties of the light, and the material's mode, as settings. Raises BakeError."""
     values = [
         number(getattr(properties, parameter_key(properties.lobe, p))) for p in PARAMETERS.get(properties.lobe, ())
     ]
@@ -34,7 +41,7 @@ def lighting_of(properties: Any) -> RenderSettings:
         sigma=_given(properties.sigma, 1e-6),
         above=properties.above,
         technique=properties.technique,
-        mode=properties.mode,
+        mode=mode,
         tiling=properties.tiling,
         a_max=_given(properties.a_max, 1e-9),
     )
@@ -45,9 +52,11 @@ def _given(value: float, least: float) -> float | None:
     return max(number(value), least) if value > 0 else None
 
 
-def show_lighting(properties: Any, settings: RenderSettings) -> None:
-    """Set the properties to how a material is lit; nothing is rebuilt."""
+def show_lighting(material: bpy.types.Material, settings: RenderSettings) -> None:
+    """Set the material's properties, its mode among them, to how it is lit; nothing is rebuilt."""
+    properties = material.measured_lighting
     with without_rebuilding():
+        material.measured_quality.mode = settings.mode
         lobe = settings.lobe
         properties.lobe = MEASURED if lobe is None else lobe.name
         values = () if lobe is None else (lobe.p1, lobe.p2)

@@ -5,15 +5,13 @@ from typing import Any
 
 import bpy
 
-from ..bake.modes import MODES
 from ..bake.shading.lobes import LOBES, PARAMETERS, Parameter
 from ..bake.shading.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
 from ..bake.shading.shading_map import ABOVE
-from .arc_relight import relight_or_say
-from .choices import is_rebuilding, without_rebuilding
 from .enum_items import enum
-from .lighting import MEASURED, parameter_key
-from .quality_properties import MODE_WORDS
+from .kinds import rebuild_or_say
+from .lighting import MEASURED, parameter_key, uses_mode
+from .quality_properties import mode_property
 
 _USUAL = RenderSettings()
 
@@ -37,7 +35,7 @@ _WORDS = {
     "final_radiance": ("Final Radiance", "By the light that the flat material sends out; EEVEE only, Cycles: Lookup"),
     "repeat": ("Repeat", "The swatch again and again"),
     "extend": ("Extend", "The border's colour"),
-} | MODE_WORDS
+}
 
 
 def _parameter(parameter: Parameter, **options: Any) -> Any:
@@ -89,7 +87,6 @@ def _annotations(**options: Any) -> dict[str, Any]:
         "a_max": a_max,
         "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
         "technique": _choice("Technique", "Of Kautz et al. 2004", TECHNIQUES, _USUAL.technique, **options),
-        "mode": _choice("Mode", "How Cycles computes it", MODES, _USUAL.mode, **options),
         "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
     }
 
@@ -97,13 +94,7 @@ def _annotations(**options: Any) -> dict[str, Any]:
 class LightingProperties:
     """Mixed into the import operator."""
 
-    __annotations__ = _annotations()
-
-
-def _changed(properties: Any, _context: bpy.types.Context) -> None:
-    if is_rebuilding():
-        with without_rebuilding():
-            relight_or_say(properties.id_data)
+    __annotations__ = {**_annotations(), "mode": mode_property()}
 
 
 class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
@@ -111,15 +102,17 @@ class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
 
     __annotations__ = {
         # Not animatable: an animation would change the values without rebuilding the material.
-        **_annotations(update=_changed, options=set()),
+        **_annotations(update=rebuild_or_say, options=set()),
         "problem": bpy.props.StringProperty(
             description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"}
         ),
     }
 
 
-def draw_lighting(layout: bpy.types.UILayout, properties: Any, *, fitted: bool = False) -> None:
-    """Those that have an effect, without the lobe where it will be fitted."""
+def draw_lighting(
+    layout: bpy.types.UILayout, properties: Any, *, fitted: bool = False, with_mode: bool = False
+) -> None:
+    """Those that have an effect, without the lobe where it will be fitted; the operator's also with its mode."""
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     if not fitted:
@@ -129,9 +122,10 @@ def draw_lighting(layout: bpy.types.UILayout, properties: Any, *, fitted: bool =
     column.prop(properties, "sigma")
     column.prop(properties, "a_max")
     column.prop(properties, "technique")
-    if properties.technique in ("lookup", "final_radiance"):
+    if uses_mode(properties.technique):
         column.prop(properties, "above")
-        column.prop(properties, "mode")
+        if with_mode:
+            column.prop(properties, "mode")
     column.prop(properties, "tiling")
 
 

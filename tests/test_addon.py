@@ -12,6 +12,7 @@ import pytest
 from measured_materials.addon import import_operator, measured_material, panel
 from measured_materials.addon.bake_properties import settings_of, show_settings
 from measured_materials.addon.facts import FACTS_KEY, facts_of
+from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.ui_context import shown_material
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
@@ -192,7 +193,7 @@ def test_failed_baking_changes_nothing(lacquer: Any, tmp_path: Path) -> None:
         bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "absent.binary"))
     assert lacquer[FACTS_KEY] == facts and lacquer.node_tree.nodes[0].name == node
     lacquer[SOURCE_KEY] = str(tmp_path / "moved.binary")
-    assert "moved.binary is not there" in measured_material.why_not_bakeable(lacquer)
+    assert "moved.binary is not there" in BRDF.why_not_bakeable(lacquer)
 
 
 def test_lost_measurement_can_be_replaced(lacquer: Any, measurement: Path, tmp_path: Path) -> None:
@@ -206,7 +207,7 @@ def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     model = by_name("phong", diffuse=(0.1, 0.2, 0.3), exponent=7)
     settings = BakeSettings(resolution=6, alpha=(0.5, 0.5), envelope=False)
     material = measured_material.material_from(bake_source(model, tmp_path / "phong", settings), pack=True)
-    assert measured_material.why_not_bakeable(material) == ""
+    assert BRDF.why_not_bakeable(material) == ""
     measured_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False), pack=False)
     facts = facts_of(material)
     assert facts["source"]["facts"]["exponent"] == 7 and facts["table"]["n"] == 8
@@ -218,7 +219,7 @@ def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     material[FACTS_KEY] = "{}"
     with pytest.raises(BakeError, match="choose the measurement"):
         measured_material.bake_again(material, settings, pack=True)
-    assert "does not say" in measured_material.why_not_bakeable(material)
+    assert "does not say" in BRDF.why_not_bakeable(material)
 
 
 def test_greyed_out_button_says_why(plate: Any) -> None:

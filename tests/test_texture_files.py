@@ -190,12 +190,12 @@ save("swapped.blend")
 for name in ("canvas", "satin"):
     shutil.move(moved / f"{name}.mmat", folder / f"{name}.mmat")
     shutil.copytree(folder / f"{name}.mmat", moved / f"{name}.mmat")
-lost = [is_measured(m) and rebuild.why_not_rebuildable(m) for m in bpy.data.materials]
+lost = [is_measured(m) and kinds.BRDF.why_not_rebuildable(m) for m in bpy.data.materials]
 scene_check.mend_scene(bpy.context.scene)
 paths = [i.filepath for m in bpy.data.materials for i in textures_of(m).values() if Path(i.filepath).suffix]
 tell(before=before, swapped=swapped, right=right, after=after, mended=is_right(), left=wrong(), lost=lost, paths=paths)
 """
-    found = run(tmp_path, "from measured_materials.addon import rebuild\n" + script)
+    found = run(tmp_path, "from measured_materials.addon import kinds\n" + script)
     assert "common_names" in found["before"] and "wrong_texture" not in found["before"]
     taken = {f"{name} {part}" for name, parts in found["swapped"].items() for part in parts}
     assert taken and taken == {part for part, right in found["right"].items() if not right}
