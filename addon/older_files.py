@@ -15,6 +15,7 @@ from bpy.app.handlers import persistent
 from ..bake.errors import BakeError
 from .arc_relight import current_lighting
 from .choices import without_rebuilding
+from .events import listen, stop_listening
 from .kinds import SHADING_MAP, kind_of
 
 
@@ -40,15 +41,11 @@ _HANDLERS = {"load_post": _after_loading, "blend_import_post": _after_loading}
 
 def register() -> None:
     """Called by `addon.register`, after the properties. The extension may be updated while a file is open."""
-    for event, handler in _HANDLERS.items():
-        if hasattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).append(handler)
+    listen(_HANDLERS)
     if hasattr(bpy.data, "materials"):  # while Blender starts there is no data yet
         show_modes()
 
 
 def unregister() -> None:
     """Called by `addon.unregister`."""
-    for event, handler in _HANDLERS.items():
-        if hasattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).remove(handler)
+    stop_listening(_HANDLERS)
