@@ -301,15 +301,6 @@ def test_a_copy_is_lit_apart(felt: Any, tmp_path: Path) -> None:
     assert felt.measured_lighting.problem == ""
 
 
-def test_lighting_of_another_material_does_nothing() -> None:
-    plain = bpy.data.materials.new("plain")
-    try:
-        plain.measured_lighting.sigma = 0.9
-        assert plain.measured_lighting.sigma == pytest.approx(0.9) and plain.measured_lighting.problem == ""
-    finally:
-        bpy.data.materials.remove(plain)
-
-
 # --- bake again -------------------------------------------------------------------------------------------
 
 

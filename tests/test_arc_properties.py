@@ -64,3 +64,12 @@ def test_lighting_survives_the_properties(name: str) -> None:
         assert material.measured_lighting.problem == ""
     finally:
         bpy.data.materials.remove(material)
+
+
+def test_lighting_of_another_material_does_nothing() -> None:
+    plain = bpy.data.materials.new("plain")
+    try:
+        plain.measured_lighting.sigma = 0.9
+        assert plain.measured_lighting.sigma == pytest.approx(0.9) and plain.measured_lighting.problem == ""
+    finally:
+        bpy.data.materials.remove(plain)
