@@ -11,13 +11,14 @@ from ..bake.shading.map_facts import map_facts_of
 from ..bake.shading.render_settings import RenderSettings
 from ..nodes.shading_map_material import build_shading_map
 from .aim import what_to_aim_at
+from .choices import choices_of
 from .effects import is_ready, plan_aim, plan_bounces, plan_detail
 from .footprint import texel_footprint
 from .lamp_survey import survey_scene
 from .lamps import lamp_image
-from .quality_properties import choices_of
 
-_MAPPING = "Swatch size and rotation"
+# Label of the node that lays the swatch out.
+SWATCH_MAPPING = "Swatch size and rotation"
 
 
 def build_map(
@@ -50,7 +51,7 @@ def build_map(
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:
     """Texels along u and v in a unit of the UV map; None where an artist has linked something else to the swatch."""
     mapping = next(
-        (n for n in material.node_tree.nodes if n.label == _MAPPING and n.bl_idname == "ShaderNodeMapping"), None
+        (n for n in material.node_tree.nodes if n.label == SWATCH_MAPPING and n.bl_idname == "ShaderNodeMapping"), None
     )
     if mapping is None or any(socket.is_linked for socket in mapping.inputs[1:]):
         return None

@@ -16,16 +16,16 @@ from ..bake.errors import BakeError
 from ..bake.shading.bake_arc import ArcSettings, bake_arc
 from ..bake.shading.map_facts import render_of, shading_map_of
 from ..nodes.shading_map_material import build_shading_map
-from .arc_build import build_map
+from .arc_build import SWATCH_MAPPING, build_map
 from .blender_photographs import decode
 from .describe_map import energy_rows, map_error_rows, map_rows
+from .facts import facts_of, source_file
 from .kept_textures import keep_textures
-from .lighting_properties import show_lighting
-from .measured_material import facts_of, free_bundle, remember, source_file, target_of
+from .lighting import show_lighting
+from .measured_material import free_bundle, remember, target_of
 
 # Names of the photographs as JSON where they are not a whole folder.
 FILES_KEY = "measured_materials_photographs"
-_MAPPING = "Swatch size and rotation"
 
 
 def import_arc(
@@ -94,7 +94,7 @@ def _material_from(
         rendering=rendering,
     )
     material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
-    show_lighting(material.measured_lighting, render_of(bundle))
+    show_lighting(material, render_of(bundle))
     return material
 
 
@@ -111,5 +111,5 @@ def set_repeat(material: bpy.types.Material, repeat: float, facts: dict[str, Any
     """Have the swatch lie `repeat` times along a unit of texture coordinates, its sides in proportion."""
     width, height = (require(facts, key, int, material.name, minimum=1) for key in ("width", "height"))
     for node in material.node_tree.nodes:
-        if node.bl_idname == "ShaderNodeMapping" and node.label == _MAPPING:
+        if node.bl_idname == "ShaderNodeMapping" and node.label == SWATCH_MAPPING:
             node.inputs["Scale"].default_value = (repeat, repeat * width / height, 1.0)

@@ -23,6 +23,7 @@ from ..bake.light_sampling import TEXELS, lamp_table
 from ..nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aim_by, aimed_light_group, can_switch
 from ..nodes.light_images import new_table, world_table
 from . import fresh_tables, world_light
+from .events import listen, stop_listening
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
 from .world_light import PROBE
 
@@ -283,22 +284,14 @@ _HANDLERS = {
 }
 
 
-def _registered() -> list[tuple[list[Any], Any]]:
-    """Blender's lists of handlers, those of this version, each with ours."""
-    handlers = bpy.app.handlers
-    return [(getattr(handlers, event), own) for event, own in _HANDLERS.items() if hasattr(handlers, event)]
-
-
 def register() -> None:
     """Called by `addon.register`."""
-    for handlers, handler in _registered():
-        handlers.append(handler)
+    listen(_HANDLERS)
 
 
 def unregister() -> None:
     """Called by `addon.unregister`."""
-    for handlers, handler in _registered():
-        handlers.remove(handler)
+    stop_listening(_HANDLERS)
     if bpy.app.timers.is_registered(_try_again):
         bpy.app.timers.unregister(_try_again)
     _needs.clear()

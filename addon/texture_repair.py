@@ -26,8 +26,9 @@ from ..nodes.data_image import (
     rename_packed,
 )
 from . import texture_content
+from .events import listen, stop_listening
+from .facts import facts_of, is_measured
 from .kept_textures import bundle_path, textures_of
-from .measured_material import facts_of, is_measured
 from .texture_content import is_of_content
 
 
@@ -117,13 +118,9 @@ _HANDLERS = {"load_post": _after_loading, "blend_import_post": _after_appending}
 
 def register() -> None:
     """Called by `addon.register`."""
-    for event, handler in _HANDLERS.items():
-        if hasattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).append(handler)
+    listen(_HANDLERS)
 
 
 def unregister() -> None:
     """Called by `addon.unregister`."""
-    for event, handler in _HANDLERS.items():
-        if hasattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).remove(handler)
+    stop_listening(_HANDLERS)
