@@ -15,10 +15,11 @@ import numpy as np
 from ..bake.bake_brdf import TableSource
 from ..bake.bundle import MATERIAL, Bundle, require
 from ..bake.errors import BakeError
+from ..bake.material_json import Fields
 from ..bake.shading.map_albedo import map_albedo_facts
 from ..bake.shading.map_facts import map_facts_of
+from ..bake.shading.record_parts import render_settings_of
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.shading.render_settings import render_settings_of as settings_from_facts
 from ..bake.shading.shading_map import ShadingMap
 from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
@@ -47,7 +48,7 @@ def relight_or_say(material: bpy.types.Material) -> None:
 
 def current_lighting(material: bpy.types.Material) -> RenderSettings:
     """How the material is lit. Raises BakeError."""
-    return settings_from_facts(require(facts_of(material), "render", dict, material.name), material.name)
+    return render_settings_of(Fields(facts_of(material), material.name).part("render"))
 
 
 def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.types.Scene | None = None) -> None:

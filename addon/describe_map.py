@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..bake.bundle import require
+from ..bake.material_json import Fields
 from ..bake.shading.lobes import Lobe
 from ..bake.shading.map_facts import MODELS
-from ..bake.shading.render_settings import render_settings_of
+from ..bake.shading.record_parts import render_settings_of
 from ..bake.shading.shading_map import SAME_LEVEL
 from .describe import Rows, colour
 
@@ -99,7 +100,7 @@ def _tiling(tiling: Mapping[str, Any], where: str | Path) -> str:
 
 def lighting_rows(facts: Mapping[str, Any], where: str | Path) -> Rows:
     """How the map is lit."""
-    settings = render_settings_of(require(facts, "render", dict, where), where)
+    settings = render_settings_of(Fields(facts, where).part("render"))
     albedo = require(facts, "albedo", dict, where)
     sigma, a_max = (require(albedo, key, float, where) for key in ("sigma", "a_max"))
     rows = [

@@ -12,7 +12,7 @@ from . import xp_numpy
 from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
-from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
+from .envelope import EnvelopeFit, PreviewFit, checked_shares
 from .errors import BakeError
 from .half_grid import HalfGrid
 from .log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
@@ -131,8 +131,9 @@ def residual_table_of(bundle: Bundle) -> BrdfTable:
 
 def envelope_of(bundle: Bundle) -> EnvelopeFit:
     """The stored envelope. Raises BakeError."""
-    where = bundle.path / "material.json"
-    return fit_from_image(require(bundle.material, "envelope", dict, where), bundle.load("envelope"), where)
+    from .brdf.record import BrdfRecord
+
+    return BrdfRecord.read(bundle).load_envelope()  # type: ignore[return-value]
 
 
 def check_shares(bundle: Bundle) -> None:
@@ -142,8 +143,9 @@ def check_shares(bundle: Bundle) -> None:
 
 def preview_of(bundle: Bundle) -> PreviewFit:
     """The stored closures of mode Preview. Raises BakeError."""
-    where = bundle.path / "material.json"
-    return preview_from_image(require(bundle.material, "preview", dict, where), bundle.load("preview_weights"), where)
+    from .brdf.record import BrdfRecord
+
+    return BrdfRecord.read(bundle).load_preview()  # type: ignore[return-value]
 
 
 def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SamplerLayout:

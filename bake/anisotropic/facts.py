@@ -11,7 +11,6 @@ from ..table import FILTERS, Filter
 from ..table_facts import decoded, log_of, warps_of
 from .atlas import SliceLayout, unpack
 from .envelope import AnisotropicFit
-from .envelope_texture import fit_from_image
 from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
 from .sampler import SlopeLayout, SlopeSampler
 from .table import AnisotropicTable
@@ -99,9 +98,10 @@ def sampler_of(bundle: Bundle, name: str = "sampler") -> SlopeSampler:
 
 def closures_of(bundle: Bundle, name: str = "envelope") -> AnisotropicFit:
     """The stored "envelope", or the closures of mode Preview, "preview_weights". Raises BakeError."""
-    where = bundle.path / "material.json"
-    key = "envelope" if name == "envelope" else "preview"
-    return fit_from_image(require(bundle.material, key, dict, where), bundle.load(name), where)
+    from ..brdf.record import BrdfRecord
+
+    record = BrdfRecord.read(bundle)
+    return record.load_envelope() if name == "envelope" else record.load_preview()  # type: ignore[return-value]
 
 
 def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:

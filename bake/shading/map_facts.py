@@ -10,9 +10,11 @@ import numpy as np
 
 from ..bundle import MATERIAL, Bundle, require
 from ..errors import BakeError
+from ..material_json import Fields
 from . import power_law, slice_basis
 from .light_angle import ANGLE_KNOTS
-from .render_settings import RenderSettings, render_settings_of
+from .record_parts import render_settings_of
+from .render_settings import RenderSettings
 from .shading_map import MAX_SLICES, ShadingMap
 from .slice_atlas import GUTTER, SliceLayout, unpack_slices
 
@@ -79,7 +81,7 @@ def map_facts_of(bundle: Bundle) -> MapFacts:
 def render_of(bundle: Bundle) -> RenderSettings:
     """How the bundle asks to be lit. Raises BakeError."""
     where = bundle.path / MATERIAL
-    return render_settings_of(require(bundle.material, "render", dict, where), where)
+    return render_settings_of(Fields(bundle.material, where).part("render"))
 
 
 def shading_map_of(bundle: Bundle) -> ShadingMap:
