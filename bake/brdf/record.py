@@ -7,24 +7,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from ..alias_sampler import AliasSampler, SamplerLayout
 from ..anisotropic import envelope_texture as anisotropic_texture
 from ..anisotropic.envelope import AnisotropicFit
-from ..anisotropic.grid import HalfGrid as SlopeGrid
-from ..anisotropic.grid import NormalGrid
-from ..anisotropic.sampler import SlopeLayout, SlopeSampler
-from ..anisotropic.table import AnisotropicTable
+from ..anisotropic.sampler import SlopeLayout
 from ..anisotropic.views import ViewerGrid
 from ..bundle import MATERIAL, Bundle
 from ..envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from ..errors import BakeError
 from ..material_json import Fields
 from ..shading.lobes import Lobe
-from ..source import Array
 from ..storage import Storage
-from ..table import BrdfTable
+from .baked_table import SAMPLERS, BakedTable, Layout, Sampler, Table
 from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
-from .grids import is_anisotropic, texture_size, unpacked
+from .grids import is_anisotropic, texture_size
 from .parts import (
     AlphaSearchRecord,
     CandidateRecord,
@@ -38,11 +33,6 @@ from .parts import (
     candidates_of,
     sampler_of,
 )
-
-Table = BrdfTable | AnisotropicTable
-Layout = SamplerLayout | SlopeLayout
-Sampler = AliasSampler | SlopeSampler
-SAMPLERS = {"table": "sampler", "residual": "residual_sampler"}
 
 
 @dataclass(frozen=True)
@@ -88,6 +78,11 @@ class BrdfRecord:
     def read(cls, bundle: Bundle) -> BrdfRecord:
         """Of a bundle. Raises BakeError where it is of another kind, or an entry is missing or wrong."""
         return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
+
+    @classmethod
+    def of(cls, source: Bundle | BrdfRecord) -> BrdfRecord:
+        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
+        return source if isinstance(source, BrdfRecord) else cls.read(source)
 
     @classmethod
     def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> BrdfRecord:
@@ -148,20 +143,17 @@ class BrdfRecord:
             raise BakeError(self.where, f"'{part}' is missing", "bake it again")
         return found
 
+    def baked(self, part: str = "table") -> BakedTable:
+        """The "table" or the "residual" with its alias tables. Raises BakeError where there is none."""
+        return BakedTable(self.files(), part, self.stored(part), self.sampler, self.table.filter)
+
     def load_table(self, part: str = "table") -> Table:
         """The stored values of the "table" or the "residual". Raises BakeError."""
-        stored = self.stored(part)
-        values = read_values(stored, self.files(), part)
-        if isinstance(stored.grid, NormalGrid | SlopeGrid):
-            return AnisotropicTable(stored.grid, values, self.table.filter, stored.log)
-        return BrdfTable(stored.grid, values, stored.log)
+        return self.baked(part).load()
 
     def load_sampler(self, part: str = "table") -> Sampler:
         """The stored alias tables of the "table" or the "residual". Raises BakeError where a number would lead out."""
-        texels = read_cells(self.files(), SAMPLERS[part], self.sampler.cells)
-        if isinstance(self.sampler, SlopeLayout):
-            return SlopeSampler(self.sampler, texels)
-        return AliasSampler(self.sampler, texels)
+        return self.baked(part).load_sampler()
 
     def load_envelope(self) -> EnvelopeFit | AnisotropicFit:
         """The stored envelope. Raises BakeError."""
@@ -191,19 +183,6 @@ class BrdfRecord:
     @staticmethod
     def _lobes(fitted: EnvelopeRecord | PreviewRecord) -> tuple[Lobe, ...]:
         return cast("tuple[Lobe, ...]", fitted.closures)
-
-
-def read_values(stored: StoredTableRecord, bundle: Bundle, part: str) -> Array:
-    """Values, grid.shape + (3,), of the bundle's image of this name. Raises BakeError."""
-    return stored.decoded(unpacked(stored.grid, bundle.load(part)))
-
-
-def read_cells(bundle: Bundle, name: str, cells: int) -> Array:
-    """Texels (bins, cells, 4) of the bundle's alias tables of this name. Raises BakeError where one would lead out."""
-    texels = bundle.load(name)
-    if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= cells).any():
-        raise BakeError(bundle.image_path(name), "is no alias table", "bake it again")
-    return texels
 
 
 def _stored_as(images: Mapping[str, ImageRecord], name: str) -> Storage | None:

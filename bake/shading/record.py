@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..alias_sampler import AliasSampler, SamplerLayout
+from ..alias_sampler import SamplerLayout
+from ..brdf.baked_table import BakedTable
 from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
 from ..brdf.grids import is_anisotropic, texture_size
 from ..brdf.parts import TableRecord, sampler_of
-from ..brdf.record import read_cells, read_values
 from ..bundle import MATERIAL, Bundle
 from ..errors import BakeError
 from ..material_json import Fields
-from ..table import BrdfTable
 from . import power_law, slice_basis
 from .record_parts import (
     LitAlbedoRecord,
@@ -86,6 +85,11 @@ class ShadingMapRecord:
         return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
 
     @classmethod
+    def of(cls, source: Bundle | ShadingMapRecord) -> ShadingMapRecord:
+        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
+        return source if isinstance(source, ShadingMapRecord) else cls.read(source)
+
+    @classmethod
     def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> ShadingMapRecord:
         """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
         if kind_of(document) != "shading_map":
@@ -135,15 +139,10 @@ class ShadingMapRecord:
             raise BakeError(self.where, "holds no measured BRDF to use as f_r", "choose a lobe, or bake with --brdf")
         return self.f_r
 
-    def load_f_r(self) -> BrdfTable:
-        """The table of the measured f_r. Raises BakeError."""
-        stored = self.measured_lobe().table
-        return BrdfTable(stored.grid, read_values(stored, self.files(), "table"), stored.log)  # type: ignore[arg-type]
-
-    def load_f_r_sampler(self) -> AliasSampler:
-        """The alias tables of the measured f_r. Raises BakeError where a number would lead out of them."""
-        layout = self.measured_lobe().sampler
-        return AliasSampler(layout, read_cells(self.files(), "sampler", layout.cells))
+    def baked_lobe(self) -> BakedTable:
+        """The table of the measured f_r with its alias tables. Raises BakeError where the bundle holds none."""
+        lobe = self.measured_lobe()
+        return BakedTable(self.files(), "table", lobe.table, lobe.sampler, lobe.table.filter)
 
     def load_map(self) -> ShadingMap:
         """The map as stored, for numpy. Raises BakeError."""
