@@ -17,6 +17,7 @@ _MODULES = (
     "import_operator",
     "lamps",
     "texture_repair",
+    "older_files",
     "arc_operator",
     "bake_operator",
     "fit_operator",

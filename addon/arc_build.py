@@ -11,11 +11,11 @@ from ..bake.shading.map_facts import map_facts_of
 from ..bake.shading.render_settings import RenderSettings
 from ..nodes.shading_map_material import build_shading_map
 from .aim import what_to_aim_at
+from .choices import choices_of
 from .effects import is_ready, plan_aim, plan_bounces, plan_detail
 from .footprint import texel_footprint
 from .lamp_survey import survey_scene
 from .lamps import lamp_image
-from .quality_properties import choices_of
 
 _MAPPING = "Swatch size and rotation"
 

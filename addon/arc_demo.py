@@ -33,7 +33,8 @@ from .arc_material import set_repeat
 from .gantry import gantry_scene, photograph_arc
 from .lamps import lamp_image, update_scene
 from .picture_sheet import Cell, write_sheet
-from .studio import build_studio, remove_studio, render_linear, set_unbiased
+from .renderer import set_unbiased
+from .studio import build_studio, remove_studio, render_linear
 from .swatches import SWATCHES, Swatch
 from .techniques import IN_ORDER, Array, Case, Frames
 

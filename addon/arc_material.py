@@ -19,9 +19,10 @@ from ..nodes.shading_map_material import build_shading_map
 from .arc_build import build_map
 from .blender_photographs import decode
 from .describe_map import energy_rows, map_error_rows, map_rows
+from .facts import facts_of, source_file
 from .kept_textures import keep_textures
-from .lighting_properties import show_lighting
-from .measured_material import facts_of, free_bundle, remember, source_file, target_of
+from .lighting import show_lighting
+from .measured_material import free_bundle, remember, target_of
 
 # Names of the photographs as JSON where they are not a whole folder.
 FILES_KEY = "measured_materials_photographs"
@@ -94,7 +95,7 @@ def _material_from(
         rendering=rendering,
     )
     material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
-    show_lighting(material.measured_lighting, render_of(bundle))
+    show_lighting(material, render_of(bundle))
     return material
 
 

@@ -10,10 +10,11 @@ from ..bake.errors import BakeError
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
 from .arc_material import import_arc, map_words
 from .arc_properties import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
-from .cli_result import one_line
-from .import_operator import object_under
+from .facts import facts_of
 from .lighting_properties import LightingProperties, draw_lighting
-from .measured_material import bundle_folder, facts_of, told_place
+from .measured_material import bundle_folder, told_place
+from .text import one_line
+from .ui_context import object_under
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
@@ -67,7 +68,7 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
     def draw(self, _context: bpy.types.Context) -> None:
         """In the file browser's sidebar or in the dialogue."""
         draw_arc_settings(self.layout, self, self)
-        draw_lighting(self.layout, self, fitted=self.fit_lobe)
+        draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(self, "bundles")
@@ -81,7 +82,7 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
             self.report({"ERROR"}, "No photographs were chosen: JPEG, PNG, TIFF, EXR or HDR, or their folder")
             return {"CANCELLED"}
         try:
-            settings = arc_settings_of(self, self)
+            settings = arc_settings_of(self, self, self.mode)
             folder = bundle_folder(self.bundles, source if isinstance(source, Path) else source[0].parent)
             with window_progress(context, settings) as progress_of:
                 material = import_arc(source, folder, settings, pack=self.pack, progress=progress_of(0))

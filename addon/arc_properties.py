@@ -12,7 +12,8 @@ from ..bake.shading.bake_arc import TILEABLES, ArcSettings
 from ..bake.shading.map_store import COMPRESSIONS
 from ..bake.shading.shading_map import MAX_SLICES, MIN_SLICES
 from ..bake.storage import IMAGE_STORAGES, Storage
-from .lighting_properties import MEASURED, enum, lighting_of, number
+from .enum_items import enum
+from .lighting import MEASURED, lighting_of, number
 from .stages import USUAL_SIZE
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
@@ -125,14 +126,14 @@ class MEASURED_MATERIALS_PG_arc(ArcProperties, bpy.types.PropertyGroup):
     """Settings of a shading-map material's next bake."""
 
 
-def arc_settings_of(properties: Any, light: Any) -> ArcSettings:
-    """The properties, and those of the lighting, as bake settings. Raises BakeError."""
+def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
+    """The properties, those of the lighting, and the mode, as bake settings. Raises BakeError."""
     p = properties
     return ArcSettings(
         **{name: getattr(p, name) for name in _MAP},
         lobe_auto=p.fit_lobe,
         brdf=_file(p.brdf) if light.lobe == MEASURED and not p.fit_lobe else None,
-        render=lighting_of(light),
+        render=lighting_of(light, mode),
         stack=StackSettings(
             size=p.size or None,
             decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,

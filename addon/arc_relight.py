@@ -5,7 +5,6 @@ The bundle's folder may be gone by then: what the builder asks of a bundle is an
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,26 +23,8 @@ from ..bake.shading.shading_map import ShadingMap
 from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
 from .arc_build import build_map
-from .cli_bake_arc import is_bundle
-from .cli_result import one_line
-from .kept_textures import bundle_path, missing_texture, rebuild
-from .lighting_properties import lighting_of, show_lighting
-from .measured_material import facts_of, is_shading_map, keep_facts
-
-
-def relight_or_say(material: bpy.types.Material) -> None:
-    """Rebuild the material as its lighting properties say; where that fails, say so there and set them back."""
-    properties = material.measured_lighting
-    properties.problem = ""
-    if not is_shading_map(material):
-        return
-    try:
-        relight(material, lighting_of(properties))
-    except BakeError as error:
-        properties.problem = one_line(f"{error.cause}; {error.remedy}")
-        # Foreign facts cannot be shown; the panel tells of them.
-        with contextlib.suppress(BakeError):
-            show_lighting(properties, current_lighting(material))
+from .facts import facts_of, keep_facts
+from .kept_textures import rebuild
 
 
 def current_lighting(material: bpy.types.Material) -> RenderSettings:
@@ -60,29 +41,17 @@ def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.t
     images = require(facts, "images", dict, material.name)
     if settings.lobe is None and "table" not in images:
         raise BakeError(material.name, "holds no measured BRDF to use as f_r", "choose a bundle below and bake again")
-    needed = _needed(facts, settings)
 
     def build(bundle: Bundle) -> None:
         facts["albedo"] = _albedo(bundle, settings)
         facts["rendering"] = build_map(bundle, material, settings, pack=facts.get("packed") is True, scene=scene)
 
-    rebuild(material, facts, needed, build)
+    rebuild(material, facts, images_of_map(facts, settings), build)
     keep_facts(material, facts)
 
 
-def why_not_relightable(material: bpy.types.Material) -> str:
-    """Why nothing can be rebuilt; empty if it can."""
-    path = bundle_path(material)
-    try:
-        facts = facts_of(material)
-        missing = missing_texture(material, facts, _needed(facts, current_lighting(material)))
-    except BakeError as error:
-        return one_line(str(error))
-    return f"{missing}, and {path} is gone" if missing and not is_bundle(path) else ""
-
-
-def _needed(facts: Mapping[str, Any], settings: RenderSettings) -> list[str]:
-    """Names of the images that a map so lit is built of."""
+def images_of_map(facts: Mapping[str, Any], settings: RenderSettings) -> list[str]:
+    """Names of the bundle's images that a map so lit is built of. Raises BakeError."""
     unused = ("table", "sampler") if settings.lobe is not None else ()
     return [name for name in require(facts, "images", dict, "material") if name not in unused]
 

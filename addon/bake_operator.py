@@ -1,21 +1,15 @@
 """Operator: bake a measured material again, with other settings or from another file, in place."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from pathlib import Path
-from typing import Any
-
 import bpy
 
 from ..bake.errors import BakeError
-from ..bake.photographs.photograph import IMAGE_SUFFIXES
-from .arc_material import bake_arc_again, map_words
-from .arc_operator import chosen_photographs, tell_warnings
-from .arc_properties import arc_settings_of
-from .bake_properties import settings_of
-from .cli_result import one_line
-from .describe import error_rows
-from .import_operator import SUFFIXES, error_words
-from .measured_material import bake_again, facts_of, is_measured, is_shading_map, source_file, why_not_bakeable
+from .arc_operator import tell_warnings
+from .facts import is_measured, source_file
+from .kind_forms import form_of
+from .kinds import kind_of
+from .text import one_line
+from .ui_context import shown_material
 from .window_progress import window_progress
 
 _FILEPATH = bpy.props.StringProperty(
@@ -30,14 +24,6 @@ _CHOOSE = bpy.props.BoolProperty(
     name="Choose File", description="Ask for the measurement or the photographs", options={"HIDDEN", "SKIP_SAVE"}
 )
 _FILTER_GLOB = bpy.props.StringProperty(default="", options={"HIDDEN", "SKIP_SAVE"})
-
-
-def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
-    """The material of the properties editor, else of the active object."""
-    material = getattr(context, "material", None)
-    if material is None and context.object is not None:
-        material = context.object.active_material
-    return material
 
 
 class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
@@ -68,49 +54,38 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the file where the material's own is gone."""
         material = shown_material(context)
-        lost = why_not_bakeable(material)
+        kind = kind_of(material)
+        lost = kind.why_not_bakeable(material)
         if not (self.choose or lost):
             return self.execute(context)
         if lost:
             self.report({"INFO"}, f"{lost}: choose it")
-        file = source_file(material)
-        suffixes = sorted(IMAGE_SUFFIXES) if is_shading_map(material) else SUFFIXES
-        self.filter_glob = ";".join(f"*{suffix}" for suffix in suffixes)
-        self.filepath = f"{file}/" if file and is_shading_map(material) else str(file) if file else ""
+        file, form = source_file(material), form_of(kind)
+        self.filter_glob = ";".join(f"*{suffix}" for suffix in form.suffixes)
+        self.filepath = form.path(file) if file else ""
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and rebuild."""
         material = shown_material(context)
-        bake = _bake_photographs if is_shading_map(material) else _bake_measurement
         try:
-            told = bake(self, context, material)
+            told = self._bake(context, material)
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, f"{material.name}: {told}")
         return {"FINISHED"}
 
-
-def _bake_measurement(operator: Any, context: bpy.types.Context, material: bpy.types.Material) -> str:
-    properties, facts = material.measured_materials, facts_of(material)
-    before = dict(error_rows(facts, material.name)) if facts else {}
-    file = Path(bpy.path.abspath(operator.filepath)) if operator.filepath else None
-    settings = settings_of(properties)
-    with window_progress(context, settings) as progress_of:
-        bake_again(material, settings, pack=properties.pack, file=file, progress=progress_of(0))
-    return error_words(material) + (f", was {before['RMS error']}" if before else "")
-
-
-def _bake_photographs(operator: Any, context: bpy.types.Context, material: bpy.types.Material) -> str:
-    properties = material.measured_arc
-    settings = arc_settings_of(properties, material.measured_lighting)
-    source = chosen_photographs(operator)
-    with window_progress(context, settings) as progress_of:
-        bake_arc_again(material, settings, pack=properties.pack, source=source, progress=progress_of(0))
-    tell_warnings(operator, material)
-    return map_words(material)
+    def _bake(self, context: bpy.types.Context, material: bpy.types.Material) -> str:
+        kind = kind_of(material)
+        form, before = form_of(kind), kind.error(material)
+        settings, pack = form.settings(material)
+        source = form.chosen(self)
+        with window_progress(context, settings) as progress_of:
+            kind.bake_again(material, settings, pack=pack, source=source, progress=progress_of(0))
+        tell_warnings(self, material)
+        return kind.words(material) + (f", was {before}" if before else "")
 
 
 classes = (MEASURED_MATERIALS_OT_bake_again,)

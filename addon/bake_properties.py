@@ -11,6 +11,7 @@ from ..bake.parameterization import Parameterization
 from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import Filter
 from ..bake.table_facts import MAX_RESOLUTION
+from .enum_items import enum
 
 _USUAL = BakeSettings()
 
@@ -49,9 +50,7 @@ def _enum(
     usual: object,
     words: dict[str, tuple[str, str]] | None = None,
 ) -> Any:
-    known = _WORDS | (words or {})
-    items = [(choice, *known.get(choice, (choice.capitalize(), ""))) for choice in choices]
-    return bpy.props.EnumProperty(name=name, description=description, items=items, default=str(usual))
+    return enum(name, description, choices, _WORDS | (words or {}), usual)
 
 
 _RESOLUTION = bpy.props.IntProperty(

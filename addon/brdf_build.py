@@ -12,7 +12,8 @@ from ..bake.bundle import Bundle
 from ..nodes.feature_passes import ALBEDO
 from ..nodes.material import build_material, usual_mode
 from .aim import lamps_are_alone, what_to_aim_at
-from .effects import BrdfPlan, Choices, plan_brdf
+from .choices import Choices
+from .effects import BrdfPlan, plan_brdf
 from .lamp_survey import survey_scene
 from .lamps import lamp_image
 

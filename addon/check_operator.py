@@ -7,12 +7,12 @@ from typing import Any
 
 import bpy
 
-from .bake_operator import shown_material
-from .cli_result import one_line
-from .measured_material import is_measured
+from .facts import is_measured
 from .scene_check import check_scene, mend, mend_scene
 from .scene_check_file import not_whole, with_missing_parts
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding
+from .text import one_line
+from .ui_context import shown_material
 
 _ICONS = {WRONG: "ERROR", SLOW: "TIME", NOTE: "INFO"}
 _KEY = bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})

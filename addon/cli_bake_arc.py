@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.bake_brdf import BakeResult
-from ..bake.bundle import MATERIAL, SUFFIX
+from ..bake.bundle import SUFFIX, is_bundle
 from ..bake.errors import BakeError
 from ..bake.origin import Origin, photographs_origin
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
@@ -27,6 +25,7 @@ from .cli_jobs import Bake, Job, add_replace, bake_jobs, usage_error
 from .cli_lighting import add_lighting, known_lobes, lighting, parsed_lobe
 from .cli_result import Result, complain
 from .describe_map import albedo_warning, arc_summary
+from .find_decoder import blender_decoder
 from .stages import USUAL_SIZE, bake_stages
 
 
@@ -299,18 +298,3 @@ def _baker(source: Path | list[Path]) -> Bake:
         return bake_arc(source, target, settings, progress, decoder=blender_decoder())
 
     return bake
-
-
-def is_bundle(folder: Path) -> bool:
-    """Whether a folder holds a bundle instead of photographs."""
-    try:
-        return (folder / MATERIAL).is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def blender_decoder() -> Any:
-    """Blender's own reading of photographs, None where there is no Blender."""
-    if sys.modules.get("bpy") is None:
-        return None
-    return importlib.import_module(".blender_photographs", __package__).decode

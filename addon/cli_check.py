@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.errors import BakeError
-from .cli_render import need_blender
-from .cli_result import Result, one_line
+from .cli_result import Result
+from .need_blender import need_blender
+from .text import one_line
 
 _SUFFIX = ".blend"
 # A .blend as it is, compressed by zstd, or by gzip before 3.0.

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from .cli_render import need_blender
 from .cli_result import Result
+from .need_blender import need_blender
 from .progress import Progress
 
 

@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.albedo import albedo_facts
-from ..bake.bundle import MATERIAL, SUFFIX, Bundle, read_bundle
+from ..bake.bundle import MATERIAL, SUFFIX, Bundle, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.settings import StackSettings
 from ..bake.photographs.stack import read_stack
 from ..bake.sources import read_source
 from . import describe, describe_map
-from .cli_bake_arc import blender_decoder, is_bundle
-from .cli_result import Result, columns, one_line
+from .cli_result import Result
+from .find_decoder import blender_decoder
 from .progress import Progress
+from .text import columns, one_line
 
 _BRDF_ROWS = (
     describe.source_rows,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from ..bake.shading.render_settings import RenderSettings
 from ..bake.table import FILTERS
 from .cli_lighting import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
 from .cli_result import Result
+from .need_blender import need_blender
 from .progress import Progress
 
 _LARGEST = 16384
@@ -83,18 +83,6 @@ def _positive(largest: int) -> Any:
         return int(text)
 
     return parse
-
-
-def need_blender(command: str) -> None:
-    """Raise BakeError where bpy cannot be imported."""
-    try:
-        importlib.import_module("bpy")
-    except ImportError as error:
-        remedy = (
-            f"run it inside Blender: blender --background --command measured_materials {command} ..., "
-            "or install the bpy module"
-        )
-        raise BakeError(command, "needs Blender", remedy) from error
 
 
 def run(options: argparse.Namespace) -> Result:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from ..bake.errors import BakeError
-
-_CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")
+from .text import one_line
 
 
 @dataclass
@@ -37,14 +35,3 @@ def complain(message: str) -> None:
         encoding = sys.stderr.encoding or "utf-8"
         sys.stderr.write(line.encode(encoding, "backslashreplace").decode(encoding))
         sys.stderr.flush()
-
-
-def one_line(text: str) -> str:
-    """The text without line breaks and other control characters, which a file's name may hold."""
-    return _CONTROL.sub(" ", text).strip()
-
-
-def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
-    """Label and value pairs as aligned lines; an empty label continues the one above."""
-    width = max((len(label) for label, _ in rows), default=0)
-    return [f"{label:<{width}}  {one_line(value)}" for label, value in rows]

@@ -8,9 +8,9 @@ import bpy
 from ..bake.cosine_lobes import COSINE_LOBES
 from ..nodes import compat
 from ..nodes.cosine_lobe_group import cosine_lobe_group, highlight_group
-from .bake_operator import shown_material
+from .enum_items import enum
 from .lamps import lamp_image, update_scene
-from .lighting_properties import enum
+from .ui_context import shown_material
 
 _WORDS = {
     "power": ("Power", "cos^n itself (Phong 1975, Blinn 1977)"),

@@ -13,8 +13,8 @@ from typing import Any
 from ..bake.bundle import require
 from ..bake.errors import BakeError
 from ..bake.table import FILTERS
+from .choices import ALWAYS, AUTO, NEVER, Choices
 
-AUTO, ALWAYS, NEVER = "auto", "always", "never"
 # Light that may be left out unasked: as much as the envelope's own stated bias.
 _NEGLIGIBLE = 1e-3
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
@@ -22,24 +22,6 @@ _UNSEEN = 0.5
 _WORTHWHILE = 4
 # How much larger a table's error may become by a simpler filter.
 _AS_GOOD = 1.1
-
-
-@dataclass(frozen=True)
-class Choices:
-    """The artist's.
-
-    Parameters
-    ----------
-    mode : of `bake.modes.MODES`; a shading map's is with its lighting
-    aim, residual, detail : "auto", "always" or "never"
-    filter : "auto" or one of `bake.table.FILTERS`
-    """
-
-    mode: str = "exact"
-    aim: str = AUTO
-    residual: str = AUTO
-    filter: str = AUTO
-    detail: str = AUTO
 
 
 @dataclass(frozen=True)

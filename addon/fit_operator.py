@@ -7,9 +7,9 @@ import bpy
 from ..bake.errors import BakeError
 from ..nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
 from . import lamps, world_light
-from .cli_result import one_line
-from .measured_material import is_measured
-from .rebuild import refit
+from .facts import is_measured
+from .kinds import kind_of
+from .text import one_line
 
 
 class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
@@ -33,7 +33,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
         fitted = 0
         for material in materials_in(context.scene):
             try:
-                refit(material, context.scene)
+                kind_of(material).refit(material, context.scene)
                 fitted += 1
             except BakeError as error:
                 self.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..bake.errors import BakeError
 from ..nodes import compat
 from . import studio
+from .renderer import set_unbiased
 
 SUN_ANGLE = math.radians(0.5)  # the sun's own diameter
 MAX_SIZE = 8192
@@ -173,7 +174,7 @@ def gantry_scene(
 
 def _set_up(target: Target, size: int, tile: float, samples: int) -> Gantry:
     scene = bpy.data.scenes.new("Measured Materials Gantry")
-    studio.set_unbiased(scene, samples, 0)
+    set_unbiased(scene, samples, 0)
     scene.cycles.pixel_filter_type = "BOX"  # a pixel is its own texel's average, nothing of its neighbours
     scene.render.use_persistent_data = True  # between frames only the sun moves
     scene.render.resolution_x = scene.render.resolution_y = size

@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy_extras import view3d_utils
 
 from ..bake.errors import BakeError
 from ..bake.sources import READERS, known_formats
 from .bake_properties import BakeProperties, draw_settings, settings_of, show_settings
-from .cli_result import one_line
-from .describe import error_rows
-from .measured_material import assign, bundle_folder, facts_of, import_brdf, told_place
+from .measured_material import assign, bundle_folder, error_words, import_brdf, told_place
+from .text import one_line
+from .ui_context import object_under
 from .window_progress import window_progress
 
 SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
@@ -120,26 +119,8 @@ class MEASURED_MATERIALS_FH_brdf(bpy.types.FileHandler):
         return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
 
 
-def error_words(material: bpy.types.Material) -> str:
-    """Its measured error, short."""
-    rows = dict(error_rows(facts_of(material), material.name))
-    return f"RMS error {rows['RMS error']} ({rows['Relative']})"
-
-
 def _others(count: int) -> str:
     return f", and {count} more without an object" if count else ""
-
-
-def object_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Object | None:
-    """What the mouse points at in a viewport, where files are dropped."""
-    region, view = context.region, context.region_data
-    if region is None or view is None or context.area is None or context.area.type != "VIEW_3D":
-        return None
-    mouse = (event.mouse_region_x, event.mouse_region_y)
-    origin = view3d_utils.region_2d_to_origin_3d(region, view, mouse)
-    direction = view3d_utils.region_2d_to_vector_3d(region, view, mouse)
-    hit = context.scene.ray_cast(context.evaluated_depsgraph_get(), origin, direction)
-    return hit[4].original if hit[0] and hit[4] else None
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:

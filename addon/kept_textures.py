@@ -9,12 +9,11 @@ from typing import Any
 
 import bpy
 
-from ..bake.bundle import Bundle, read_bundle, require
+from ..bake.bundle import Bundle, is_bundle, read_bundle, require
 from ..bake.errors import BakeError
 from ..bake.image_names import title_of
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, LoadedBundle, bundle_image
 from ..nodes.material import BUNDLE_KEY, part_name
-from .cli_bake_arc import is_bundle
 from .texture_content import is_of_content
 
 # With the name of a bundle's image behind it: the texture.

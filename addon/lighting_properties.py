@@ -1,22 +1,19 @@
 """How a shading map is lit, as Blender properties: changed on a material they rebuild it at once, without a bake."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
-from ..bake.modes import MODES
-from ..bake.shading.lobes import LOBES, PARAMETERS, Lobe, Parameter
+from ..bake.shading.lobes import LOBES, PARAMETERS, Parameter
 from ..bake.shading.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
 from ..bake.shading.shading_map import ABOVE
-from .quality_properties import MODE_WORDS
+from .enum_items import enum
+from .kinds import rebuild_or_say
+from .lighting import MEASURED, parameter_key, uses_mode
+from .quality_properties import mode_property
 
-MEASURED = "measured"
 _USUAL = RenderSettings()
-# Those named as in the settings.
-_PLAIN = ("above", "technique", "mode", "tiling")
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
 _WORDS = {
@@ -38,22 +35,7 @@ _WORDS = {
     "final_radiance": ("Final Radiance", "By the light that the flat material sends out; EEVEE only, Cycles: Lookup"),
     "repeat": ("Repeat", "The swatch again and again"),
     "extend": ("Extend", "The border's colour"),
-} | MODE_WORDS
-
-
-def enum(name: str, description: str, choices: tuple[str, ...], words: Any, usual: object, **options: Any) -> Any:
-    """A choice with what `words` say of each item."""
-    items = [(choice, *words[choice]) for choice in choices]
-    return bpy.props.EnumProperty(name=name, description=description, items=items, default=str(usual), **options)
-
-
-def number(value: float) -> float:
-    """What was typed: Blender keeps 0.3 as the nearest single-precision number."""
-    return float(f"{value:.7g}")
-
-
-def _key(lobe: str, parameter: Parameter) -> str:
-    return f"{lobe}_{parameter.name}"
+}
 
 
 def _parameter(parameter: Parameter, **options: Any) -> Any:
@@ -75,7 +57,7 @@ def _choice(name: str, description: str, choices: tuple[str, ...], usual: object
 def _annotations(**options: Any) -> dict[str, Any]:
     """Of both classes below; `options` go to every property."""
     lobe = _choice("f_r", "How the flat material reflects", (*LOBES, MEASURED), "lambert", **options)
-    parameters = {_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
+    parameters = {parameter_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
     sigma = bpy.props.FloatProperty(
         name="Sigma",
         description=f"Factor of f_r, the albedo of a white one. 0: as calibrated, or else {UNCALIBRATED_SIGMA:g}",
@@ -105,7 +87,6 @@ def _annotations(**options: Any) -> dict[str, Any]:
         "a_max": a_max,
         "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
         "technique": _choice("Technique", "Of Kautz et al. 2004", TECHNIQUES, _USUAL.technique, **options),
-        "mode": _choice("Mode", "How Cycles computes it", MODES, _USUAL.mode, **options),
         "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
     }
 
@@ -113,29 +94,7 @@ def _annotations(**options: Any) -> dict[str, Any]:
 class LightingProperties:
     """Mixed into the import operator."""
 
-    __annotations__ = _annotations()
-
-
-_quiet = False
-
-
-@contextmanager
-def _without_rebuilding() -> Iterator[None]:
-    global _quiet
-    before, _quiet = _quiet, True
-    try:
-        yield
-    finally:
-        _quiet = before
-
-
-def _changed(properties: Any, _context: bpy.types.Context) -> None:
-    if not _quiet:
-        # Imported here: it needs what is defined in this module.
-        from .arc_relight import relight_or_say
-
-        with _without_rebuilding():
-            relight_or_say(properties.id_data)
+    __annotations__ = {**_annotations(), "mode": mode_property()}
 
 
 class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
@@ -143,59 +102,30 @@ class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
 
     __annotations__ = {
         # Not animatable: an animation would change the values without rebuilding the material.
-        **_annotations(update=_changed, options=set()),
+        **_annotations(update=rebuild_or_say, options=set()),
         "problem": bpy.props.StringProperty(
             description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"}
         ),
     }
 
 
-def lighting_of(properties: Any) -> RenderSettings:
-    """The properties as settings. Raises BakeError."""
-    values = [number(getattr(properties, _key(properties.lobe, p))) for p in PARAMETERS.get(properties.lobe, ())]
-    return RenderSettings(
-        lobe=None if properties.lobe == MEASURED else Lobe(properties.lobe, *values),
-        sigma=_given(properties.sigma, 1e-6),
-        above=properties.above,
-        technique=properties.technique,
-        mode=properties.mode,
-        tiling=properties.tiling,
-        a_max=_given(properties.a_max, 1e-9),
-    )
-
-
-def _given(value: float, least: float) -> float | None:
-    """0 stands for what is found by default."""
-    return max(number(value), least) if value > 0 else None
-
-
-def show_lighting(properties: Any, settings: RenderSettings) -> None:
-    """Set the properties to how a material is lit; nothing is rebuilt."""
-    with _without_rebuilding():
-        lobe = settings.lobe
-        properties.lobe = MEASURED if lobe is None else lobe.name
-        values = () if lobe is None else (lobe.p1, lobe.p2)
-        for parameter, value in zip(PARAMETERS.get(properties.lobe, ()), values):
-            setattr(properties, _key(properties.lobe, parameter), value)
-        for name in _PLAIN:
-            setattr(properties, name, getattr(settings, name))
-        properties.sigma, properties.a_max = settings.sigma or 0.0, settings.a_max or 0.0
-
-
-def draw_lighting(layout: bpy.types.UILayout, properties: Any, *, fitted: bool = False) -> None:
-    """Those that have an effect, without the lobe where it will be fitted."""
+def draw_lighting(
+    layout: bpy.types.UILayout, properties: Any, *, fitted: bool = False, with_mode: bool = False
+) -> None:
+    """Those that have an effect, without the lobe where it will be fitted; the operator's also with its mode."""
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     if not fitted:
         column.prop(properties, "lobe")
         for parameter in PARAMETERS.get(properties.lobe, ()):
-            column.prop(properties, _key(properties.lobe, parameter), slider=parameter.high <= 1)
+            column.prop(properties, parameter_key(properties.lobe, parameter), slider=parameter.high <= 1)
     column.prop(properties, "sigma")
     column.prop(properties, "a_max")
     column.prop(properties, "technique")
-    if properties.technique in ("lookup", "final_radiance"):
+    if uses_mode(properties.technique):
         column.prop(properties, "above")
-        column.prop(properties, "mode")
+        if with_mode:
+            column.prop(properties, "mode")
     column.prop(properties, "tiling")
 
 

@@ -5,9 +5,6 @@ What is particular to shading maps is in `arc_material`.
 
 from __future__ import annotations
 
-import functools
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +13,14 @@ import bpy
 from ..bake.bake_brdf import BakeResult, BakeSettings, Progress, bake_file, bake_source
 from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
-from ..bake.material_json import dump_json
 from ..bake.sources.analytic import by_name
 from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices
-from .cli_result import one_line
-from .describe import image_sizes
+from .choices import choices_of, show_choices
+from .describe import error_rows, image_sizes
+from .facts import facts_of, is_measured, keep_facts, source_file
 from .kept_textures import keep_textures
-from .quality_properties import choices_of, show_choices
-
-# The bundle's facts as JSON text, so that the panel knows them wherever the .blend goes.
-FACTS_KEY = "measured_materials_facts"
+from .text import one_line
 
 
 def import_brdf(
@@ -55,7 +49,7 @@ def bake_again(
     if file is not None:
         result = bake_file(file, target, settings, progress)
     else:
-        result = bake_source(_analytic_of(material), target, settings, progress)
+        result = bake_source(analytic_of(material), target, settings, progress)
     return material_from(result, material, pack=pack, file=file)
 
 
@@ -89,54 +83,6 @@ def remember(
     material[SOURCE_KEY] = str(Path(file).resolve()) if file is not None else ""
 
 
-def keep_facts(material: bpy.types.Material, facts: Mapping[str, Any]) -> None:
-    """Replace what is known of the material."""
-    material[FACTS_KEY] = dump_json(facts, material.name)
-
-
-def is_measured(material: bpy.types.Material | None) -> bool:
-    """Whether the material was made here."""
-    return material is not None and isinstance(material.get(FACTS_KEY), str)
-
-
-def is_shading_map(material: bpy.types.Material | None) -> bool:
-    """Whether the material was made here of photographs."""
-    return material is not None and is_measured(material) and facts_of(material).get("kind") == "shading_map"
-
-
-def facts_of(material: bpy.types.Material) -> dict[str, Any]:
-    """What its bundle said of it; empty if that is not to be read. Do not change it."""
-    return _parsed(material[FACTS_KEY])
-
-
-@functools.lru_cache(maxsize=64)
-def _parsed(text: str) -> dict[str, Any]:
-    try:
-        facts = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    return facts if isinstance(facts, dict) else {}
-
-
-def source_file(material: bpy.types.Material) -> Path | None:
-    """The measurement or the folder of photographs it was baked from, as a path that may be gone; None for a model."""
-    text = material.get(SOURCE_KEY)
-    return Path(text) if isinstance(text, str) and text else None
-
-
-def why_not_bakeable(material: bpy.types.Material) -> str:
-    """Why the material cannot be baked again without being given a file; empty if it can."""
-    file = source_file(material)
-    if file is not None:
-        what = "folder" if is_shading_map(material) else "measurement"
-        return "" if _exists(file) else f"The {what} {file} is not there"
-    try:
-        _analytic_of(material)
-    except BakeError:
-        return "The material does not say what it was baked from"
-    return ""
-
-
 def assign(material: bpy.types.Material, obj: bpy.types.Object | None) -> str:
     """Put the material into the object's active slot and return nothing; else keep it by a fake user and say why."""
     why = _why_not_assignable(obj)
@@ -164,6 +110,12 @@ def _why_not_assignable(obj: bpy.types.Object | None) -> str:
     return ""
 
 
+def error_words(material: bpy.types.Material) -> str:
+    """Its measured error, short."""
+    rows = dict(error_rows(facts_of(material), material.name))
+    return f"RMS error {rows['RMS error']} ({rows['Relative']})"
+
+
 def told_place(operator: bpy.types.Operator, material: bpy.types.Material, obj: bpy.types.Object | None) -> str:
     """Put the material onto the object; words on where it is, and a warning where an object does not take it."""
     why = assign(material, obj)
@@ -187,7 +139,7 @@ def bundle_folder(chosen: str, file: Path) -> Path:
 def free_bundle(folder: Path, stem: str) -> Path:
     """A bundle's path in `folder` that nothing has yet."""
     number = 1
-    while _exists(path := folder / f"{stem}{f'_{number}' if number > 1 else ''}{SUFFIX}"):
+    while exists(path := folder / f"{stem}{f'_{number}' if number > 1 else ''}{SUFFIX}"):
         number += 1
     return path
 
@@ -200,14 +152,14 @@ def target_of(material: bpy.types.Material, file: Path | None) -> Path:
     shared = any(
         other != material and other.get(BUNDLE_KEY) == material.get(BUNDLE_KEY) for other in bpy.data.materials
     )
-    if own.is_absolute() and _exists(own.parent):
+    if own.is_absolute() and exists(own.parent):
         return free_bundle(own.parent, own.stem) if shared or not facts_of(material).get("packed") else own
     if file is None and not bpy.data.filepath:
         raise BakeError(own, "lay in a folder that is gone", "save the .blend file first; the bundle goes beside it")
     return free_bundle(bundle_folder("", file or own), own.stem)
 
 
-def _analytic_of(material: bpy.types.Material) -> Any:
+def analytic_of(material: bpy.types.Material) -> Any:
     """The model that the material was baked from. Raises BakeError where it was not one."""
     source = facts_of(material).get("source")
     about = dict(source["facts"]) if isinstance(source, dict) and isinstance(source.get("facts"), dict) else {}
@@ -218,7 +170,8 @@ def _analytic_of(material: bpy.types.Material) -> Any:
     return by_name(model, **parameters)
 
 
-def _exists(path: Path) -> bool:
+def exists(path: Path) -> bool:
+    """Whether there is something of this path, which may hold anything."""
     try:
         return path.exists()
     except (OSError, ValueError):

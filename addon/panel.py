@@ -7,43 +7,22 @@ from typing import Any
 import bpy
 
 from ..bake.errors import BakeError
-from . import describe, describe_map
 from .arc_operator import MEASURED_MATERIALS_OT_import_arc
-from .arc_properties import draw_arc_settings
-from .arc_relight import why_not_relightable
-from .bake_operator import MEASURED_MATERIALS_OT_bake_again, shown_material
-from .bake_properties import draw_settings
+from .bake_operator import MEASURED_MATERIALS_OT_bake_again
 from .brdf_build import asks_for_passes
-from .effects import plan_filter
-from .expectation import expectation
+from .facts import facts_of, is_measured
 from .fit_operator import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
 from .import_operator import MEASURED_MATERIALS_OT_import_brdf
+from .kind_forms import form_of
+from .kinds import SHADING_MAP, kind_of
 from .lighting_properties import draw_lighting
-from .measured_material import facts_of, is_measured, is_shading_map, why_not_bakeable
-from .quality_properties import choices_of, draw_quality
-from .rebuild import effects_of, why_not_rebuildable
+from .quality_properties import draw_quality
+from .rebuild import effects_of
 from .tangent_rows import draw_tangent
 from .texture_repair import wrong_textures
+from .ui_context import shown_material
 
 _TITLE = "Measured Materials"
-_BRDF_ROWS = (
-    describe.source_rows,
-    describe.error_rows,
-    describe.envelope_rows,
-    describe.table_rows,
-    describe.albedo_rows,
-    describe.size_rows,
-)
-_MAP_ROWS = (
-    describe.source_rows,
-    describe_map.photograph_rows,
-    describe_map.map_rows,
-    describe_map.energy_rows,
-    describe_map.map_error_rows,
-    describe_map.lighting_rows,
-    describe.albedo_rows,
-    describe.size_rows,
-)
 
 
 class _Panel:
@@ -72,17 +51,13 @@ class _LightingPanel:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only for shading maps."""
-        return is_shading_map(shown_material(context))
+        return kind_of(shown_material(context)) is SHADING_MAP
 
     def draw(self, context: bpy.types.Context) -> None:
         """The settings, or why they cannot be changed."""
         material, layout = shown_material(context), self.layout
         properties = material.measured_lighting
-        for text in filter(None, (why_not_relightable(material), properties.problem)):
-            layout.label(text=text, icon="ERROR")
-        column = layout.column()
-        column.enabled = material.is_editable and not why_not_relightable(material)
-        draw_lighting(column, properties)
+        draw_lighting(_where_rebuildable(layout, material, properties.problem), properties)
 
 
 class _QualityPanel:
@@ -98,21 +73,17 @@ class _QualityPanel:
     def draw(self, context: bpy.types.Context) -> None:
         """The knob, what is kept and left out, and the overrides."""
         material, layout = shown_material(context), self.layout
-        properties, shading_map = material.measured_quality, is_shading_map(material)
-        lost = "" if shading_map else why_not_rebuildable(material)
-        for text in filter(None, (lost, properties.problem)):
-            layout.label(text=text, icon="ERROR")
-        column = layout.column()
-        column.enabled = material.is_editable and not lost
-        draw_quality(column, properties, shading_map=shading_map)
+        properties, kind = material.measured_quality, kind_of(material)
+        column = _where_rebuildable(layout, material, properties.problem)
+        draw_quality(column, properties, kind.effective(material))
         draw_tangent(layout, material, context)
-        if not shading_map:
-            layout.label(text=_expected(material), icon="TIME")
+        if cost := kind.cost(material):
+            layout.label(text=cost, icon="TIME")
         for effect in effects_of(material):
             layout.label(text=f"{effect.name}: {effect.why}", icon="CHECKMARK" if effect.kept else "REMOVE")
         row = layout.row(align=True)
         row.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
-        if not shading_map:
+        if kind.writes_passes:
             denoised = asks_for_passes(context.scene)
             words = {"text": "Stop Denoising"} if denoised else {}
             row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
@@ -132,27 +103,23 @@ class _BakePanel:
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, then the button."""
         material = shown_material(context)
-        shading_map = is_shading_map(material)
-        if shading_map:
-            draw_arc_settings(self.layout, material.measured_arc, material.measured_lighting)
-        else:
-            draw_settings(self.layout, material.measured_materials)
-        missing = why_not_bakeable(material)
-        if missing:
-            what = "photographs are" if shading_map else "measurement is"
-            self.layout.label(text=f"The {what} not there", icon="ERROR")
+        kind = kind_of(material)
+        form_of(kind).draw(self.layout, material)
+        if kind.why_not_bakeable(material):
+            self.layout.label(text=kind.lost_words, icon="ERROR")
         row = self.layout.row(align=True)
         row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, icon="FILE_REFRESH")
         row.operator(MEASURED_MATERIALS_OT_bake_again.bl_idname, text="", icon="FILE_FOLDER").choose = True
 
 
-def _expected(material: bpy.types.Material) -> str:
-    """Of the mode and filter that are set; empty where the facts are not what they should be."""
-    try:
-        facts, choices = facts_of(material), choices_of(material.measured_quality)
-        return expectation(facts, choices.mode, plan_filter(facts, choices, material.name)[0])
-    except BakeError:
-        return ""
+def _where_rebuildable(layout: bpy.types.UILayout, material: bpy.types.Material, problem: str) -> Any:
+    """A column for what rebuilds the material, below what keeps it from that and what the last change met."""
+    lost = kind_of(material).why_not_rebuildable(material)
+    for text in filter(None, (lost, problem)):
+        layout.label(text=text, icon="ERROR")
+    column = layout.column()
+    column.enabled = material.is_editable and not lost
+    return column
 
 
 def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
@@ -162,7 +129,7 @@ def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> Non
         layout.label(text=f"{words}; see Scene Check, or bake again", icon="ERROR")
     column = layout.column(align=True)
     try:
-        for part in _MAP_ROWS if is_shading_map(material) else _BRDF_ROWS:
+        for part in kind_of(material).rows:
             for label, value in part(facts, material.name):
                 _draw_row(column, label, value)
             column.separator()

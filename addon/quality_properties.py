@@ -1,18 +1,18 @@
-"""How much a measured BRDF spends on a sample, as Blender properties: a change rebuilds the material at once."""
+"""How much a material spends on a sample, as Blender properties: a change rebuilds it at once."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
 from ..bake.modes import MODES
 from ..bake.table import FILTERS
-from .effects import Choices
+from .choices import AUTO
+from .enum_items import enum
+from .kinds import rebuild_or_say
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
-MODE_WORDS = {
+_MODE_WORDS = {
     "preview": (
         "Preview",
         "Cycles' own closures fitted to the measurement; as quick as Principled, and what EEVEE shows",
@@ -21,45 +21,15 @@ MODE_WORDS = {
     "exact": ("Exact", "Cycles' own closures as far as they go, the rest by a stochastic mirror: less noise"),
     "reference": ("Reference", "All of it by a stochastic mirror"),
 }
-AUTO = "auto"
 _FILTER_WORDS = {"nearest": "Nearest", "trilinear": "Linear", "bspline": "B-Spline"}
 
 
-def _items(words: dict[str, tuple[str, str]], choices: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    return [(choice, *words[choice]) for choice in choices]
+def mode_property(**options: Any) -> Any:
+    """The one choice of a mode, for both kinds of material."""
+    return enum("Mode", "What accuracy is worth here", MODES, _MODE_WORDS, "exact", **options)
 
 
-_quiet = False
-
-
-@contextmanager
-def without_rebuilding() -> Iterator[None]:
-    """Inside, a change of these properties rebuilds nothing."""
-    global _quiet
-    before, _quiet = _quiet, True
-    try:
-        yield
-    finally:
-        _quiet = before
-
-
-def _changed(properties: Any, _context: bpy.types.Context) -> None:
-    if not _quiet:
-        # Imported here: it needs what is defined in this module.
-        from .rebuild import rebuild_or_say
-
-        with without_rebuilding():
-            rebuild_or_say(properties.id_data)
-
-
-_MODE = bpy.props.EnumProperty(
-    name="Mode",
-    description="What accuracy is worth here",
-    items=_items(MODE_WORDS, MODES),
-    default="exact",
-    options=set(),
-    update=_changed,
-)
+_MODE = mode_property(options=set(), update=rebuild_or_say)
 _AIM = bpy.props.EnumProperty(
     name="Aim at Lights",
     description="Send the mirror towards the scene's lamps and the bright parts of its world",
@@ -70,7 +40,7 @@ _AIM = bpy.props.EnumProperty(
     ],
     default=AUTO,
     options=set(),
-    update=_changed,
+    update=rebuild_or_say,
 )
 _RESIDUAL = bpy.props.EnumProperty(
     name="Residual",
@@ -82,7 +52,7 @@ _RESIDUAL = bpy.props.EnumProperty(
     ],
     default=AUTO,
     options=set(),
-    update=_changed,
+    update=rebuild_or_say,
 )
 _FILTER = bpy.props.EnumProperty(
     name="Filter",
@@ -90,7 +60,7 @@ _FILTER = bpy.props.EnumProperty(
     items=[(AUTO, "As Baked", "What the table was measured with")] + [(f, _FILTER_WORDS[f], "") for f in FILTERS],
     default=AUTO,
     options=set(),
-    update=_changed,
+    update=rebuild_or_say,
 )
 _DETAIL = bpy.props.EnumProperty(
     name="Detail",
@@ -102,7 +72,7 @@ _DETAIL = bpy.props.EnumProperty(
     ],
     default=AUTO,
     options=set(),
-    update=_changed,
+    update=rebuild_or_say,
 )
 
 
@@ -117,39 +87,12 @@ class MEASURED_MATERIALS_PG_quality(bpy.types.PropertyGroup):
     problem: bpy.props.StringProperty(description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"})
 
 
-def choices_of(properties: Any) -> Choices:
-    """The properties as choices."""
-    return Choices(
-        mode=properties.mode,
-        aim=properties.aim,
-        residual=properties.residual,
-        filter=properties.filter,
-        detail=properties.detail,
-    )
-
-
-def show_choices(properties: Any, choices: Choices) -> None:
-    """Set the properties to how a material is built; nothing is rebuilt."""
-    with without_rebuilding():
-        for name in ("mode", "aim", "residual", "filter", "detail"):
-            setattr(properties, name, getattr(choices, name))
-
-
-def draw_quality(layout: bpy.types.UILayout, properties: Any, *, shading_map: bool) -> None:
-    """Those that have an effect."""
+def draw_quality(layout: bpy.types.UILayout, properties: Any, names: tuple[str, ...]) -> None:
+    """Those of these names, which have an effect."""
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
-    if shading_map:
-        column.prop(properties, "aim")
-        column.prop(properties, "detail")
-        return
-    column.prop(properties, "mode")
-    if properties.mode == "preview":
-        return
-    column.prop(properties, "aim")
-    if properties.mode != "reference":
-        column.prop(properties, "residual")
-    column.prop(properties, "filter")
+    for name in names:
+        column.prop(properties, name)
 
 
 classes = (MEASURED_MATERIALS_PG_quality,)

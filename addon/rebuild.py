@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from typing import Any
 
 import bpy
 
 from ..bake.bundle import Bundle
-from ..bake.errors import BakeError
 from .brdf_build import account_of, build_brdf, choices_from
-from .cli_bake_arc import is_bundle
-from .cli_result import one_line
-from .effects import Choices, Effect
-from .kept_textures import bundle_path, missing_texture, rebuild
-from .measured_material import facts_of, is_measured, is_shading_map, keep_facts
-from .quality_properties import choices_of, show_choices
+from .choices import Choices
+from .effects import Effect
+from .facts import facts_of, keep_facts
+from .kept_textures import rebuild
 
 # Images of the bundle that each mode is built of, beside the weights of Preview.
 _IMAGES = {
@@ -25,23 +21,6 @@ _IMAGES = {
     "exact": ("envelope", "residual", "residual_sampler"),
     "reference": ("table", "sampler"),
 }
-
-
-def rebuild_or_say(material: bpy.types.Material) -> None:
-    """Rebuild the material as its quality properties say; where that fails, say so there and set them back."""
-    properties = material.measured_quality
-    properties.problem = ""
-    if not is_measured(material):
-        return
-    try:
-        if is_shading_map(material):
-            refit(material)
-        else:
-            rebuild_brdf(material, choices_of(properties))
-    except BakeError as error:
-        properties.problem = one_line(f"{error.cause}; {error.remedy}")
-        with contextlib.suppress(BakeError):
-            show_choices(properties, current_choices(material))
 
 
 def current_choices(material: bpy.types.Material) -> Choices:
@@ -64,21 +43,8 @@ def rebuild_brdf(
         _, plan = build_brdf(bundle, material, choices=chosen, pack=facts.get("packed") is True, scene=scene)
         account.update(account_of(chosen, plan))
 
-    rebuild(material, facts, _needed(facts, chosen), build)
+    rebuild(material, facts, images_of_brdf(facts, chosen), build)
     keep_facts(material, {**facts, "rendering": account})
-
-
-def refit(material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
-    """Rebuild a material of either kind with what a scene calls for; all that was chosen stays. Raises BakeError.
-
-    Without a scene it is the current one, and the material is ready for lamps that come later.
-    """
-    if is_shading_map(material):
-        from .arc_relight import current_lighting, relight
-
-        relight(material, current_lighting(material), scene)
-    else:
-        rebuild_brdf(material, scene=scene)
 
 
 def effects_of(material: bpy.types.Material) -> list[Effect]:
@@ -88,18 +54,8 @@ def effects_of(material: bpy.types.Material) -> list[Effect]:
     return [Effect(str(e.get("name", "")), e.get("kept") is True, str(e.get("why", ""))) for e in fields]
 
 
-def why_not_rebuildable(material: bpy.types.Material) -> str:
-    """Why the mode cannot be changed; empty if it can."""
-    path = bundle_path(material)
-    try:
-        facts = facts_of(material)
-        missing = missing_texture(material, facts, _needed(facts, current_choices(material)))
-    except BakeError as error:
-        return one_line(str(error))
-    return f"{missing}, and {path} is gone" if missing and not is_bundle(path) else ""
-
-
-def _needed(facts: Mapping[str, Any], choices: Choices) -> list[str]:
+def images_of_brdf(facts: Mapping[str, Any], choices: Choices) -> list[str]:
+    """Names of the bundle's images that a measured BRDF is built of where this is chosen."""
     images = facts.get("images")
     wanted = (*_IMAGES[choices.mode], "preview_weights")
     return [name for name in wanted if isinstance(images, dict) and name in images]

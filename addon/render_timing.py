@@ -16,7 +16,8 @@ import bpy
 
 from ..nodes import compat, expr
 from ..nodes.osl_script import use_osl
-from .studio import render_linear, set_unbiased
+from .renderer import set_unbiased
+from .studio import render_linear
 
 # From the place on the plane, x and y in [0, 1], to what is emitted: a number or a colour.
 Build = Callable[[Any], Any]

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..bake.bundle import MATERIAL, read_bundle
+from ..bake.bundle import MATERIAL, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.folder import find_photographs
 from ..bake.source import BrdfSource
 from ..bake.sources import read_source
 from ..bake.sources.analytic import by_name
-from .cli_bake_arc import is_bundle
 
 # By formula, so that everyone has them: a sharp coat over flakes, a matte one, brushed metal.
 _SOURCES: dict[str, tuple[str, dict[str, Any]]] = {

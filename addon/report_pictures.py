@@ -24,7 +24,7 @@ from ..bake.report.journal import Journal
 from ..bake.report.page import Gallery, Picture, Section, Table
 from ..bake.source import Array, BrdfSource
 from .brdf_build import build_brdf
-from .effects import Choices
+from .choices import Choices
 from .picture_sheet import to_display
 from .principled_match import fit_principled
 from .studio import build_studio, remove_studio, render_linear

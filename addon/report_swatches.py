@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..bake.atomic import replacing_file
-from ..bake.bundle import read_bundle
+from ..bake.bundle import is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.settings import StackSettings
 from ..bake.photographs.stack import read_stack
@@ -17,7 +17,7 @@ from ..bake.report.maps import LEAST_PHOTOGRAPHS, Images
 from ..bake.shading.map_facts import shading_map_of
 from ..bake.source import Array
 from . import techniques
-from .cli_bake_arc import blender_decoder, is_bundle
+from .find_decoder import blender_decoder
 from .gantry import gantry_scene
 from .swatches import SWATCHES, Swatch
 from .techniques import Case

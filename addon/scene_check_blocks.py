@@ -15,9 +15,9 @@ from ..nodes.aimed_light_group import SLOTS_KEY, can_switch
 from ..nodes.data_image import has_common_name, rename_packed
 from ..nodes.group import HASH_KEY, content_hash
 from . import aim, lamps, rebuild
-from .arc_relight import why_not_relightable
-from .effects import AUTO
-from .measured_material import is_measured, is_shading_map
+from .choices import AUTO
+from .facts import is_measured
+from .kinds import kind_of
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 from .texture_content import file_of
 from .texture_repair import expected, is_another, load_right, right_file
@@ -233,9 +233,9 @@ def not_aimed(subject: Subject) -> Iterator[Finding]:
     for material in unaimed if targets else ():
         if rebuild.current_choices(material).aim != AUTO or _is_scripted(material):
             continue
-        mend = None
-        if not (why_not_relightable if is_shading_map(material) else rebuild.why_not_rebuildable)(material):
-            mend = editable(material, partial(rebuild.refit, material, subject.scene))
+        kind, mend = kind_of(material), None
+        if kind is not None and not kind.why_not_rebuildable(material):
+            mend = editable(material, partial(kind.refit, material, subject.scene))
         why = "it was fitted when there was nothing to aim at; by chance alone a small lamp gives 70 times the noise"
         yield Finding("not_aimed", SLOW, _name(material), "aims at nothing", "fitted to the scene", why, mend)
 

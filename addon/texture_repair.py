@@ -26,8 +26,8 @@ from ..nodes.data_image import (
     rename_packed,
 )
 from . import texture_content
+from .facts import facts_of, is_measured
 from .kept_textures import bundle_path, textures_of
-from .measured_material import facts_of, is_measured
 from .texture_content import is_of_content
 
 

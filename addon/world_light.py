@@ -26,6 +26,7 @@ from ..nodes import compat
 from ..nodes.group import content_hash
 from ..nodes.light_images import WORLD as IMAGE
 from ..nodes.light_images import world_tables as tables
+from .renderer import render_pixels, set_unbiased
 
 # Custom property of a scene that exists to be measured by: tables do not follow it.
 PROBE = "measured_materials_probe"
@@ -340,8 +341,6 @@ def _guess(world: bpy.types.World) -> float:
 
 def _rendered(world: bpy.types.World) -> Array:
     """(H, W, 3): the world as a panorama, as rays see it that a mirror has reflected."""
-    from . import studio  # which itself imports `lamps`, and that this module
-
     compat.ensure_cycles()
     seen = world.copy()
     scene = bpy.data.scenes.new(IMAGE)
@@ -356,10 +355,10 @@ def _rendered(world: bpy.types.World) -> Array:
         panorama.panorama_type = "EQUIRECTANGULAR"
         # Then the panorama's columns and rows are those of an environment texture.
         camera.rotation_euler = (math.pi / 2, 0, -math.pi / 2)
-        studio.set_unbiased(scene, _SUB_SAMPLES, 0)
+        set_unbiased(scene, _SUB_SAMPLES, 0)
         scene.cycles.pixel_filter_type = "BOX"
         scene.render.resolution_x, scene.render.resolution_y = _WIDTH, _WIDTH // 2
-        return studio.render_linear(scene)
+        return render_pixels(scene)[..., :3].copy()
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.objects.remove(camera)

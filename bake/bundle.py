@@ -32,7 +32,7 @@ from .image_names import common_name, is_unique_name, title_of, unique_name
 from .material_json import dump_json, load_json, require
 from .storage import IMAGE_STORAGES, Storage
 
-__all__ = ["SUFFIX", "Bundle", "Kind", "StoredImage", "read_bundle", "require", "write_bundle"]
+__all__ = ["SUFFIX", "Bundle", "Kind", "StoredImage", "is_bundle", "read_bundle", "require", "write_bundle"]
 
 Kind = Literal["brdf", "shading_map"]
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -209,6 +209,14 @@ def _is_ours(file: str) -> bool:
     if file in {MATERIAL, PREVIEW} | _COMMON | _OF_THE_SYSTEM:
         return True
     return any(is_unique_name(file, name, storage.suffix) for name in IMAGES for storage in Storage)
+
+
+def is_bundle(folder: Path) -> bool:
+    """Whether a folder holds a bundle; nothing in it is checked."""
+    try:
+        return (folder / MATERIAL).is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def read_bundle(path: str | Path) -> Bundle:

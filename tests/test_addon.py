@@ -9,8 +9,11 @@ from typing import Any
 import bpy
 import measured_materials
 import pytest
-from measured_materials.addon import bake_operator, import_operator, measured_material, panel
+from measured_materials.addon import import_operator, measured_material, panel
 from measured_materials.addon.bake_properties import settings_of, show_settings
+from measured_materials.addon.facts import FACTS_KEY, facts_of
+from measured_materials.addon.kinds import BRDF
+from measured_materials.addon.ui_context import shown_material
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
@@ -122,7 +125,7 @@ def test_import_puts_the_material_on_the_object(lacquer: Any, measurement: Path,
     assert lacquer.name == "lacquer" and lacquer.users == 1 and not lacquer.use_fake_user
     bundle = read_bundle(tmp_path / "lacquer.mmat")
     assert lacquer[BUNDLE_KEY] == str(bundle.path) and lacquer[SOURCE_KEY] == str(measurement)
-    facts = measured_material.facts_of(lacquer)
+    facts = facts_of(lacquer)
     assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
     assert lacquer.measured_materials.resolution == 8 and lacquer.measured_materials.alpha == "given"
     assert all(image.packed_file for image in bpy.data.images if image.name.startswith("lacquer"))
@@ -162,13 +165,13 @@ def test_bad_file_is_one_report_and_the_others_are_imported(measurement: Path, p
 
 
 def test_baking_again_keeps_the_users(lacquer: Any, plate: Any, tmp_path: Path) -> None:
-    before = measured_material.facts_of(lacquer)["errors"]["rms"]
+    before = facts_of(lacquer)["errors"]["rms"]
     images = {image.name for image in bpy.data.images}
     groups = len(bpy.data.node_groups)
     lacquer.measured_materials.resolution = 16
     assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
     assert plate.active_material == lacquer and lacquer.users == 1
-    facts = measured_material.facts_of(lacquer)
+    facts = facts_of(lacquer)
     assert facts["table"]["n"] == 16 and facts["errors"]["rms"] < before
     assert [file.name for file in tmp_path.iterdir()] == ["lacquer.mmat"]
     assert len(bpy.data.images) == len(images) and len(bpy.data.node_groups) == groups
@@ -181,16 +184,16 @@ def test_baking_a_copy_leaves_the_original_alone(lacquer: Any, plate: Any, tmp_p
     bpy.ops.measured_materials.bake_again()
     assert copy[BUNDLE_KEY] != lacquer[BUNDLE_KEY]
     assert read_bundle(lacquer[BUNDLE_KEY]).material["table"]["n"] == 8
-    assert measured_material.facts_of(lacquer)["table"]["n"] == 8
+    assert facts_of(lacquer)["table"]["n"] == 8
 
 
 def test_failed_baking_changes_nothing(lacquer: Any, tmp_path: Path) -> None:
-    facts, node = lacquer[measured_material.FACTS_KEY], lacquer.node_tree.nodes[0].name
+    facts, node = lacquer[FACTS_KEY], lacquer.node_tree.nodes[0].name
     with pytest.raises(RuntimeError, match=r"absent\.binary: does not exist"):
         bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "absent.binary"))
-    assert lacquer[measured_material.FACTS_KEY] == facts and lacquer.node_tree.nodes[0].name == node
+    assert lacquer[FACTS_KEY] == facts and lacquer.node_tree.nodes[0].name == node
     lacquer[SOURCE_KEY] = str(tmp_path / "moved.binary")
-    assert "moved.binary is not there" in measured_material.why_not_bakeable(lacquer)
+    assert "moved.binary is not there" in BRDF.why_not_bakeable(lacquer)
 
 
 def test_lost_measurement_can_be_replaced(lacquer: Any, measurement: Path, tmp_path: Path) -> None:
@@ -204,19 +207,19 @@ def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     model = by_name("phong", diffuse=(0.1, 0.2, 0.3), exponent=7)
     settings = BakeSettings(resolution=6, alpha=(0.5, 0.5), envelope=False)
     material = measured_material.material_from(bake_source(model, tmp_path / "phong", settings), pack=True)
-    assert measured_material.why_not_bakeable(material) == ""
+    assert BRDF.why_not_bakeable(material) == ""
     measured_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False), pack=False)
-    facts = measured_material.facts_of(material)
+    facts = facts_of(material)
     assert facts["source"]["facts"]["exponent"] == 7 and facts["table"]["n"] == 8
     material[BUNDLE_KEY] = str(tmp_path / "gone" / "phong.mmat")
     with pytest.raises(BakeError, match=r"save the \.blend"):
         measured_material.bake_again(material, settings, pack=True)
     del material[SOURCE_KEY]
     material[BUNDLE_KEY] = str(tmp_path / "phong.mmat")
-    material[measured_material.FACTS_KEY] = "{}"
+    material[FACTS_KEY] = "{}"
     with pytest.raises(BakeError, match="choose the measurement"):
         measured_material.bake_again(material, settings, pack=True)
-    assert "does not say" in measured_material.why_not_bakeable(material)
+    assert "does not say" in BRDF.why_not_bakeable(material)
 
 
 def test_greyed_out_button_says_why(plate: Any) -> None:
@@ -295,7 +298,7 @@ def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{", "{}", '{"source": 1}', "[" * 99999])
 def test_panel_survives_foreign_facts(text: str, lacquer: Any) -> None:
-    lacquer[measured_material.FACTS_KEY] = text
+    lacquer[FACTS_KEY] = text
     assert Stage(lacquer).drawn(panel._Panel)
     Stage(lacquer).drawn(panel._BakePanel)
-    bake_operator.shown_material(bpy.context)
+    shown_material(bpy.context)

@@ -11,10 +11,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import arc_material, arc_operator, arc_relight, kept_textures, measured_material, panel
+from measured_materials.addon import arc_material, arc_operator, arc_relight, kept_textures, panel
+from measured_materials.addon.facts import FACTS_KEY, facts_of
+from measured_materials.addon.kinds import SHADING_MAP, kind_of
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.lighting_properties import lighting_of, show_lighting
-from measured_materials.addon.rebuild import refit
+from measured_materials.addon.lighting import lighting_of, show_lighting
 from measured_materials.addon.scene_check_subject import measured_trees
 from measured_materials.addon.stages import USUAL_SIZE
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
@@ -65,7 +66,7 @@ def mapping_of(material: Any) -> Any:
 
 def assert_lit_as(material: Any, settings: RenderSettings, bundle_path: Path) -> None:
     """As if it had been built from a bundle of this light; names of textures apart, which Blender numbers."""
-    facts = {**read_bundle(bundle_path).material, "albedo": measured_material.facts_of(material)["albedo"]}
+    facts = {**read_bundle(bundle_path).material, "albedo": facts_of(material)["albedo"]}
     fresh = build_shading_map(Bundle(bundle_path, facts), settings=settings, lamps=lamp_image())
     assert shape_of(group_of(material)) == shape_of(group_of(fresh))
     assert arc_relight.current_lighting(material) == settings
@@ -97,7 +98,7 @@ def test_import_puts_the_material_on_the_object(felt: Any, stack: Path, tmp_path
     assert felt.name == "felt" and felt.users == 1 and not felt.use_fake_user
     bundle = read_bundle(tmp_path / "felt.mmat")
     assert felt[BUNDLE_KEY] == str(bundle.path) and felt[SOURCE_KEY] == str(stack)
-    facts = measured_material.facts_of(felt)
+    facts = facts_of(felt)
     assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
     assert all(image.packed_file for image in kept_textures.textures_of(felt).values())
     assert felt.measured_arc.size == USUAL_SIZE and felt.measured_lighting.lobe == "lambert"
@@ -110,7 +111,7 @@ def test_import_of_chosen_files(stack: Path, plate: Any, tmp_path: Path) -> None
     options = {"lobe": "ggx", "ggx_alpha": 0.25, "slices": 4, "scale_by": "albedo", "albedo": 0.3, "pack": False}
     bpy.ops.measured_materials.import_arc(directory=str(stack), files=files, bundles=str(tmp_path), **options)
     material = plate.active_material
-    facts = measured_material.facts_of(material)
+    facts = facts_of(material)
     assert facts["averages"]["photographs"] == ["el15.png", "el55.png", "el90.png"]
     assert facts["render"]["lobe"] == {"name": "ggx", "alpha": 0.25} and facts["map"]["a_max"] > 0
     assert material.measured_lighting.ggx_alpha == 0.25 and material.measured_arc.scale_by == "albedo"
@@ -124,15 +125,15 @@ def test_one_file_stands_for_its_folder(chosen: str, tmp_path: Path, plate: Any)
     (folder / "lights.csv").write_text("file,elevation\nel20.png,21\nel50.png,51\nel80.png,81\n")
     where = {"filepath": str(folder / chosen), "directory": str(folder), "files": [{"name": chosen}]}
     bpy.ops.measured_materials.import_arc(**where, bundles=str(tmp_path))
-    facts = measured_material.facts_of(plate.active_material)
+    facts = facts_of(plate.active_material)
     assert facts["averages"]["elevations_deg"] == [21, 51, 81]
 
 
 def test_fitted_lobe_is_shown(stack: Path, plate: Any, tmp_path: Path) -> None:
     bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), fit_lobe=True)
     material = plate.active_material
-    fitted = measured_material.facts_of(material)["lobe_fit"]["lobe"]
-    assert lighting_of(material.measured_lighting).lobe.name == fitted["name"]
+    fitted = facts_of(material)["lobe_fit"]["lobe"]
+    assert lighting_of(material.measured_lighting, material.measured_quality.mode).lobe.name == fitted["name"]
     assert material.measured_arc.fit_lobe
 
 
@@ -176,10 +177,11 @@ def test_a_change_of_light_rebuilds_at_once(
     assert_lit_as(material, RenderSettings(sigma=0.8), bundle.path)
     light.lobe, light.ggx_alpha, light.above, light.tiling = "ggx", 0.4, "scale", "extend"
     assert_lit_as(material, RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", tiling="extend"), bundle.path)
-    light.technique, light.mode, light.a_max = "angular", "reference", 0.2
+    material.measured_quality.mode = "reference"
+    light.technique, light.a_max = "angular", 0.2
     last = RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", "angular", "reference", "extend", 0.2)
     assert_lit_as(material, last, bundle.path)
-    albedo = measured_material.facts_of(material)["albedo"]
+    albedo = facts_of(material)["albedo"]
     expected = map_albedo_facts(shading_map_of(bundle), last, None)
     # The means are kept in float32.
     np.testing.assert_allclose(albedo["directional"], expected["directional"], rtol=1e-5)
@@ -188,7 +190,8 @@ def test_a_change_of_light_rebuilds_at_once(
     assert images <= set(bpy.data.images)
     assert (bundle.path / "material.json").stat().st_mtime_ns == written
     light.lobe = "lambert"
-    light.technique, light.mode = "lookup", "exact"
+    light.technique = "lookup"
+    material.measured_quality.mode = "exact"
     purge_groups()  # those of the materials that this test compared with
     assert groups <= len(bpy.data.node_groups)
 
@@ -202,7 +205,7 @@ def test_ready_for_lamps_to_come_until_fitted(felt: Any) -> None:
         felt.measured_lighting.sigma = 0.4
         bpy.context.view_layer.update()
         assert [tree[SLOTS_KEY] for tree in measured_trees(felt) if SLOTS_KEY in tree] == [0]
-        refit(felt, bpy.context.scene)
+        SHADING_MAP.refit(felt, bpy.context.scene)
         assert not [tree for tree in measured_trees(felt) if SLOTS_KEY in tree]
     finally:
         for lamp in lamps:
@@ -220,8 +223,8 @@ def test_nothing_piles_up(felt: Any) -> None:
 def test_packed_textures_need_no_bundle(felt: Any, tmp_path: Path) -> None:
     shutil.copytree(tmp_path / "felt.mmat", tmp_path / "kept.mmat")
     shutil.rmtree(tmp_path / "felt.mmat")
-    assert arc_relight.why_not_relightable(felt) == ""
-    show_lighting(felt.measured_lighting, GGX)
+    assert SHADING_MAP.why_not_rebuildable(felt) == ""
+    show_lighting(felt, GGX)
     felt.measured_lighting.tiling = "extend"
     assert_lit_as(felt, RenderSettings(GGX.lobe, GGX.sigma, GGX.above, tiling="extend"), tmp_path / "kept.mmat")
     assert felt.measured_lighting.problem == ""
@@ -234,13 +237,16 @@ def test_lost_textures_are_told_and_nothing_changes(stack: Path, plate: Any, tmp
     (tmp_path / "felt.mmat").rename(tmp_path / "moved.mmat")
     for image in kept_textures.textures_of(material).values():
         image.reload()  # as a new session would find them
-    assert "felt.mmat" in arc_relight.why_not_relightable(material)
+    assert "felt.mmat" in SHADING_MAP.why_not_rebuildable(material)
     material.measured_lighting.sigma = 0.9
     assert "is gone" in material.measured_lighting.problem
     assert material.measured_lighting.sigma == 0 and shape_of(group_of(material)) == before
-    assert any("felt.mmat" in text for text in Stage(material).drawn(panel._LightingPanel))
+    material.measured_quality.mode = "preview"
+    assert "is gone" in material.measured_quality.problem and material.measured_quality.mode == "exact"
+    for kind in (panel._LightingPanel, panel._QualityPanel):
+        assert any("felt.mmat" in text for text in Stage(material).drawn(kind))
     (tmp_path / "moved.mmat").rename(tmp_path / "felt.mmat")
-    assert arc_relight.why_not_relightable(material) == ""
+    assert SHADING_MAP.why_not_rebuildable(material) == ""
     material.measured_lighting.sigma = 0.9
     assert material.measured_lighting.problem == ""
     assert_lit_as(material, RenderSettings(sigma=0.9), tmp_path / "felt.mmat")
@@ -309,12 +315,12 @@ def test_lighting_of_another_material_does_nothing() -> None:
 
 def test_baking_again_keeps_the_users(felt: Any, plate: Any, tmp_path: Path) -> None:
     images, groups = len(bpy.data.images), len(bpy.data.node_groups)
-    show_lighting(felt.measured_lighting, GGX)
+    show_lighting(felt, GGX)
     felt.measured_arc.slices = 4
     mapping_of(felt).inputs["Scale"].default_value = (3, 3, 1)
     assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
     assert plate.active_material == felt and felt.users == 1
-    facts = measured_material.facts_of(felt)
+    facts = facts_of(felt)
     assert facts["map"]["slices"] == 4 and facts["render"] == GGX.facts()
     assert [file.name for file in tmp_path.iterdir()] == ["felt.mmat"]
     assert len(bpy.data.images) == images
@@ -332,20 +338,20 @@ def test_baking_a_copy_leaves_the_original_alone(felt: Any, plate: Any) -> None:
     bpy.ops.measured_materials.bake_again()
     assert copy[BUNDLE_KEY] != felt[BUNDLE_KEY]
     assert read_bundle(felt[BUNDLE_KEY]).material["map"]["slices"] == 8
-    assert measured_material.facts_of(felt)["map"]["slices"] == 8
+    assert facts_of(felt)["map"]["slices"] == 8
     felt.measured_lighting.sigma = 0.4
     assert felt.measured_lighting.problem == ""
 
 
 def test_failed_baking_changes_nothing(felt: Any, tmp_path: Path) -> None:
-    facts = felt[measured_material.FACTS_KEY]
+    facts = felt[FACTS_KEY]
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "absent"))
-    assert felt[measured_material.FACTS_KEY] == facts
+    assert felt[FACTS_KEY] == facts
     felt.measured_lighting.sigma = 0.4
     assert felt.measured_lighting.problem == ""
     felt[SOURCE_KEY] = str(tmp_path / "moved")
-    assert "moved is not there" in measured_material.why_not_bakeable(felt)
+    assert "moved is not there" in kind_of(felt).why_not_bakeable(felt)
 
 
 def test_lost_photographs_can_be_replaced(felt: Any, stack: Path, tmp_path: Path) -> None:
@@ -374,10 +380,12 @@ def test_panel_tells_photographs_energy_and_light(felt: Any) -> None:
 def test_panels_offer_what_has_an_effect(felt: Any) -> None:
     assert panel._LightingPanel.poll(Stage(felt)) and panel._BakePanel.poll(Stage(felt))
     texts = Stage(felt).drawn(panel._LightingPanel)
-    assert {"lobe", "sigma", "above", "technique", "mode", "tiling"} <= set(texts) and "ggx_alpha" not in texts
+    assert {"lobe", "sigma", "above", "technique", "tiling"} <= set(texts) and not {"ggx_alpha", "mode"} & set(texts)
+    assert {"mode", "aim", "detail"} <= set(texts := Stage(felt).drawn(panel._QualityPanel)) and "filter" not in texts
     felt.measured_lighting.lobe, felt.measured_lighting.technique = "phong", "lit_texture"
     texts = Stage(felt).drawn(panel._LightingPanel)
-    assert {"phong_exponent", "phong_diffuse"} <= set(texts) and "above" not in texts
+    assert {"phong_exponent", "phong_diffuse"} <= set(texts) and not {"above", "mode"} & set(texts)
+    assert "mode" not in Stage(felt).drawn(panel._QualityPanel)
     texts = Stage(felt).drawn(panel._BakePanel)
     assert {"size", "slices", "measured_materials.bake_again"} <= set(texts)
     assert not {"rank", "crop", "gamma", "albedo", "azimuth", "brdf", "corner_top_left"} & set(texts)
@@ -391,7 +399,7 @@ def test_panels_offer_what_has_an_effect(felt: Any) -> None:
     "text", ["", "{}", '{"kind": "shading_map"}', '{"kind": "shading_map", "images": {"slices": 1}, "render": {}}']
 )
 def test_panel_survives_foreign_facts(text: str, felt: Any) -> None:
-    felt[measured_material.FACTS_KEY] = text
+    felt[FACTS_KEY] = text
     assert Stage(felt).drawn(panel._Panel)
     Stage(felt).drawn(panel._BakePanel)
     Stage(felt).drawn(panel._LightingPanel)

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import pytest
 from measured_materials.addon.arc_properties import arc_settings_of, show_arc_settings
-from measured_materials.addon.lighting_properties import lighting_of, show_lighting
+from measured_materials.addon.lighting import lighting_of, show_lighting
 from measured_materials.addon.stages import USUAL_SIZE
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading.bake_arc import ArcSettings
@@ -41,15 +41,17 @@ from test_addon import registered  # noqa: F401
 def test_settings_survive_the_properties(settings: ArcSettings) -> None:
     material = bpy.data.materials.new("settings")
     try:
-        assert arc_settings_of(material.measured_arc, material.measured_lighting) == ArcSettings(
-            stack=StackSettings(size=USUAL_SIZE)
-        )
+        assert _settings(material) == ArcSettings(stack=StackSettings(size=USUAL_SIZE))
         show_arc_settings(material.measured_arc, settings, pack=False)
-        show_lighting(material.measured_lighting, settings.render)
-        assert arc_settings_of(material.measured_arc, material.measured_lighting) == settings
+        show_lighting(material, settings.render)
+        assert _settings(material) == settings
         assert material.measured_arc.pack is False
     finally:
         bpy.data.materials.remove(material)
+
+
+def _settings(material: bpy.types.Material) -> ArcSettings:
+    return arc_settings_of(material.measured_arc, material.measured_lighting, material.measured_quality.mode)
 
 
 @pytest.mark.parametrize("name", LOBES)
@@ -57,8 +59,8 @@ def test_lighting_survives_the_properties(name: str) -> None:
     material = bpy.data.materials.new("lighting")
     try:
         settings = RenderSettings(Lobe(name), 0.123, a_max=0.5)
-        show_lighting(material.measured_lighting, settings)
-        assert lighting_of(material.measured_lighting) == settings
+        show_lighting(material, settings)
+        assert lighting_of(material.measured_lighting, material.measured_quality.mode) == settings
         assert material.measured_lighting.problem == ""
     finally:
         bpy.data.materials.remove(material)

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon import measured_material, rebuild
-from measured_materials.addon.effects import Choices
+from measured_materials.addon.choices import Choices
 from measured_materials.addon.kept_textures import image_nodes
 from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.bake.alias_sampler import SamplerLayout

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from measured_materials.addon.expectation import expectation
+from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.measured_material import material_from
-from measured_materials.addon.panel import _expected
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
@@ -48,5 +48,5 @@ def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path: Path, kind:
     said = {}
     for mode in MODES:
         material.measured_quality.mode = mode
-        said[mode] = _expected(material)
+        said[mode] = BRDF.cost(material)
     assert len(set(said.values())) >= 3 and all("%" in words for words in said.values())

@@ -11,8 +11,10 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon import brdf_build, measured_material, rebuild
-from measured_materials.addon.effects import Choices
+from measured_materials.addon.choices import Choices
+from measured_materials.addon.facts import facts_of
 from measured_materials.addon.kept_textures import textures_of
+from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.scene_check import check_scene, mend
 from measured_materials.addon.scene_check_subject import measured_trees
@@ -132,7 +134,7 @@ def images_in(tree: bpy.types.NodeTree) -> set[str]:
 def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Material) -> None:
     """Each mode has the textures it needs and no others, and the first comes back as it was."""
     quality = material.measured_quality
-    assert quality.mode == "exact" and rebuild.why_not_rebuildable(material) == ""
+    assert quality.mode == "exact" and BRDF.why_not_rebuildable(material) == ""
     exact = images_in(material.node_tree)
     assert {"residual", "envelope"} <= {name.split()[-1] for name in exact}
     quality.mode = "reference"
@@ -145,7 +147,7 @@ def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Mate
     assert images_in(material.node_tree) == exact
     quality.mode = "exact"
     assert images_in(material.node_tree) == exact
-    assert set(textures_of(material)) == set(measured_material.facts_of(material)["images"])
+    assert set(textures_of(material)) == set(facts_of(material)["images"])
     assert not [image for image in bpy.data.images if not image.users and image.name.startswith("metallic-paint")]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 from measured_materials.addon import studio
+from measured_materials.addon.renderer import set_unbiased
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.nodes import compat, expr
@@ -54,7 +55,7 @@ class Strips:
         scene.world, background = compat.new_world("dark")
         background.inputs["Strength"].default_value = 0
         scene.render.resolution_x, scene.render.resolution_y = PIXELS * self.count, PIXELS
-        studio.set_unbiased(scene, samples=1, seed=0)
+        set_unbiased(scene, samples=1, seed=0)
         # Faint light would be rolled dice about, which is unbiased but noisy.
         scene.cycles.light_sampling_threshold = 0
 

@@ -1,4 +1,4 @@
-"""The seams of the four folders: who may import what, read from the source and proved by importing."""
+"""The seams of the four folders: who may import what, read from the source and proved by importing; no circles."""
 
 from __future__ import annotations
 
@@ -102,6 +102,88 @@ def test_folder_imports_only_what_blender_brings(folder: str) -> None:
         and not (found.deferred and name in deferred_too)
     ]
     assert not wrong
+
+
+# Circles that are still there. None may be added, and none may grow.
+KNOWN_CIRCLES = (
+    {"bake.bake_brdf", "bake.anisotropic.bake"},
+    {"bake", "bake.anisotropic", "bake.envelope", "bake.photographs", "bake.shading", "bake.sources"},
+)
+
+
+def import_graph() -> dict[str, set[str]]:
+    """Of each module of the product, the modules it imports: those for the type checker and inside functions too."""
+    files = {file for folder in INSIDE for file in (ROOT / folder).rglob("*.py")}
+    modules = {_module(file.relative_to(ROOT)) for file in files}
+    graph: dict[str, set[str]] = {name: set() for name in modules}
+    for found in (found for folder in INSIDE for found in imports(folder) if found.level):
+        name = _module(Path(found.where.partition(":")[0]))
+        # What is imported from a module is one itself, or is defined in it.
+        target = found.module if found.module in modules else found.module.rpartition(".")[0]
+        if target in modules and target != name:
+            graph[name].add(target)
+    return graph
+
+
+def _module(file: Path) -> str:
+    parts = file.with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """What can be reached from each of its members by arrows and reaches that again; lone members left out."""
+    reached = {name: _reached(graph, name) for name in graph}
+    found = [{b for b in reached[a] if a in reached[b]} for a in graph if a in reached[a]]
+    return [circle for k, circle in enumerate(found) if circle not in found[:k]]
+
+
+def _reached(graph: dict[str, set[str]], start: str) -> set[str]:
+    seen: set[str] = set()
+    ahead = set(graph[start])
+    while ahead:
+        seen |= ahead
+        ahead = {c for b in ahead for c in graph[b]} - seen
+    return seen
+
+
+def of_packages(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """The same arrows between the folders that the modules lie in."""
+    folders = {name: name if (ROOT / name.replace(".", "/")).is_dir() else name.rpartition(".")[0] for name in graph}
+    folded: dict[str, set[str]] = {folder: set() for folder in folders.values()}
+    for name, targets in graph.items():
+        folded[folders[name]] |= {folders[target] for target in targets} - {folders[name]}
+    return folded
+
+
+def unknown(found: list[set[str]]) -> list[set[str]]:
+    return [circle for circle in found if not any(circle <= known for known in KNOWN_CIRCLES)]
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """By whatever detour, and wherever in the file: a circle is two floors in one file."""
+    graph = import_graph()
+    assert len(graph) > 200 and "bake.bundle" in graph["addon.rebuild"]
+    assert unknown(circles(graph)) == []
+
+
+def test_no_packages_import_each_other_in_a_circle() -> None:
+    graph = of_packages(import_graph())
+    assert "addon" in graph and "nodes" in graph["addon"]
+    assert unknown(circles(graph)) == []
+
+
+def test_circles_are_found() -> None:
+    """By two arrows, by three, through a package's own file; not where arrows only meet again."""
+    assert circles({"a": {"b"}, "b": {"a"}, "c": {"a"}}) == [{"a", "b"}]
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": set()}) == [{"a", "b", "c"}]
+    assert circles({"a": {"b", "c"}, "b": {"d"}, "c": {"d"}, "d": set()}) == []
+    graph = import_graph()
+    graph["addon.choices"].add("addon.rebuild")
+    assert [circle for circle in circles(graph) if "addon.choices" in circle]
+    assert of_packages({"addon.a": {"addon.swatches.b"}, "addon.swatches.b": set()}) == {
+        "addon": {"addon.swatches"},
+        "addon.swatches": set(),
+    }
 
 
 IMPORT_ALL = """

@@ -17,6 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import measured_materials
+from measured_materials.addon.facts import facts_of, is_measured
 from measured_materials.addon import measured_material, scene_check, texture_repair
 from measured_materials.addon.kept_textures import TEXTURE_KEY, textures_of
 from measured_materials.bake.alias_sampler import SamplerLayout
@@ -189,12 +190,12 @@ save("swapped.blend")
 for name in ("canvas", "satin"):
     shutil.move(moved / f"{name}.mmat", folder / f"{name}.mmat")
     shutil.copytree(folder / f"{name}.mmat", moved / f"{name}.mmat")
-lost = [measured_material.is_measured(m) and rebuild.why_not_rebuildable(m) for m in bpy.data.materials]
+lost = [is_measured(m) and kinds.BRDF.why_not_rebuildable(m) for m in bpy.data.materials]
 scene_check.mend_scene(bpy.context.scene)
 paths = [i.filepath for m in bpy.data.materials for i in textures_of(m).values() if Path(i.filepath).suffix]
 tell(before=before, swapped=swapped, right=right, after=after, mended=is_right(), left=wrong(), lost=lost, paths=paths)
 """
-    found = run(tmp_path, "from measured_materials.addon import rebuild\n" + script)
+    found = run(tmp_path, "from measured_materials.addon import kinds\n" + script)
     assert "common_names" in found["before"] and "wrong_texture" not in found["before"]
     taken = {f"{name} {part}" for name, parts in found["swapped"].items() for part in parts}
     assert taken and taken == {part for part, right in found["right"].items() if not right}
@@ -219,7 +220,7 @@ table.pack(data=other, data_len=len(other))
 save()
 open_again()
 canvas = bpy.data.materials["canvas"]
-told, facts = wrong(), measured_material.facts_of(canvas)
+told, facts = wrong(), facts_of(canvas)
 why = missing_texture(canvas, facts, ["table"])
 mended = [f.rule for f in scene_check.mend_scene(bpy.context.scene)]
 tell(told=told, why=why, mended=mended, right=is_right(), packed=bool(textures_of(canvas)["table"].packed_file))

@@ -10,7 +10,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix
-from measured_materials.addon.studio import remove_studio, render_linear, set_unbiased
+from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.studio import remove_studio, render_linear
 from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
 from measured_materials.bake.anisotropic.atlas import SliceLayout
 from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry

@@ -21,8 +21,7 @@ from measured_materials.addon import lamps
 from measured_materials.addon.arc_build import build_map
 from measured_materials.addon.arc_material import set_repeat
 from measured_materials.addon.brdf_build import build_brdf
-from measured_materials.addon.effects import Choices
-from measured_materials.addon.quality_properties import show_choices
+from measured_materials.addon.choices import Choices, show_choices
 from measured_materials.addon.studio import render_linear
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle

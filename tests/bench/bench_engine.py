@@ -28,7 +28,7 @@ from engine_plot import plot
 from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit
 from materials import SHARED
 from measured_materials.addon.brdf_build import build_brdf
-from measured_materials.addon.effects import AUTO, NEVER, Choices
+from measured_materials.addon.choices import AUTO, NEVER, Choices
 from measured_materials.addon.principled_match import Principled, fit_principled
 from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle

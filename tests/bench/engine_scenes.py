@@ -13,7 +13,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 from measured_materials.addon import studio_shapes
 from measured_materials.addon.lamps import update_scene
-from measured_materials.addon.studio import OWNED, remove_studio, render_linear, set_unbiased
+from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.studio import OWNED, remove_studio, render_linear
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
 

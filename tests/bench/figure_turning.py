@@ -21,7 +21,8 @@ from bench_anisotropic import SOURCES, brush_around
 from mathutils import Matrix, Vector
 from measured_materials.addon import lamps, studio_shapes
 from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.addon.studio import remove_studio, render_linear, set_unbiased
+from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.studio import remove_studio, render_linear
 from measured_materials.bake.anisotropic.accuracy import turned_pairs
 from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry
 from measured_materials.bake.anisotropic.grid import Grid

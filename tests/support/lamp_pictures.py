@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 from measured_materials.addon import studio
+from measured_materials.addon.renderer import set_unbiased
 from measured_materials.nodes import compat
 from numpy.typing import NDArray
 
@@ -40,7 +41,7 @@ class LampRoom:
         self._white = diffuse_material(1.0)
         mesh.materials.append(self._white)
         self.card = self._link("card", mesh)
-        studio.set_unbiased(self.scene, samples=1, seed=0)
+        set_unbiased(self.scene, samples=1, seed=0)
         # Rays through the middle of each pixel, or the silhouette would be blurred.
         self.scene.cycles.pixel_filter_type, self.scene.cycles.filter_width = "BOX", 0.01
 

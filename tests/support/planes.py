@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 from mathutils import Matrix, Vector
-from measured_materials.addon import studio
+from measured_materials.addon.renderer import set_unbiased
 from measured_materials.nodes import compat, expr
 
 from .scenes import TestScene
@@ -60,5 +60,5 @@ def plane_scene(material: bpy.types.Material, matrix: Matrix, applied: bool, lam
     scene.collection.objects.link(view)
     scene.camera = view
     scene.render.resolution_x = scene.render.resolution_y = 24
-    studio.set_unbiased(scene, samples=64, seed=0)
+    set_unbiased(scene, samples=64, seed=0)
     return TestScene(scene, plane)

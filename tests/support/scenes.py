@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 from measured_materials.addon import studio, studio_shapes
+from measured_materials.addon.renderer import set_unbiased
 from measured_materials.nodes import compat
 from numpy.typing import NDArray
 
@@ -169,7 +170,7 @@ def _sphere_scene(
     camera.lens = 50
     scene.camera = _add(scene, camera, _look_at((0, -3.6, 1.2)))
     scene.render.resolution_x = scene.render.resolution_y = resolution
-    studio.set_unbiased(scene, samples=64, seed=0)
+    set_unbiased(scene, samples=64, seed=0)
     return scene, sphere
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import bpy
 from measured_materials.addon import studio
+from measured_materials.addon.renderer import set_unbiased
 from measured_materials.addon.world_light import PROBE
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.aimed_light_group import MAX_SLOTS, aim_by, can_switch
@@ -131,7 +132,7 @@ def _card_scene() -> tuple[bpy.types.Scene, bpy.types.Mesh]:
     scene[PROBE] = True  # the graph stays as it is, however few lamps are here
     scene.render.resolution_x = scene.render.resolution_y = 2
     store_feature_passes(scene.view_layers[0])
-    studio.set_unbiased(scene, samples=1, seed=0)
+    set_unbiased(scene, samples=1, seed=0)
     return scene, mesh
 
 

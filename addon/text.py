@@ -1,0 +1,19 @@
+"""Text for one line of a terminal, a report or a panel, whatever files are called."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks and other control characters, which a file's name may hold."""
+    return _CONTROL.sub(" ", text).strip()
+
+
+def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Label and value pairs as aligned lines; an empty label continues the one above."""
+    width = max((len(label) for label, _ in rows), default=0)
+    return [f"{label:<{width}}  {one_line(value)}" for label, value in rows]
