@@ -44,7 +44,7 @@ def build_brdf(
     # Only once: of scenes with many instances it takes its time.
     report, passes = survey_scene(scene, for_render=True), asks_for_passes(scene)
     targets = what_to_aim_at(report)
-    plan = plan_brdf(record.document, choices, str(record.files().path), targets, passes, ready=ready)
+    plan = plan_brdf(record, choices, targets, passes, ready=ready)
     material = build_material(
         record,
         material,
@@ -77,8 +77,6 @@ def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     }
 
 
-def choices_from(facts: Mapping[str, Any]) -> Choices:
-    """The choices that `account_of` kept, as far as they can be read."""
-    kept = facts.get("choices")
-    known = {k: v for k, v in kept.items() if isinstance(v, str)} if isinstance(kept, dict) else {}
+def choices_from(known: Mapping[str, str]) -> Choices:
+    """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
     return Choices(**{key: known[key] for key in ("mode", "aim", "residual", "filter", "detail") if key in known})

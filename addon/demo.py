@@ -11,8 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.alias_sampler import SamplerLayout
 from ..bake.bake_brdf import BakeResult, BakeSettings, bake_file
+from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import read_bundle
 from ..bake.source import Array
 from ..bake.sources.analytic import MetallicPaint
@@ -89,7 +89,7 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
 def _truth_material(bundle_path: Path) -> bpy.types.Material:
     """The analytic paint evaluated in the shader, drawn from the same alias tables."""
     bundle = read_bundle(bundle_path)
-    layout = SamplerLayout(**bundle.material["sampler"])
+    layout = BrdfRecord.read(bundle).sampler
     image = bundle_image(bundle, "sampler", "truth sampler")
     sampler = alias_sampler_group("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")

@@ -22,7 +22,7 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.map_albedo import map_albedo_facts
-from measured_materials.bake.shading.map_facts import shading_map_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
@@ -182,7 +182,7 @@ def test_a_change_of_light_rebuilds_at_once(
     last = RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", "angular", "reference", "extend", 0.2)
     assert_lit_as(material, last, bundle.path)
     albedo = facts_of(material)["albedo"]
-    expected = map_albedo_facts(shading_map_of(bundle), last, None)
+    expected = map_albedo_facts(ShadingMapRecord.read(bundle).load_map(), last, None)
     # The means are kept in float32.
     np.testing.assert_allclose(albedo["directional"], expected["directional"], rtol=1e-5)
     assert light.problem == "" and material.users == 1

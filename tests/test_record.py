@@ -200,7 +200,7 @@ def test_a_document_has_no_pixels() -> None:
 Change = Callable[[dict[str, Any]], Any]
 WRONG: list[tuple[str, Change, str]] = [
     ("isotropic", lambda d: d.update(kind="shading_map"), "kind 'shading_map' is not a BRDF"),
-    ("isotropic", lambda d: d.pop("kind"), "kind None is not a BRDF"),
+    ("isotropic", lambda d: d.pop("kind"), "'kind' is missing"),
     ("isotropic", lambda d: d.pop("source"), "'source' is missing"),
     ("isotropic", lambda d: d["source"].update(name=3), "'name' is not a text"),
     ("isotropic", lambda d: d.update(settings=None), "'settings' is not an object"),

@@ -220,8 +220,7 @@ table.pack(data=other, data_len=len(other))
 save()
 open_again()
 canvas = bpy.data.materials["canvas"]
-told, facts = wrong(), facts_of(canvas)
-why = missing_texture(canvas, facts, ["table"])
+told, why = wrong(), missing_texture(canvas, record_of(canvas), ["table"])
 mended = [f.rule for f in scene_check.mend_scene(bpy.context.scene)]
 tell(told=told, why=why, mended=mended, right=is_right(), packed=bool(textures_of(canvas)["table"].packed_file))
 """

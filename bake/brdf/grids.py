@@ -30,6 +30,11 @@ def is_anisotropic(grid: Grid) -> bool:
     return isinstance(grid, AnisotropicGrid)
 
 
+def basis_of(grid: Grid) -> str:
+    """ "normal" or "half", the vectors that its axes are angles of."""
+    return "normal" if isinstance(grid, TableGrid | NormalGrid) else "half"
+
+
 def texture_size(grid: Grid) -> tuple[int, int]:
     """(width, height) of the texture that holds a table on this grid. Raises BakeError where none is large enough."""
     if isinstance(grid, AnisotropicGrid):

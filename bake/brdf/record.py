@@ -18,7 +18,7 @@ from ..material_json import Fields
 from ..shading.lobes import Lobe
 from ..storage import Storage
 from .baked_table import SAMPLERS, BakedTable, Layout, Sampler, Table
-from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
+from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
 from .grids import is_anisotropic, texture_size
 from .parts import (
     AlphaSearchRecord,
@@ -87,9 +87,9 @@ class BrdfRecord:
     @classmethod
     def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> BrdfRecord:
         """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
-        if kind_of(document) != "brdf":
-            raise BakeError(where, f"kind {document.get('kind')!r:.40} is not a BRDF", "update the extension")
         fields = Fields(document, where)
+        if (kind := fields.text("kind")) != "brdf":
+            raise BakeError(where, f"kind {kind!r:.40} is not a BRDF", "update the extension")
         images = images_of(fields)
         table = _table_of(fields, images)
         anisotropic = is_anisotropic(table.grid)

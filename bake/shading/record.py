@@ -11,7 +11,7 @@ import numpy as np
 
 from ..alias_sampler import SamplerLayout
 from ..brdf.baked_table import BakedTable
-from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
+from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
 from ..brdf.grids import is_anisotropic, texture_size
 from ..brdf.parts import TableRecord, sampler_of
 from ..bundle import MATERIAL, Bundle
@@ -92,9 +92,9 @@ class ShadingMapRecord:
     @classmethod
     def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> ShadingMapRecord:
         """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
-        if kind_of(document) != "shading_map":
-            raise BakeError(where, f"kind {document.get('kind')!r:.40} is not a shading map", "update the extension")
         fields = Fields(document, where)
+        if (kind := fields.text("kind")) != "shading_map":
+            raise BakeError(where, f"kind {kind!r:.40} is not a shading map", "update the extension")
         images = images_of(fields)
         stored = MapRecord.parse(fields.part("map"))
         sizes = {name: (image.width, image.height, image.channels) for name, image in images.items()}
