@@ -8,6 +8,7 @@ import bpy
 
 from ..bake.errors import BakeError
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
+from ..bake.shading.record import ShadingMapRecord
 from .arc_material import import_arc, map_words
 from .arc_properties import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
 from .facts import record_of
@@ -127,7 +128,8 @@ def chosen_photographs(operator: Any) -> Path | list[Path] | None:
 
 def tell_warnings(operator: bpy.types.Operator, material: bpy.types.Material) -> None:
     """Report what is doubtful about the photographs."""
-    for warning in record_of(material).photographs.warnings:
+    record = record_of(material)
+    for warning in record.photographs.warnings if isinstance(record, ShadingMapRecord) else ():
         operator.report({"WARNING"}, one_line(warning))
 
 

@@ -44,9 +44,8 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def measured_brdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("brdf") / "gloss"
-    return bake_source(
-        by_name("ggx", alpha=0.5), path, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
-    ).path
+    settings = BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
+    return bake_source(by_name("ggx", alpha=0.5), path, settings).path
 
 
 @pytest.fixture
@@ -159,12 +158,7 @@ def test_images_are_left_to_others_when_dropped() -> None:
 
 
 @pytest.mark.parametrize("compression", ["none", "power", "basis"])
-def test_a_change_of_light_rebuilds_at_once(
-    compression: str,
-    stack: Path,
-    plate: Any,
-    tmp_path: Path,
-) -> None:
+def test_a_change_of_light_rebuilds_at_once(compression: str, stack: Path, plate: Any, tmp_path: Path) -> None:
     bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), compression=compression)
     material = plate.active_material
     bundle = read_bundle(tmp_path / "felt.mmat")
@@ -189,9 +183,7 @@ def test_a_change_of_light_rebuilds_at_once(
     assert tuple(mapping_of(material).inputs["Scale"].default_value) == (5, 5, 1)
     assert images <= set(bpy.data.images)
     assert (bundle.path / "material.json").stat().st_mtime_ns == written
-    light.lobe = "lambert"
-    light.technique = "lookup"
-    material.measured_quality.mode = "exact"
+    light.lobe, light.technique, material.measured_quality.mode = "lambert", "lookup", "exact"
     purge_groups()  # those of the materials that this test compared with
     assert groups <= len(bpy.data.node_groups)
 
