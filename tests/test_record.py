@@ -84,7 +84,8 @@ def test_anisotropic() -> None:
     assert found.envelope is not None and found.envelope.viewers == ViewerGrid(6, 4, True)
     assert found.envelope.closures == (AnisotropicLobe("lambert"), AnisotropicLobe("ggx", 0.1, 0.4))
     assert found.preview is not None and found.preview.viewers == ViewerGrid(6, 4, True)
-    assert found.search is None and found.table_albedo is None and found.settings.alpha is None
+    assert found.search is None and found.table_albedo is None
+    assert found.settings.alpha is None and found.settings.viewers == (6, 4)
     assert [(c.basis, c.parameterization) for c in found.candidates] == [("half", "slopes"), ("normal", "bezier")]
 
 
@@ -257,6 +258,7 @@ WRONG: list[tuple[str, Change, str]] = [
     ("anisotropic", lambda d: d["table"].update(basis="normal", shape=[4, 4, 8, 9]), "has an odd azimuth"),
     ("anisotropic", lambda d: d["table"].pop("log"), "'log' is missing"),
     ("anisotropic", lambda d: d["residual"]["log"].update(gain=[1, 1e36, 1]), "'residual.log' stands for values above"),
+    ("anisotropic", lambda d: d["settings"].update(viewers=[6]), "the length of 'viewers' is 1, below 2"),
     ("anisotropic", lambda d: d["sampler"].update(n_x=0), "'n_x' is 0, below 1"),
     ("anisotropic", lambda d: d["envelope"]["closures"][1].update(alpha_x=5), "'alpha_x' is 5.0, above 1"),
     ("anisotropic", lambda d: d["envelope"].update(n_phi=1), "'n_phi' is 1, below 2"),

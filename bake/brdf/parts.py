@@ -37,6 +37,7 @@ class SettingsRecord:
     Attributes
     ----------
     alpha : "error", "intensity", or the shapes (alpha_theta, alpha_phi) that were given
+    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     others : as of `bake.bake_brdf.BakeSettings`
     """
 
@@ -49,6 +50,7 @@ class SettingsRecord:
     spline: str | None = None
     sampler: SamplerLayout | None = None
     envelope: bool | None = None
+    viewers: tuple[int, ...] | None = None
 
     @classmethod
     def parse(cls, fields: Fields) -> SettingsRecord:
@@ -71,6 +73,7 @@ class SettingsRecord:
             spline=spline,
             sampler=_cells(fields.part("sampler")) if fields.has("sampler") else None,
             envelope=fields.flag("envelope") if fields.has("envelope") else None,
+            viewers=fields.wholes("viewers", (2, 2), 2, _MOST_VIEWERS) if fields.has("viewers") else None,
         )
 
 

@@ -88,7 +88,7 @@ _VIEWERS = {"n_theta": 6, "n_phi": 4, "folded": True}
 _BRUSHED = {"name": "ggx", "alpha_x": 0.1, "alpha_y": 0.4}
 ANISOTROPIC: dict[str, Any] = {
     **{key: BRDF[key] for key in ("schema", "kind", "source", "errors", "rms_by_filter", "albedo")},
-    "settings": {"resolution": 8, "storage": "log", "filter": "bspline"},
+    "settings": {"resolution": 8, "storage": "log", "filter": "bspline", "viewers": [6, 4]},
     "table": {
         "anisotropic": True,
         "basis": "half",
