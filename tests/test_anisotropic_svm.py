@@ -73,11 +73,11 @@ def test_figures(satin: Bundle, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize("mode", MODES)
 def test_built_as_the_panel_does(satin: Bundle, mode: str) -> None:
     """In every mode, rebuilt in place; the tangent stays linked, by whatever an artist has linked to it."""
-    material, plan = build_brdf(satin, choices=usual_choices(satin, mode))
+    material, plan = build_brdf(satin, choices=usual_choices(BrdfRecord.read(satin), mode))
     assert plan.mode == mode
     node = next(n for n in material.node_tree.nodes if "Tint" in n.inputs)
     assert node.inputs["Tangent"].is_linked
     vector = material.node_tree.nodes.new("ShaderNodeCombineXYZ")
     material.node_tree.links.new(vector.outputs[0], node.inputs["Tangent"])
-    build_brdf(satin, material, choices=usual_choices(satin, "reference"))
+    build_brdf(satin, material, choices=usual_choices(BrdfRecord.read(satin), "reference"))
     assert node.inputs["Tangent"].links[0].from_node == vector
