@@ -17,7 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import measured_materials
-from measured_materials.addon.facts import facts_of, is_measured
+from measured_materials.addon.facts import is_measured, record_of
 from measured_materials.addon import measured_material, scene_check, texture_repair
 from measured_materials.addon.kept_textures import TEXTURE_KEY, textures_of
 from measured_materials.bake.alias_sampler import SamplerLayout
