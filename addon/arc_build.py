@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..bake.bundle import Bundle
-from ..bake.shading.map_facts import map_facts_of
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
 from ..nodes.shading_map_material import build_shading_map
 from .aim import what_to_aim_at
@@ -22,7 +22,7 @@ SWATCH_MAPPING = "Swatch size and rotation"
 
 
 def build_map(
-    bundle: Bundle,
+    source: Bundle | ShadingMapRecord,
     material: bpy.types.Material,
     settings: RenderSettings,
     *,
@@ -35,15 +35,16 @@ def build_map(
     """
     ready, scene = scene is None, scene or bpy.context.scene
     choices = choices_of(material.measured_quality)
-    facts = map_facts_of(bundle)
-    footprint = texel_footprint(material, scene, texels_per_uv(material, facts.layout.width, facts.layout.height))
-    reduce, detail = plan_detail(choices, facts.model, footprint.pixels, footprint.why_unknown, material.name)
+    record = ShadingMapRecord.of(source)
+    stored, layout = record.map, record.map.layout
+    footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
+    reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
     aim = plan_aim(choices, what_to_aim_at(survey_scene(scene, for_render=True)), ready=ready)
     if settings.mode != "preview":
         effects += [aim, plan_bounces(settings.mode)]
     lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None
-    build_shading_map(bundle, material, settings=settings, pack=pack, lamps=lamps, reduce=reduce)
+    build_shading_map(record, material, settings=settings, pack=pack, lamps=lamps, reduce=reduce)
     kept = {key: getattr(choices, key) for key in ("aim", "detail")}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
 

@@ -23,7 +23,7 @@ from ..bake.bundle import Bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.stack import PhotoStack, StackSettings, read_stack
 from ..bake.shading.bake_arc import ArcSettings, bake_stack
-from ..bake.shading.map_facts import render_of
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.shading.shading_map import averages_of
 from ..nodes import compat
@@ -173,7 +173,8 @@ def _fitted(swatch: Swatch, stack: PhotoStack) -> RenderSettings:
 def _path_traced(swatch: Swatch, bundle: Bundle, effort: _Effort, say: Progress) -> tuple[dict[str, Array], Array]:
     """Rolls of the geometry, the shading map and the lit texture; the map in the studio."""
     say("rendering", 0.0)
-    usual = render_of(bundle)
+    record = ShadingMapRecord.read(bundle)
+    usual = record.render
     rolls = {"geometry": _roll(swatch, *effort.roll)}
     for k, technique in enumerate(("lookup", "lit_texture")):
         say("rendering", 0.35 + 0.2 * k)
@@ -184,7 +185,7 @@ def _path_traced(swatch: Swatch, bundle: Bundle, effort: _Effort, say: Progress)
     size, samples = effort.ball
     material = build_shading_map(bundle, lamps=lamp_image())
     with _removed(material):
-        set_repeat(material, 2.0, bundle.material["map"])
+        set_repeat(material, 2.0, record.map.layout)
         scene = build_studio(material, resolution=(size, size), samples=samples, seed=1)
         update_scene(scene)
         try:
@@ -338,7 +339,7 @@ def _fit(picture: Array, size: int) -> Array:
 def _lines(fabrics: list[_Fabric], sheet: Path, seconds: float) -> list[str]:
     lines = ["RMS of a flat patch against the geometry, in parts of the geometry's own RMS (brightness off)"]
     for fabric in fabrics:
-        lobe = fabric.bundle.material["render"]["lobe"]["name"]
+        lobe = ShadingMapRecord.read(fabric.bundle).render.lobe.name
         lines.append(f"{fabric.swatch.name + ', f_r ' + lobe:32s}" + "".join(f"{LABELS[t]:>18s}" for t in IN_ORDER))
         for case, found in fabric.errors.items():
             cells = (f"{found[t]['rms']:.1%} ({found[t]['mean']:+.0%})" for t in IN_ORDER)

@@ -5,21 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
 
 from ..bake.bake_brdf import BakeResult, Progress
-from ..bake.bundle import read_bundle, require
+from ..bake.bundle import read_bundle
 from ..bake.errors import BakeError
 from ..bake.shading.bake_arc import ArcSettings, bake_arc
-from ..bake.shading.map_facts import render_of, shading_map_of
+from ..bake.shading.record import ShadingMapRecord
+from ..bake.shading.slice_atlas import SliceLayout
 from ..nodes.shading_map_material import build_shading_map
 from .arc_build import SWATCH_MAPPING, build_map
 from .blender_photographs import decode
 from .describe_map import energy_rows, map_error_rows, map_rows
-from .facts import facts_of, source_file
+from .facts import record_of, source_file
 from .kept_textures import keep_textures
 from .lighting import show_lighting
 from .measured_material import free_bundle, remember, target_of
@@ -77,39 +77,36 @@ def _material_from(
     """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
     fresh = material is None
-    facts = bundle.material["map"]
-    material = build_shading_map(bundle, material, pack=pack)
+    record = ShadingMapRecord.read(bundle)
+    material = build_shading_map(record, material, pack=pack)
     if fresh:
-        set_repeat(material, 1.0, facts)
-    rendering = build_map(bundle, material, render_of(bundle), pack=pack)
+        set_repeat(material, 1.0, record.map.layout)
+    rendering = build_map(record, material, record.render, pack=pack)
     keep_textures(material, bundle, pack=pack)
     # With the mean colour of every slice the albedo under another light follows without a look at the pixels.
-    means = shading_map_of(bundle).slices.mean(axis=(1, 2), dtype=np.float64)
+    means = record.load_map().slices.mean(axis=(1, 2), dtype=np.float64)
     remember(
         material,
         bundle,
         pack=pack,
         file=_folder_of(source),
-        map={**facts, "means": means.tolist()},
+        map={**bundle.material["map"], "means": means.tolist()},
         rendering=rendering,
     )
     material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
-    show_lighting(material, render_of(bundle))
+    show_lighting(material, record.render)
     return material
 
 
 def map_words(material: bpy.types.Material) -> str:
     """What a bake has come to, short."""
-    facts = facts_of(material)
-    rows = dict(
-        map_rows(facts, material.name) + energy_rows(facts, material.name) + map_error_rows(facts, material.name)
-    )
+    record = record_of(material)
+    rows = dict(map_rows(record) + energy_rows(record) + map_error_rows(record))
     return f"{rows['Shading map']}, envelope {rows['Envelope']}, held-out error {rows['Held-out']}"
 
 
-def set_repeat(material: bpy.types.Material, repeat: float, facts: dict[str, Any]) -> None:
+def set_repeat(material: bpy.types.Material, repeat: float, layout: SliceLayout) -> None:
     """Have the swatch lie `repeat` times along a unit of texture coordinates, its sides in proportion."""
-    width, height = (require(facts, key, int, material.name, minimum=1) for key in ("width", "height"))
     for node in material.node_tree.nodes:
         if node.bl_idname == "ShaderNodeMapping" and node.label == SWATCH_MAPPING:
-            node.inputs["Scale"].default_value = (repeat, repeat * width / height, 1.0)
+            node.inputs["Scale"].default_value = (repeat, repeat * layout.width / layout.height, 1.0)

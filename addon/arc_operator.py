@@ -8,9 +8,10 @@ import bpy
 
 from ..bake.errors import BakeError
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
+from ..bake.shading.record import ShadingMapRecord
 from .arc_material import import_arc, map_words
 from .arc_properties import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
-from .facts import facts_of
+from .facts import record_of
 from .lighting_properties import LightingProperties, draw_lighting
 from .measured_material import bundle_folder, told_place
 from .text import one_line
@@ -127,8 +128,9 @@ def chosen_photographs(operator: Any) -> Path | list[Path] | None:
 
 def tell_warnings(operator: bpy.types.Operator, material: bpy.types.Material) -> None:
     """Report what is doubtful about the photographs."""
-    for warning in facts_of(material).get("warnings", []):
-        operator.report({"WARNING"}, one_line(str(warning)))
+    record = record_of(material)
+    for warning in record.photographs.warnings if isinstance(record, ShadingMapRecord) else ():
+        operator.report({"WARNING"}, one_line(warning))
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:

@@ -6,11 +6,11 @@ from typing import Any, get_args
 import bpy
 
 from ..bake.bake_brdf import AlphaChoice, BakeSettings, SplineFit
+from ..bake.brdf.grids import MAX_RESOLUTION
 from ..bake.grid_search import BASES
 from ..bake.parameterization import Parameterization
 from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import Filter
-from ..bake.table_facts import MAX_RESOLUTION
 from .enum_items import enum
 
 _USUAL = BakeSettings()

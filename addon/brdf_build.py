@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import Bundle
 from ..nodes.feature_passes import ALBEDO
 from ..nodes.material import build_material, usual_mode
@@ -18,7 +19,7 @@ from .lamps import lamp_image
 
 
 def build_brdf(
-    bundle: Bundle,
+    source: Bundle | BrdfRecord,
     material: bpy.types.Material | None = None,
     *,
     choices: Choices | None = None,
@@ -29,6 +30,7 @@ def build_brdf(
 
     Parameters
     ----------
+    source : the bundle's record, or the bundle, which is then read
     choices : by default the bundle's usual mode, all else automatic
     scene : that it is fitted to; by default the current one, and ready for lamps that come later
 
@@ -36,14 +38,15 @@ def build_brdf(
     ------
     BakeError : the bundle holds not what is asked for
     """
-    choices = choices or usual_choices(bundle)
+    record = BrdfRecord.of(source)
+    choices = choices or usual_choices(record)
     ready, scene = scene is None, scene or bpy.context.scene
     # Only once: of scenes with many instances it takes its time.
     report, passes = survey_scene(scene, for_render=True), asks_for_passes(scene)
     targets = what_to_aim_at(report)
-    plan = plan_brdf(bundle.material, choices, str(bundle.path), targets, passes, ready=ready)
+    plan = plan_brdf(record, choices, targets, passes, ready=ready)
     material = build_material(
-        bundle,
+        record,
         material,
         filter=plan.filter,
         pack=pack,
@@ -61,9 +64,9 @@ def asks_for_passes(scene: bpy.types.Scene) -> bool:
     return any(ALBEDO in layer.aovs for layer in scene.view_layers)
 
 
-def usual_choices(bundle: Bundle, mode: str | None = None) -> Choices:
+def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
     """Everything automatic, in a given mode or the one that the bundle is good for."""
-    return Choices(mode=mode or usual_mode(bundle))
+    return Choices(mode=mode or usual_mode(record))
 
 
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
@@ -74,8 +77,6 @@ def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     }
 
 
-def choices_from(facts: Mapping[str, Any]) -> Choices:
-    """The choices that `account_of` kept, as far as they can be read."""
-    kept = facts.get("choices")
-    known = {k: v for k, v in kept.items() if isinstance(v, str)} if isinstance(kept, dict) else {}
+def choices_from(known: Mapping[str, str]) -> Choices:
+    """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
     return Choices(**{key: known[key] for key in ("mode", "aim", "residual", "filter", "detail") if key in known})

@@ -9,7 +9,8 @@ from typing import Any, get_args
 
 from ..bake.alias_sampler import SamplerLayout
 from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
-from ..bake.bundle import SUFFIX
+from ..bake.brdf.record import BrdfRecord
+from ..bake.bundle import SUFFIX, read_bundle
 from ..bake.errors import BakeError
 from ..bake.grid_search import BASES
 from ..bake.origin import Origin, file_origin, model_origin
@@ -136,9 +137,8 @@ def run(options: argparse.Namespace) -> Result:
         "command": options.command,
         "bundles": [{"path": str(result.path), **result.facts} for result in done],
     }
-    return Result(
-        document, [bake_summary(result.path, result.facts, result.seconds) for result in done], errors + failed
-    )
+    lines = [bake_summary(BrdfRecord.read(read_bundle(result.path)), result.seconds) for result in done]
+    return Result(document, lines, errors + failed)
 
 
 def _settings(options: argparse.Namespace) -> BakeSettings:

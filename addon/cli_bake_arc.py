@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.bake_brdf import BakeResult
-from ..bake.bundle import SUFFIX, is_bundle
+from ..bake.bundle import SUFFIX, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.origin import Origin, photographs_origin
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
@@ -18,6 +18,7 @@ from ..bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ..bake.shading.bake_arc import TILEABLES, ArcSettings, bake_arc
 from ..bake.shading.lobes import Lobe
 from ..bake.shading.map_store import COMPRESSIONS
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.storage import IMAGE_STORAGES, Storage
 from .arc_plot import draw_arc, need_matplotlib
@@ -186,13 +187,18 @@ def run(options: argparse.Namespace) -> Result:
     }
     if options.plot is not None:
         document["plots"] = drawn
-    return Result(document, [arc_summary(result.path, result.facts, result.seconds) for result in done] + drawn, errors)
+    lines = [arc_summary(_record_of(result), result.seconds) for result in done]
+    return Result(document, lines + drawn, errors)
 
 
 def _warn(job: Job, result: BakeResult) -> None:
-    told = [*result.facts["warnings"], albedo_warning(result.facts, result.path)]
-    for warning in filter(None, told):
+    record = _record_of(result)
+    for warning in filter(None, [*record.photographs.warnings, albedo_warning(record)]):
         complain(f"warning: {job.title}: {warning}")
+
+
+def _record_of(result: BakeResult) -> ShadingMapRecord:
+    return ShadingMapRecord.read(read_bundle(result.path))
 
 
 def _check_plot(plot: Path, jobs: Sequence[Job], sources: Sequence[Path]) -> None:

@@ -7,10 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from ..bake.albedo import albedo_facts
-from ..bake.bundle import MATERIAL, SUFFIX, Bundle, is_bundle, read_bundle
+from ..bake.brdf.common import AlbedoRecord, kind_of
+from ..bake.brdf.record import BrdfRecord
+from ..bake.bundle import MATERIAL, SUFFIX, is_bundle, read_bundle
 from ..bake.errors import BakeError
+from ..bake.material_json import Fields
 from ..bake.photographs.settings import StackSettings
 from ..bake.photographs.stack import read_stack
+from ..bake.records import Record, read_record
+from ..bake.shading.record_parts import PhotographsRecord
 from ..bake.sources import read_source
 from . import describe, describe_map
 from .cli_result import Result
@@ -70,24 +75,24 @@ def run(options: argparse.Namespace) -> Result:
 def inspect_bundle(path: Path) -> Result:
     """Parameters, errors, albedo and sizes of a bundle."""
     bundle = read_bundle(path)
-    facts, where = bundle.material, bundle.path / MATERIAL
-    sizes = _sizes(bundle)
-    shown: describe.Rows = [("Bundle", str(bundle.path)), ("Kind", facts["kind"])]
-    for part in _BRDF_ROWS if facts["kind"] == "brdf" else _MAP_ROWS:
-        shown += part(facts, where)
+    record = read_record(bundle)
+    sizes = _sizes(record)
+    shown: describe.Rows = [("Bundle", str(bundle.path)), ("Kind", kind_of(bundle.material))]
+    for part in _BRDF_ROWS if isinstance(record, BrdfRecord) else _MAP_ROWS:
+        shown += part(record)
     for name, size in sizes.items():
         in_file, in_memory = map(describe.readable_size, (size["file_bytes"], size["render_bytes"]))
         texels = f"{size['width']} x {size['height']} {size['storage']}"
         shown.append((f"Image {name}", f"{texels}, {in_file} in the file, {in_memory} while rendering"))
-    document = {**facts, "command": "inspect", "path": str(bundle.path), "sizes": sizes}
+    document = {**bundle.material, "command": "inspect", "path": str(bundle.path), "sizes": sizes}
     return Result(document, columns(shown))
 
 
-def _sizes(bundle: Bundle) -> dict[str, dict[str, Any]]:
+def _sizes(record: Record) -> dict[str, dict[str, Any]]:
     try:
-        return describe.image_sizes(bundle.material, bundle.path / MATERIAL, bundle.path)
+        return describe.image_sizes(record)
     except OSError as error:
-        raise BakeError(bundle.path, f"cannot be read ({error.strerror})", "check its permissions") from error
+        raise BakeError(record.files().path, f"cannot be read ({error.strerror})", "check its permissions") from error
 
 
 def inspect_photographs(path: Path) -> Result:
@@ -97,7 +102,8 @@ def inspect_photographs(path: Path) -> Result:
         stack = read_stack(path, StackSettings(align="warn"), progress, blender_decoder())
     found = describe_map.stack_document(stack, path.resolve().name)
     rows = [("Folder", str(path)), ("Size", f"{found['width']} x {found['height']}")]
-    rows += describe_map.photograph_rows(found, path) + describe_map.warning_rows(found, path)
+    photographs = PhotographsRecord.parse(Fields(found, path))
+    rows += describe_map.read_rows(photographs) + describe_map.doubt_rows(photographs)
     document = {**found, "command": "inspect", "kind": "photographs", "path": str(path)}
     return Result(document, [*columns(rows), "", *map(one_line, describe_map.stack_lines(found))])
 
@@ -120,5 +126,6 @@ def inspect_measurement(path: Path) -> Result:
         "albedo": albedo,
     }
     rows = [("File", str(path)), ("Format", name), ("Size", describe.readable_size(path.stat().st_size))]
-    rows += describe.measurement_rows(source) + describe.albedo_rows(document, path)
+    rows += describe.measurement_rows(source)
+    rows += describe.reflected_rows(AlbedoRecord.parse(Fields({"albedo": albedo}, path), "albedo"))
     return Result(document, columns(rows))

@@ -8,11 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..bake.bundle import Bundle, read_bundle, require
+from ..bake.bundle import read_bundle
 from ..bake.errors import BakeError
 from ..bake.origin import mark_of
 from ..bake.png_plain import png_about
-from ..bake.shading.map_facts import render_of
+from ..bake.records import Record, read_record
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.table import FILTERS
 from .cli_lighting import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
@@ -88,11 +89,12 @@ def _positive(largest: int) -> Any:
 def run(options: argparse.Namespace) -> Result:
     """Render one bundle. Raises BakeError."""
     bundle = read_bundle(options.bundle)
-    settings = _settings(bundle, options)
+    record = read_record(bundle)
+    settings = _settings(record, options)
     out = options.out or Path(bundle.path.resolve().stem + ".png")
     if out.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
-    mark = mark_of(require(bundle.material, "source", dict, bundle.path))
+    mark = mark_of(record.source.entries)
     linear = out.with_suffix(".exr")
     if options.exr and options.environment is not None and linear.resolve() == options.environment.resolve():
         raise BakeError(linear, "is the environment and would be replaced", "give another --out FILE.png")
@@ -106,7 +108,7 @@ def run(options: argparse.Namespace) -> Result:
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        mean = _render(bundle, settings, options, out, mark, progress)
+        mean = _render(record, settings, options, out, mark, progress)
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
         "command": options.command,
@@ -142,10 +144,10 @@ def _keep_others(out: Path, own: list[str], options: argparse.Namespace) -> None
             raise BakeError(path, cause, "give another --out FILE.png, or --replace to replace it")
 
 
-def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | None:
+def _settings(record: Record, options: argparse.Namespace) -> RenderSettings | None:
     """How a shading map is to be lit, None for a BRDF. Options of the other kind are wrong usage."""
     given = given_lighting(options) + (["repeat"] if options.repeat is not None else [])
-    if bundle.material["kind"] != "shading_map":
+    if not isinstance(record, ShadingMapRecord):
         given = [name for name in given if name != "mode"]
         if given:
             raise argparse.ArgumentTypeError(f"--{given[0].replace('_', '-')} is for shading maps, not BRDFs")
@@ -153,7 +155,7 @@ def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | N
     if options.filter is not None or options.osl:
         option = "filter" if options.filter is not None else "osl"
         raise argparse.ArgumentTypeError(f"--{option} is for BRDFs, not shading maps")
-    usual = render_of(bundle)
+    usual = record.render
     lobe = usual.lobe
     if options.lobe == ["measured"]:
         lobe = None
@@ -163,7 +165,7 @@ def _settings(bundle: Bundle, options: argparse.Namespace) -> RenderSettings | N
 
 
 def _render(
-    bundle: Bundle,
+    record: Record,
     settings: RenderSettings | None,
     options: argparse.Namespace,
     out: Path,
@@ -184,7 +186,7 @@ def _render(
     from .studio import build_studio, remove_studio, render_linear
 
     progress("building", 0.0)
-    material = bpy.data.materials.new(bundle.path.stem)
+    material = bpy.data.materials.new(record.files().path.stem)
     try:
         scene = build_studio(
             material,
@@ -196,15 +198,15 @@ def _render(
             if settings is None and options.osl:
                 lamps = None if options.aim == "never" else lamp_image()
                 use_osl(scene)
-                build_osl_material(bundle, material, mode=options.mode, filter=options.filter, lamps=lamps)
+                build_osl_material(record, material, mode=options.mode, filter=options.filter, lamps=lamps)
             elif settings is None:
                 filter = {} if options.filter is None else {"filter": options.filter}
-                choices = replace(usual_choices(bundle, options.mode), aim=options.aim, **filter)
-                build_brdf(bundle, material, choices=choices, scene=scene)
+                choices = replace(usual_choices(record, options.mode), aim=options.aim, **filter)
+                build_brdf(record, material, choices=choices, scene=scene)
             else:
                 lamps = None if options.aim == "never" else lamp_image()
-                build_shading_map(bundle, material, settings=settings, lamps=lamps)
-                set_repeat(material, options.repeat or USUAL_REPEAT, bundle.material["map"])
+                build_shading_map(record, material, settings=settings, lamps=lamps)
+                set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
             linear = render_linear(
                 scene,
                 out.with_suffix(".exr") if options.exr else None,

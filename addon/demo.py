@@ -11,8 +11,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.alias_sampler import SamplerLayout
 from ..bake.bake_brdf import BakeResult, BakeSettings, bake_file
+from ..bake.brdf.parts import ErrorsRecord
+from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import read_bundle
 from ..bake.source import Array
 from ..bake.sources.analytic import MetallicPaint
@@ -89,7 +90,7 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
 def _truth_material(bundle_path: Path) -> bpy.types.Material:
     """The analytic paint evaluated in the shader, drawn from the same alias tables."""
     bundle = read_bundle(bundle_path)
-    layout = SamplerLayout(**bundle.material["sampler"])
+    layout = BrdfRecord.read(bundle).sampler
     image = bundle_image(bundle, "sampler", "truth sampler")
     sampler = alias_sampler_group("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")
@@ -126,8 +127,9 @@ def _write(path: Path, shown: list[_Shown]) -> None:
     truth = shown[-1].picture
     cells = []
     for column in shown:
-        facts = column.bake.facts if column.bake else None
-        below = f"RMS {facts['errors']['rms']:.3f} 1/sr" if facts else "evaluated in the shader, no table"
+        below = "evaluated in the shader, no table"
+        if column.bake:
+            below = f"RMS {_errors_of(column.bake).rms:.3f} 1/sr"
         cells.append(Cell(column.picture, _label(column.label), below))
     cells += [Cell(_detail(column.picture), "highlight, enlarged 3 times") for column in shown]
     cells += [
@@ -140,19 +142,23 @@ def _write(path: Path, shown: list[_Shown]) -> None:
     write_sheet(path, cells, len(shown), title)
 
 
+def _errors_of(bake: BakeResult) -> ErrorsRecord:
+    return BrdfRecord.read(read_bundle(bake.path)).errors
+
+
 def _label(kind: str) -> str:
     return "analytic truth" if kind == "truth" else f"{kind} parameterisation"
 
 
 def _row(column: _Shown, truth: Array) -> dict[str, Any]:
     assert column.bake is not None
-    facts, path = column.bake.facts, column.bake.path
+    errors, path = _errors_of(column.bake), column.bake.path
     # As displayed: a table that reflects more than arrives has single pixels of any brightness.
     shown, target = (to_display(picture).astype(float) / 255 for picture in (column.picture, truth))
     return {
         "parameterization": column.label,
-        "rms": facts["errors"]["rms"],
-        "relative_error": facts["errors"]["relative"],
+        "rms": errors.rms,
+        "relative_error": errors.relative,
         "picture_rms": float(np.sqrt(((shown - target) ** 2).mean())),
         "bake_seconds": column.bake.seconds,
         "render_seconds": round(column.render_seconds, 2),

@@ -6,11 +6,10 @@ an effect left out that would be missed is refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ..bake.bundle import require
+from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.table import FILTERS
 from .choices import ALWAYS, AUTO, NEVER, Choices
@@ -50,9 +49,8 @@ class BrdfPlan:
 
 
 def plan_brdf(
-    facts: Mapping[str, Any],
+    record: BrdfRecord,
     choices: Choices,
-    where: str,
     to_aim_at: str,
     passes: bool = False,
     *,
@@ -62,8 +60,7 @@ def plan_brdf(
 
     Parameters
     ----------
-    facts : a bundle's
-    where : named in errors
+    record : of a bundle, or of a material's own copy of what it says
     to_aim_at : in words what the scene has to aim at; empty if nothing
     passes : a view layer asks for the denoiser's
     ready : what is not there to aim at may come
@@ -72,22 +69,19 @@ def plan_brdf(
     ------
     BakeError : the bundle holds not what the mode needs, or a choice would bias the picture
     """
-    filter = require(require(facts, "table", dict, where), "filter", str, where, choices=FILTERS)
     if choices.mode == "preview":
         account = Effect("Mirror", False, "mode Preview: native closures fitted to the measurement, biased")
-        return BrdfPlan("preview", filter, False, False, False, (account,))
-    residual = True
+        return BrdfPlan("preview", record.table.filter, False, False, False, (account,))
+    filter, residual = record.table.filter, True
     effects = []
     if choices.mode != "reference":
-        if "envelope" not in facts:
-            raise BakeError(where, f"mode {choices.mode} needs native closures", "bake it again with Native Closures")
-        effect = plan_residual(facts, choices, where)
+        effect = plan_residual(record, choices)
         residual = effect.kept
         effects.append(effect)
     aim = False
     if residual:
         aimed = plan_aim(choices, to_aim_at, ready=ready)
-        filter, reconstruction = plan_filter(facts, choices, where)
+        filter, reconstruction = plan_filter(record, choices)
         aim = aimed.kept or is_ready(choices, ready)
         effects += [aimed, reconstruction, plan_bounces(choices.mode)]
     features = passes and residual
@@ -116,14 +110,15 @@ def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect
     return Effect(name, False, f"nothing to aim at: no lamps, and an even world{later}")
 
 
-def plan_residual(facts: Mapping[str, Any], choices: Choices, where: str) -> Effect:
+def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
     """Whether modes "exact" and "balanced" need a mirror beside the native closures. Raises BakeError."""
-    name = "Residual by mirror"
-    envelope = require(facts, "envelope", dict, where)
-    rest = 1 - require(envelope, "share", float, where, minimum=0, maximum=1)
+    name, envelope = "Residual by mirror", record.envelope
+    if envelope is None:
+        cause = f"mode {choices.mode} needs native closures"
+        raise BakeError(record.where, cause, "bake it again with Native Closures")
+    rest = 1 - envelope.share
     # By viewer too: a residual of the rim only is a small part of all light, and all that is seen there.
-    rows = require(envelope, "by_theta_o_deg", list, where, minimum=1)
-    worst = max((1 - share for _, share in _pairs(rows, where)), default=rest)
+    worst = max(1 - share for _, share in envelope.by_theta_o_deg)
     carried = f"it carries {100 * rest:.2g} % of the light"
     if choices.residual == ALWAYS:
         return Effect(name, True, f"asked for; {carried}")
@@ -131,20 +126,18 @@ def plan_residual(facts: Mapping[str, Any], choices: Choices, where: str) -> Eff
         return Effect(name, False, f"{carried}; native closures alone are as good")
     if choices.residual == NEVER:
         raise BakeError(
-            where,
+            record.where,
             f"needs its residual: {carried}, {100 * worst:.2g} % from some viewers",
             "choose mode Preview, or leave the residual to Automatic",
         )
     return Effect(name, True, carried)
 
 
-def plan_filter(facts: Mapping[str, Any], choices: Choices, where: str) -> tuple[str, Effect]:
-    """The simplest filter whose measured error is about that of the one the table was baked for. Raises BakeError."""
-    baked = require(require(facts, "table", dict, where), "filter", str, where, choices=FILTERS)
+def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str, Effect]:
+    """The simplest filter whose measured error is about that of the one the table was baked for."""
+    baked, errors = record.table.filter, record.rms_by_filter
     if choices.filter != AUTO:
         return choices.filter, Effect("Interpolation", choices.filter != "nearest", f"{choices.filter}, as asked for")
-    known = facts.get("rms_by_filter")
-    errors = {k: v for k, v in known.items() if isinstance(v, float)} if isinstance(known, dict) else {}
     for name in FILTERS[: FILTERS.index(baked)]:
         if baked in errors and errors.get(name, float("inf")) <= _AS_GOOD * errors[baked]:
             why = f"{name} instead of {baked}: its error is no more than 10 % larger"
@@ -185,10 +178,3 @@ def plan_bounces(mode: str) -> Effect:
     if mode == "balanced":
         return Effect(name, False, "mode Balanced: Preview's closures there; unseen directly")
     return Effect(name, True, f"mode {mode.capitalize()}")
-
-
-def _pairs(rows: list[Any], where: str) -> list[tuple[float, float]]:
-    try:
-        return [(float(angle), float(share)) for angle, share in rows]
-    except (TypeError, ValueError) as error:
-        raise BakeError(where, "'envelope.by_theta_o_deg' does not hold pairs of numbers", "bake it again") from error

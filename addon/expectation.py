@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from ..bake.brdf.record import BrdfRecord
 
 # Processor time of a camera sample, Principled BSDF = 1: median over 12 materials in 4 lightings
 # (`./run bench engine`), and of the filters beside trilinear (`./run bench speed`).
@@ -11,48 +10,31 @@ MODE_TIME = {"preview": 1.1, "balanced": 1.5, "exact": 1.5, "reference": 2.2}
 FILTER_TIME = {"nearest": 0.97, "trilinear": 1.0, "bspline": 1.05}
 
 
-def expectation(facts: Mapping[str, Any], mode: str, filter: str) -> str:
+def expectation(record: BrdfRecord, mode: str, filter: str) -> str:
     """Words on time and error of a measured BRDF's material; without the error where the bundle does not tell it.
 
     Parameters
     ----------
-    facts : the bundle's, as kept with the material; may come from anywhere
+    record : the bundle's, or of what a material keeps of it
     mode : of `bake.modes.MODES`
     filter : of `bake.table.FILTERS`
     """
     traced = mode != "preview"
     factor = MODE_TIME.get(mode, 1.0) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)
     words = f"About {factor:.1f} times the render time of a Principled BSDF"
-    error = _error(facts, mode, filter)
+    error = _error(record, mode, filter)
     if error is None:
         return words
     kind = "off from the measurement, relative" if mode == "preview" else "of the reflected light off"
     return f"{words}; {100 * error:.2g} % {kind}"
 
 
-def _error(facts: Mapping[str, Any], mode: str, filter: str) -> float | None:
+def _error(record: BrdfRecord, mode: str, filter: str) -> float | None:
     """Energy-relative error that the bake measured for this mode, scaled to the filter by its RMS."""
     if mode == "preview":
-        return _number(facts, "preview", "error")
-    path = (
-        ("errors", "relative") if mode == "reference" else ("residual", "errors", "envelope_and_residual", "relative")
-    )
-    found = _number(facts, *path)
-    baked, other = (_number(facts, "rms_by_filter", name) for name in (_filter(facts), filter))
-    if found is None or not baked or other is None or mode != "reference":
-        return found
-    return found * other / baked
-
-
-def _filter(facts: Mapping[str, Any]) -> str:
-    table = facts.get("table")
-    return str(table.get("filter")) if isinstance(table, Mapping) else ""
-
-
-def _number(facts: Mapping[str, Any], *path: str) -> float | None:
-    found: Any = facts
-    for key in path:
-        if not isinstance(found, Mapping):
-            return None
-        found = found.get(key)
-    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None
+        return record.preview.error if record.preview else None
+    if mode != "reference":
+        errors = record.residual.errors if record.residual else None
+        return errors.relative if errors else None
+    baked, other = (record.rms_by_filter.get(name) for name in (record.table.filter, filter))
+    return record.errors.relative * (other / baked if baked and other is not None else 1.0)

@@ -10,7 +10,10 @@ from typing import Any
 
 import bpy
 
+from ..bake.brdf.common import ImageRecord
+from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
+from ..bake.records import Record, parse_record
 from ..nodes.material import SOURCE_KEY
 
 # The bundle's facts as JSON text, kept with the material.
@@ -28,8 +31,27 @@ def is_measured(material: bpy.types.Material | None) -> bool:
 
 
 def facts_of(material: bpy.types.Material) -> dict[str, Any]:
-    """What its bundle said of it; empty if that is not to be read. Do not change it."""
+    """What its bundle said of it, as it is written; empty if that is not to be read. Do not change it."""
     return _parsed(material[FACTS_KEY])
+
+
+def record_of(material: bpy.types.Material) -> Record:
+    """What its bundle said of it, checked, without images. Raises BakeError that names the material."""
+    return _recorded(material[FACTS_KEY], material.name)
+
+
+def images_of(material: bpy.types.Material) -> Mapping[str, ImageRecord]:
+    """The images of its bundle by name; none where what it keeps is not to be read."""
+    try:
+        return record_of(material).images
+    except BakeError:
+        return {}
+
+
+# A panel asks several times in each redraw.
+@functools.lru_cache(maxsize=64)
+def _recorded(text: str, name: str) -> Record:
+    return parse_record(_parsed(text), name)
 
 
 @functools.lru_cache(maxsize=64)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ..bake.bundle import Bundle, is_bundle, read_bundle, require
+from ..bake.bundle import Bundle, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.image_names import title_of
+from ..bake.records import Record, read_record
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, LoadedBundle, bundle_image
 from ..nodes.material import BUNDLE_KEY, part_name
 from .texture_content import is_of_content
@@ -68,49 +69,49 @@ def bundle_path(material: bpy.types.Material) -> Path:
 
 
 def rebuild(
-    material: bpy.types.Material, facts: Mapping[str, Any], needed: Collection[str], build: Callable[[Bundle], object]
+    material: bpy.types.Material, record: Record, needed: Collection[str], build: Callable[[Any], object]
 ) -> None:
-    """Call `build` with a bundle of these facts and of the material's own textures, or of its files if one is missing.
+    """Call `build` with this record and the material's own textures, or the files of its bundle if one is missing.
 
     Parameters
     ----------
     needed : names of the images that the material is to be built of
-    build : builds the material in place from the bundle it is given
+    record : what is known of the material, without images
+    build : builds the material in place from the record it is given, which has them
 
     Raises
     ------
     BakeError : a texture is missing and the bundle is gone, or is another one now; and whatever `build` raises
     """
-    if why := missing_texture(material, facts, needed):
-        bundle = _read_again(material, facts, why)
-        build(bundle)
-        keep_textures(material, bundle, pack=facts.get("packed") is True, others={*needed, *textures_of(material)})
+    if why := missing_texture(material, record, needed):
+        bundle = _read_again(material, record, why)
+        build(read_record(bundle))
+        keep_textures(material, bundle, pack=record.packed, others={*needed, *textures_of(material)})
     else:
-        build(LoadedBundle(bundle_path(material), dict(facts), textures_of(material)))
+        build(read_record(LoadedBundle(bundle_path(material), dict(record.document), textures_of(material))))
 
 
-def missing_texture(material: bpy.types.Material, facts: Mapping[str, Any], needed: Collection[str]) -> str:
+def missing_texture(material: bpy.types.Material, record: Record, needed: Collection[str]) -> str:
     """Words on a texture that is needed and not there with the pixels of the bake; empty if there is none."""
-    images, there = require(facts, "images", dict, material.name), textures_of(material)
-    for name in (name for name in images if name in needed):
-        entry, image = require(images, name, dict, material.name), there.get(name)
-        size = tuple(require(entry, key, int, material.name, minimum=1) for key in ("width", "height"))
-        if image is None or tuple(image.size) != size:
+    there = textures_of(material)
+    for name, entry in record.images.items():
+        if name not in needed:
+            continue
+        image = there.get(name)
+        if image is None or tuple(image.size) != entry.size:
             return f"The texture {name} is missing"
-        if not is_of_content(image, str(entry.get("sha256"))):
+        if not is_of_content(image, entry.sha256):
             return f"The texture {name} is not that of the bake, but another file"
     return ""
 
 
-def _read_again(material: bpy.types.Material, facts: Mapping[str, Any], why: str) -> Bundle:
+def _read_again(material: bpy.types.Material, record: Record, why: str) -> Bundle:
     """The material's bundle, if it still is the one that was baked for it."""
     path = bundle_path(material)
     if not is_bundle(path):
         raise BakeError(path, f"{why[:1].lower()}{why[1:]}, and the folder {path.name} is gone", "bake again")
     bundle = read_bundle(path)
-    if any(
-        bundle.material["images"].get(name, {}).get("sha256") != entry.get("sha256")
-        for name, entry in facts["images"].items()
-    ):
+    now = bundle.material["images"]
+    if any(name not in now or now[name]["sha256"] != entry.sha256 for name, entry in record.images.items()):
         raise BakeError(path, f"the folder {path.name} holds another bake now", "bake again")
-    return replace(bundle, material=dict(facts))
+    return replace(bundle, material=dict(record.document))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ..bake.bake_brdf import Progress
+from ..bake.brdf.common import kind_of as kind_told
 from ..bake.bundle import is_bundle
 from ..bake.errors import BakeError
 from . import describe, describe_map
@@ -23,7 +24,7 @@ from .arc_relight import current_lighting, images_of_map, relight
 from .choices import choices_of, is_rebuilding, show_choices, without_rebuilding
 from .effects import plan_filter
 from .expectation import expectation
-from .facts import facts_of, is_measured, source_file
+from .facts import facts_of, is_measured, record_of, source_file
 from .kept_textures import bundle_path, missing_texture
 from .lighting import lighting_of, show_lighting, uses_mode
 from .measured_material import analytic_of, bake_again, error_words, exists
@@ -39,8 +40,8 @@ class Kind(ABC):
     # What it is baked from, and how the panel says that it is gone.
     source_word: ClassVar[str]
     lost_words: ClassVar[str]
-    # Each gives label and value pairs of facts, which are anybody's, and raises BakeError.
-    rows: ClassVar[tuple[Callable[[Mapping[str, Any], str], describe.Rows], ...]]
+    # Each gives label and value pairs of a record.
+    rows: ClassVar[tuple[Callable[[Any], describe.Rows], ...]]
     # Whether it can write what `nodes.feature_passes` denoises by.
     writes_passes: ClassVar[bool]
 
@@ -89,7 +90,7 @@ class Kind(ABC):
         """Why neither mode nor light can be changed; empty if they can."""
         path = bundle_path(material)
         try:
-            missing = missing_texture(material, facts_of(material), self.images(material))
+            missing = missing_texture(material, record_of(material), self.images(material))
         except BakeError as error:
             return one_line(str(error))
         return f"{missing}, and {path} is gone" if missing and not is_bundle(path) else ""
@@ -120,7 +121,7 @@ class _Brdf(Kind):
     )
 
     def images(self, material: bpy.types.Material) -> list[str]:
-        return images_of_brdf(facts_of(material), current_choices(material))
+        return images_of_brdf(record_of(material), current_choices(material))
 
     def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:
         if changed == material.measured_quality:
@@ -147,13 +148,14 @@ class _Brdf(Kind):
         return ("mode", "aim", *(("residual",) if mode != "reference" else ()), "filter")
 
     def error(self, material: bpy.types.Material) -> str:
-        facts = facts_of(material)
-        return dict(describe.error_rows(facts, material.name))["RMS error"] if facts else ""
+        with contextlib.suppress(BakeError):
+            return dict(describe.error_rows(record_of(material)))["RMS error"]
+        return ""
 
     def cost(self, material: bpy.types.Material) -> str:
         try:
-            facts, choices = facts_of(material), choices_of(material.measured_quality)
-            return expectation(facts, choices.mode, plan_filter(facts, choices, material.name)[0])
+            record, choices = record_of(material), choices_of(material.measured_quality)
+            return expectation(record, choices.mode, plan_filter(record, choices)[0])
         except BakeError:
             return ""
 
@@ -174,7 +176,7 @@ class _ShadingMap(Kind):
     )
 
     def images(self, material: bpy.types.Material) -> list[str]:
-        return images_of_map(facts_of(material), current_lighting(material))
+        return images_of_map(record_of(material), current_lighting(material))
 
     def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:
         mode = material.measured_quality.mode
@@ -211,7 +213,7 @@ def kind_of(material: bpy.types.Material | None) -> Kind | None:
     """Of a material that was made here; None for all others."""
     if material is None or not is_measured(material):
         return None
-    return SHADING_MAP if facts_of(material).get("kind") == "shading_map" else BRDF
+    return SHADING_MAP if kind_told(facts_of(material)) == "shading_map" else BRDF
 
 
 def rebuild_or_say(changed: Any, _context: bpy.types.Context | None = None) -> None:

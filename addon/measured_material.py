@@ -11,14 +11,15 @@ from typing import Any
 import bpy
 
 from ..bake.bake_brdf import BakeResult, BakeSettings, Progress, bake_file, bake_source
+from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.sources.analytic import by_name
 from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices
 from .choices import choices_of, show_choices
-from .describe import error_rows, image_sizes
-from .facts import facts_of, is_measured, keep_facts, source_file
+from .describe import error_rows
+from .facts import facts_of, is_measured, keep_facts, record_of, source_file
 from .kept_textures import keep_textures
 from .text import one_line
 
@@ -58,11 +59,12 @@ def material_from(
 ) -> bpy.types.Material:
     """The material of a bundle just baked from `file`; a given one keeps its users. Raises BakeError."""
     bundle = read_bundle(result.path)
-    choices = usual_choices(bundle)
-    if material is not None and is_measured(material) and bundle.has("envelope"):
+    record = BrdfRecord.read(bundle)
+    choices = usual_choices(record)
+    if material is not None and is_measured(material) and record.has("envelope"):
         choices = choices_of(material.measured_quality)
-    material, plan = build_brdf(bundle, material, choices=choices, pack=pack)
-    keep_textures(material, bundle, pack=pack, others=bundle.material["images"])
+    material, plan = build_brdf(record, material, choices=choices, pack=pack)
+    keep_textures(material, bundle, pack=pack, others=record.images)
     remember(material, bundle, pack=pack, file=file, rendering=account_of(choices, plan))
     show_choices(material.measured_quality, choices)
     return material
@@ -74,10 +76,8 @@ def remember(
     """Keep with the material what its bundle says, what is `further` known, and what was baked."""
     facts = {**bundle.material, **further, "packed": pack}
     facts["images"] = {
-        name: {**entry, "file_bytes": size["file_bytes"]}
-        for (name, entry), size in zip(
-            facts["images"].items(), image_sizes(facts, bundle.path, bundle.path).values(), strict=True
-        )
+        name: {**entry, "file_bytes": bundle.image_path(name).stat().st_size}
+        for name, entry in bundle.material["images"].items()
     }
     keep_facts(material, facts)
     material[SOURCE_KEY] = str(Path(file).resolve()) if file is not None else ""
@@ -112,7 +112,7 @@ def _why_not_assignable(obj: bpy.types.Object | None) -> str:
 
 def error_words(material: bpy.types.Material) -> str:
     """Its measured error, short."""
-    rows = dict(error_rows(facts_of(material), material.name))
+    rows = dict(error_rows(record_of(material)))
     return f"RMS error {rows['RMS error']} ({rows['Relative']})"
 
 

@@ -10,7 +10,7 @@ from ..bake.errors import BakeError
 from .arc_operator import MEASURED_MATERIALS_OT_import_arc
 from .bake_operator import MEASURED_MATERIALS_OT_bake_again
 from .brdf_build import asks_for_passes
-from .facts import facts_of, is_measured
+from .facts import is_measured, record_of
 from .fit_operator import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
 from .import_operator import MEASURED_MATERIALS_OT_import_brdf
 from .kind_forms import form_of
@@ -123,14 +123,14 @@ def _where_rebuildable(layout: bpy.types.UILayout, material: bpy.types.Material,
 
 
 def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
-    facts = facts_of(material)
     if wrong := wrong_textures(material):
         words = f"Not the files of the bake: {', '.join(name.replace('_', ' ') for name in wrong)}"
         layout.label(text=f"{words}; see Scene Check, or bake again", icon="ERROR")
     column = layout.column(align=True)
     try:
+        record = record_of(material)
         for part in kind_of(material).rows:
-            for label, value in part(facts, material.name):
+            for label, value in part(record):
                 _draw_row(column, label, value)
             column.separator()
     except BakeError as error:

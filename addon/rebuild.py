@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import bpy
 
-from ..bake.bundle import Bundle
+from ..bake.brdf.common import RenderingRecord
+from ..bake.brdf.record import BrdfRecord
 from .brdf_build import account_of, build_brdf, choices_from
 from .choices import Choices
 from .effects import Effect
-from .facts import facts_of, keep_facts
+from .facts import facts_of, keep_facts, record_of
 from .kept_textures import rebuild
 
 # Images of the bundle that each mode is built of, beside the weights of Preview.
@@ -25,7 +25,7 @@ _IMAGES = {
 
 def current_choices(material: bpy.types.Material) -> Choices:
     """How the material is built."""
-    return choices_from(_rendering(facts_of(material)))
+    return choices_from(_rendering_of(material).choices)
 
 
 def rebuild_brdf(
@@ -35,32 +35,28 @@ def rebuild_brdf(
 
     Raises BakeError.
     """
-    facts = dict(facts_of(material))
+    record = record_of(material)
     chosen = choices or current_choices(material)
     account: dict[str, Any] = {}
 
-    def build(bundle: Bundle) -> None:
-        _, plan = build_brdf(bundle, material, choices=chosen, pack=facts.get("packed") is True, scene=scene)
+    def build(loaded: BrdfRecord) -> None:
+        _, plan = build_brdf(loaded, material, choices=chosen, pack=record.packed, scene=scene)
         account.update(account_of(chosen, plan))
 
-    rebuild(material, facts, images_of_brdf(facts, chosen), build)
-    keep_facts(material, {**facts, "rendering": account})
+    rebuild(material, record, images_of_brdf(record, chosen), build)
+    keep_facts(material, {**record.document, "rendering": account})
 
 
 def effects_of(material: bpy.types.Material) -> list[Effect]:
     """What the last build kept and left out, as far as it can be read."""
-    listed = _rendering(facts_of(material)).get("effects")
-    fields = [entry for entry in listed if isinstance(entry, dict)] if isinstance(listed, list) else []
-    return [Effect(str(e.get("name", "")), e.get("kept") is True, str(e.get("why", ""))) for e in fields]
+    return [Effect(effect.name, effect.kept, effect.why) for effect in _rendering_of(material).effects]
 
 
-def images_of_brdf(facts: Mapping[str, Any], choices: Choices) -> list[str]:
+def images_of_brdf(record: BrdfRecord, choices: Choices) -> list[str]:
     """Names of the bundle's images that a measured BRDF is built of where this is chosen."""
-    images = facts.get("images")
-    wanted = (*_IMAGES[choices.mode], "preview_weights")
-    return [name for name in wanted if isinstance(images, dict) and name in images]
+    return [name for name in (*_IMAGES[choices.mode], "preview_weights") if record.has(name)]
 
 
-def _rendering(facts: Mapping[str, Any]) -> Mapping[str, Any]:
-    found = facts.get("rendering")
-    return found if isinstance(found, dict) else {}
+def _rendering_of(material: bpy.types.Material) -> RenderingRecord:
+    """Also where nothing else can be read of what the material keeps."""
+    return RenderingRecord.parse(facts_of(material).get("rendering"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..bake.brdf.common import kind_of
 from ..bake.bundle import MATERIAL, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.photographs.folder import find_photographs
@@ -71,7 +72,7 @@ def read_inputs(paths: Sequence[Path]) -> Inputs:
 def _photographs(folder: Path) -> list[Any]:
     """Names, sizes and times: to read them all would take as long as measuring them."""
     if is_bundle(folder):
-        if read_bundle(folder).material["kind"] != "shading_map":
+        if kind_of(read_bundle(folder).material) != "shading_map":
             raise BakeError(folder, "is a baked BRDF", "give the measurement that it was baked from")
         return [hashlib.sha256((folder / MATERIAL).read_bytes()).hexdigest()]
     paths, _ = find_photographs(folder, ())

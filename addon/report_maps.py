@@ -13,8 +13,8 @@ import bpy
 from ..bake.image_io import write_image
 from ..bake.report.journal import Journal
 from ..bake.report.maps import USUAL_STORAGE, Images, MapKey, MapSizes, Model, settings_of
-from ..bake.shading.map_facts import MapFacts
 from ..bake.shading.map_store import store_map
+from ..bake.shading.record_parts import StoredMap
 from ..bake.shading.shading_map import ShadingMap, linearise
 from ..bake.shading.slice_atlas import SliceLayout
 from ..bake.storage import Storage
@@ -74,7 +74,7 @@ def _group(
     tiles = slices - 1 if model.compression == "none" else model.rank
     curves = tuple(tuple(row) for row in facts.get("curves", ()))
     layout = SliceLayout(tiles, height, width)
-    own = MapFacts(facts["model"], slices, layout, facts["scale"], facts.get("envelope_scale", 1.0), None, (), curves)
+    own = StoredMap(facts["model"], slices, layout, facts["scale"], facts.get("envelope_scale", 1.0), curves)
     main = loaded[own.image]
     images = SliceImages(main, loaded.get("envelope", main), layout, 1 / own.scale, 1 / own.envelope_scale)
     return map_group(f"MM Timing {model.name}", own, images, SliceOptions(stochastic=True))

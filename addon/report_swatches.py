@@ -14,7 +14,7 @@ from ..bake.errors import BakeError
 from ..bake.photographs.settings import StackSettings
 from ..bake.photographs.stack import read_stack
 from ..bake.report.maps import LEAST_PHOTOGRAPHS, Images
-from ..bake.shading.map_facts import shading_map_of
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.source import Array
 from . import techniques
 from .find_decoder import blender_decoder
@@ -91,7 +91,7 @@ def built_in(name: str, file: Path, size: int, samples: int, progress: Callable[
 def of_path(path: Path, name: str, size: int) -> Subject:
     """A folder of photographs, or the bundle of a shading map. Raises BakeError."""
     if is_bundle(path):
-        images, directions = _square(shading_map_of(read_bundle(path)).slices[1:], size), None
+        images, directions = _square(ShadingMapRecord.read(read_bundle(path)).load_map().slices[1:], size), None
     else:
         stack = read_stack(path, StackSettings(size=2 * size), decoder=blender_decoder())
         images, directions = _square(stack.images, size), stack.directions

@@ -22,7 +22,7 @@ from ..bake.report.journal import Journal
 from ..bake.report.page import Gallery, Picture, Section, Table
 from ..bake.shading.bake_arc import ArcSettings, bake_stack
 from ..bake.shading.lobe_fit import fit_lobe
-from ..bake.shading.map_facts import render_of
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.shading.shading_map import averages_of
 from ..bake.source import Array
@@ -151,7 +151,7 @@ def _rendered(subject: Subject, bundle: Bundle, variant: str, sizes: TechniqueSi
 def _lit(subject: Subject, bundle: Bundle, variant: str, case: Case, size: int) -> Iterator[Gantry]:
     material = None
     if variant != "geometry":
-        settings = replace(render_of(bundle), technique=variant)
+        settings = replace(ShadingMapRecord.read(bundle).render, technique=variant)
         material = build_shading_map(bundle, settings=settings, lamps=lamp_image())
     target: Any = material or subject.swatch
     try:

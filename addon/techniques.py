@@ -24,7 +24,7 @@ from ..bake.preview import to_srgb
 from ..bake.shading.lobe_fit import fit_lobe
 from ..bake.shading.lobes import Lobe
 from ..bake.shading.map_albedo import resolved_scale
-from ..bake.shading.map_facts import map_facts_of, render_of, shading_map_of
+from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import TECHNIQUES, RenderSettings
 from ..bake.shading.shading_map import Above, ShadingMap
 
@@ -74,11 +74,12 @@ class Light:
 
 def mapped_swatch(bundle: Bundle, settings: RenderSettings | None = None) -> MappedSwatch:
     """The bundle's map as its material shows it. Raises BakeError, also where f_r is measured."""
-    facts, settings = map_facts_of(bundle), settings or render_of(bundle)
+    record = ShadingMapRecord.read(bundle)
+    stored, settings = record.map, settings or record.render
     if settings.lobe is None:
         raise BakeError(bundle.path, "takes f_r from a measured BRDF", "choose a lobe")
-    sigma, a_max = resolved_scale(settings, facts.a_max)
-    return MappedSwatch(shading_map_of(bundle), settings.lobe, sigma, a_max, facts.level_by_cosine, settings.above)
+    sigma, a_max = resolved_scale(settings, stored.a_max)
+    return MappedSwatch(record.load_map(), settings.lobe, sigma, a_max, stored.level_by_cosine, settings.above)
 
 
 def shade(

@@ -27,7 +27,7 @@ from ..nodes.data_image import (
 )
 from . import texture_content
 from .events import listen, stop_listening
-from .facts import facts_of, is_measured
+from .facts import facts_of, images_of, is_measured
 from .kept_textures import bundle_path, textures_of
 from .texture_content import is_of_content
 
@@ -39,11 +39,10 @@ def expected(image: bpy.types.Image, material: bpy.types.Material) -> tuple[str,
         return part, sha256
     if not is_measured(material):
         return None
-    images = facts_of(material).get("images")
+    images = images_of(material)
     for name, texture in textures_of(material).items():
-        entry = images.get(name) if isinstance(images, dict) else None
-        if texture == image and isinstance(entry, dict) and isinstance(entry.get("sha256"), str):
-            return name, entry["sha256"]
+        if texture == image and name in images:
+            return name, images[name].sha256
     return None
 
 

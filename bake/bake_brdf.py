@@ -14,6 +14,7 @@ from .albedo import albedo_facts
 from .alias_sampler import SamplerLayout, build_sampler
 from .anisotropic.bake import bake_anisotropic
 from .atlas import pack
+from .brdf.grids import MAX_RESOLUTION
 from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
 from .envelope import (
@@ -35,7 +36,6 @@ from .source import Array, BrdfSource
 from .sources import read_source
 from .storage import TABLE_STORAGES, Storage
 from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
-from .table_facts import MAX_RESOLUTION
 from .table_storage import StoredTable, store_table
 
 AlphaChoice = Literal["error", "intensity"]

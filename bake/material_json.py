@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -141,6 +142,80 @@ def require(
         raise BakeError(where, f"'{key}' is {_shown(value)}, not one of {allowed}", _REMEDY)
     checked: T = value
     return checked
+
+
+@dataclass(frozen=True)
+class Fields:
+    """An object of an untrusted document, read entry by entry; every method raises BakeError that names `where`.
+
+    `least` and `most` are inclusive bounds of a number, or of how many entries a list has.
+    """
+
+    entries: Mapping[str, Any]
+    where: str | Path
+
+    def has(self, key: str) -> bool:
+        """Whether there is an entry of this name that is not null."""
+        return self.entries.get(key) is not None
+
+    def text(self, key: str, choices: Collection[Any] | None = None) -> str:
+        """A text, one of the choices if there are any."""
+        return require(self.entries, key, str, self.where, choices=choices)
+
+    def flag(self, key: str) -> bool:
+        """True or false."""
+        return require(self.entries, key, bool, self.where)
+
+    def whole(self, key: str, least: float | None = None, most: float | None = None) -> int:
+        """A whole number."""
+        return require(self.entries, key, int, self.where, least, most)
+
+    def number(self, key: str, least: float | None = None, most: float | None = None) -> float:
+        """A finite number."""
+        return require(self.entries, key, float, self.where, least, most)
+
+    def part(self, key: str) -> Fields:
+        """An object inside this one."""
+        return Fields(require(self.entries, key, dict, self.where), self.where)
+
+    def parts(self, key: str, least: int, most: int) -> tuple[Fields, ...]:
+        """A list of objects."""
+        listed = require(self.entries, key, list, self.where, least, most)
+        if not all(isinstance(entry, dict) for entry in listed):
+            raise BakeError(self.where, f"'{key}' lists something that is no object", _REMEDY)
+        return tuple(Fields(entry, self.where) for entry in listed)
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of texts."""
+        listed = require(self.entries, key, list, self.where)
+        return tuple(require({key: entry}, key, str, self.where) for entry in listed)
+
+    def numbers(
+        self, key: str, count: tuple[int, int], least: float | None = None, most: float | None = None
+    ) -> tuple[float, ...]:
+        """A list of finite numbers; `count` bounds how many."""
+        listed = require(self.entries, key, list, self.where, *count)
+        return tuple(require({key: entry}, key, float, self.where, least, most) for entry in listed)
+
+    def wholes(
+        self, key: str, count: tuple[int, int], least: float | None = None, most: float | None = None
+    ) -> tuple[int, ...]:
+        """A list of whole numbers; `count` bounds how many."""
+        listed = require(self.entries, key, list, self.where, *count)
+        return tuple(require({key: entry}, key, int, self.where, least, most) for entry in listed)
+
+    def rows(
+        self,
+        key: str,
+        count: tuple[int, int],
+        columns: int,
+        least: float | None = None,
+        most: float | None = None,
+    ) -> tuple[tuple[float, ...], ...]:
+        """A list of lists of `columns` finite numbers each; `count` bounds how many lists."""
+        listed = require(self.entries, key, list, self.where, *count)
+        each = (Fields({key: row}, self.where) for row in listed)
+        return tuple(row.numbers(key, (columns, columns), least, most) for row in each)
 
 
 def _shown(value: Any) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.facts import closures_of
-from ..bake.bundle import Bundle
+from ..bake.anisotropic.envelope import AnisotropicFit
+from ..bake.brdf.record import BrdfRecord
 from .anisotropic_closures import AnisotropicClosures
 from .anisotropic_table import AnisotropicGroups, anisotropic_table_groups
 from .brdf_group import after_diffuse
@@ -19,7 +19,7 @@ from .native_closure import choose_closure
 
 
 def anisotropic_group(
-    bundle: Bundle,
+    record: BrdfRecord,
     name: str,
     mode: str,
     filter: str | None,
@@ -36,9 +36,9 @@ def anisotropic_group(
     if mode == "reference" or (mode != "preview" and residual):
         part = "table" if mode == "reference" else "residual"
         chosen = stochastic and part == "table"
-        table = anisotropic_table_groups(bundle, name, filter, chosen, pack, aimed=lamps is not None, part=part)
-    envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
-    preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
+        table = anisotropic_table_groups(record.baked(part), name, filter, chosen, pack, aimed=lamps is not None)
+    envelope = _closures(record, name, "envelope", pack) if mode in ("exact", "balanced") else None
+    preview = _closures(record, name, "preview_weights", pack) if record.has("preview_weights") else None
 
     def build(normal: Any, tint: Any, tangent: Any) -> Any:
         shown = None if preview is None else replace(preview, tangent=tangent).alone(normal, tint)
@@ -73,8 +73,9 @@ def _traced(
     return exact_closure(native, placed, normal, tint, lamps)  # type: ignore[arg-type]
 
 
-def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> AnisotropicClosures:
+def _closures(record: BrdfRecord, name: str, part: str, pack: bool) -> AnisotropicClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
-    fit = closures_of(bundle, part)
-    image = bundle_image(bundle, part, f"{name} {part.replace('_', ' ')}", pack=pack)
+    fit = record.load_envelope() if part == "envelope" else record.load_preview()
+    assert isinstance(fit, AnisotropicFit)
+    image = bundle_image(record.files(), part, f"{name} {part.replace('_', ' ')}", pack=pack)
     return AnisotropicClosures(fit.closures, image, fit.grid)

@@ -7,10 +7,10 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import NormalGrid
-from ..bake.bundle import Bundle
-from ..bake.table_facts import log_of, offset_of, scale_of
+from ..bake.anisotropic.sampler import SlopeLayout
+from ..bake.brdf.baked_table import BakedTable
+from ..bake.brdf.grids import AnisotropicGrid
 from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
 from .data_image import bundle_image
 from .drawn_direction import DrawnDirection, drawn_direction
@@ -37,24 +37,26 @@ class AnisotropicGroups(TableGroups):
 
 
 def anisotropic_table_groups(
-    bundle: Bundle, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool, part: str = "table"
+    table: BakedTable, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
 ) -> AnisotropicGroups:
-    """Groups of a bundle's BRDF, or of its "residual", their textures loaded; without a tangent yet. Raises BakeError.
+    """Groups of an anisotropic table, its textures loaded; without a tangent yet. Raises BakeError.
 
     Blended, sixteen taps of a spline, or four beside the normal basis' longer formulas, would not leave a material room
     on SVM's stack: there one slice is chosen in any case.
 
     Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
     """
-    bundle.load(part)
-    stored = "sampler" if part == "table" else "residual_sampler"
-    grid, layout = grid_of(bundle, part), sampler_of(bundle, stored).layout
-    atlas = bundle_image(bundle, part, f"{name} {part}", pack=pack)
-    cells = bundle_image(bundle, stored, f"{name} {stored.replace('_', ' ')}", pack=pack)
-    filter = filter or filter_of(bundle)
+    bundle, stored, grid, layout = table.bundle, table.stored, table.stored.grid, table.layout
+    assert isinstance(grid, AnisotropicGrid) and isinstance(layout, SlopeLayout)
+    bundle.load(table.part)
+    table.load_sampler()
+    atlas = bundle_image(bundle, table.part, f"{name} {table.part}", pack=pack)
+    cells = bundle_image(bundle, table.sampler, f"{name} {table.sampler.replace('_', ' ')}", pack=pack)
+    filter = filter or table.filter
     stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
-    scale, offset, log = 1 / scale_of(bundle, part), offset_of(bundle, part), log_of(bundle, part)
-    lookup = anisotropic_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
+    lookup = anisotropic_lookup_group(
+        f"MM Lookup {name}", atlas, grid, filter, 1 / stored.scale, stochastic, stored.offset, stored.log
+    )
     sampler = slope_sampler_group(f"MM Sampler {name}", cells, layout)
     density = slope_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return AnisotropicGroups(lookup, sampler, density)

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.bundle import MATERIAL, Bundle, require
+from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.image_names import common_name, title_of, unique_name
 from ..bake.storage import Storage
@@ -38,7 +38,7 @@ class LoadedBundle(Bundle):
         image = self.texture(name)
         values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
         image.pixels.foreach_get(values)
-        channels = require(self.material["images"][name], "channels", int, self.path / MATERIAL)
+        channels = self.material["images"][name]["channels"]
         return values.reshape(image.size[1], image.size[0], -1)[::-1, :, :channels]
 
 

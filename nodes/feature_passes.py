@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.bundle import Bundle, require
+from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from . import expr
 from .group import call, node_group
@@ -28,8 +28,8 @@ _KEY = "measured_materials_denoise"  # custom property of the compositor's nodes
 _SHADER_KINDS = {"NodeSocketShader": "shader", "NodeSocketFloat": "float"}
 
 
-def albedo_polynomial(bundle: Bundle) -> NDArray[np.float64]:
-    """Directional albedo of a bundle as a polynomial in the chord sqrt(1 - cos theta_o).
+def albedo_polynomial(record: BrdfRecord) -> NDArray[np.float64]:
+    """Directional albedo of a BRDF as a polynomial in the chord sqrt(1 - cos theta_o).
 
     Returns
     -------
@@ -37,17 +37,12 @@ def albedo_polynomial(bundle: Bundle) -> NDArray[np.float64]:
 
     Raises
     ------
-    BakeError : the bundle does not say what its albedo is
+    BakeError : the albedo is known at too few angles
     """
-    where = bundle.path / "material.json"
-    facts = require(bundle.material, "albedo", dict, where)
-    try:
-        degrees = np.array(require(facts, "theta_o_deg", list, where), np.float64)
-        rows = np.clip(np.array(require(facts, "directional", list, where), np.float64), 0, 1)
-    except (TypeError, ValueError) as error:
-        raise BakeError(where, "'albedo' does not hold numbers", "bake it again") from error
-    if rows.shape != (len(degrees), 3) or len(degrees) <= DEGREE or not np.isfinite([*degrees, *rows.flat]).all():
-        raise BakeError(where, "'albedo' does not give three numbers for each of its angles", "bake it again")
+    degrees = np.array(record.albedo.theta_o_deg, np.float64)
+    rows = np.clip(np.array(record.albedo.directional, np.float64), 0, 1)
+    if len(degrees) <= DEGREE:
+        raise BakeError(record.where, f"'albedo' is known at {len(degrees)} angles only", "bake it again")
     chord = np.sqrt(1 - np.cos(np.radians(degrees)))
     found: NDArray[np.float64] = np.linalg.lstsq(np.vander(chord, DEGREE + 1), rows, rcond=None)[0]
     return found

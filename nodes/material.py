@@ -10,22 +10,15 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.anisotropic.facts import is_anisotropic
-from ..bake.bundle import Bundle, require
+from ..bake.alias_sampler import SamplerLayout
+from ..bake.brdf.baked_table import BakedTable
+from ..bake.brdf.common import Colour
+from ..bake.brdf.grids import IsotropicGrid
+from ..bake.brdf.record import BrdfRecord
+from ..bake.bundle import Bundle
+from ..bake.envelope import EnvelopeFit, PreviewFit
 from ..bake.errors import BakeError
-from ..bake.table import FILTERS
-from ..bake.table_facts import (
-    check_shares,
-    envelope_of,
-    grid_of,
-    log_of,
-    offset_of,
-    preview_of,
-    residual_grid_of,
-    sampler_layout_of,
-    sampler_of,
-    scale_of,
-)
+from ..bake.shading.record import ShadingMapRecord
 from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .anisotropic_material import anisotropic_group
@@ -49,7 +42,7 @@ _VIEWPORT_KEY, _STAND_IN_KEY = "measured_materials_viewport", "measured_material
 
 
 def build_material(
-    bundle: Bundle,
+    source: Bundle | BrdfRecord,
     material: bpy.types.Material | None = None,
     *,
     filter: str | None = None,
@@ -65,6 +58,7 @@ def build_material(
 
     Parameters
     ----------
+    source : the bundle's record, or the bundle, which is then read
     material : to rebuild in place, so that objects keep it; a new one by default
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them (unbiased, fewer taps)
@@ -80,36 +74,33 @@ def build_material(
     ------
     BakeError : the bundle does not describe a table this version knows, or holds not what the mode needs
     """
-    where = bundle.path / "material.json"
-    if bundle.material.get("kind") != "brdf":
-        raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a BRDF", "update the extension")
-    mode = mode or usual_mode(bundle)
-    anisotropic = is_anisotropic(bundle)
-    missing = [name for name in _NEEDS[mode] if not bundle.has(name)]
+    record = BrdfRecord.of(source)
+    mode = mode or usual_mode(record)
+    missing = [name for name in _NEEDS[mode] if not record.has(name)]
     if missing:
-        raise BakeError(where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
+        raise BakeError(record.where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
-        if anisotropic:
-            group = anisotropic_group(bundle, name, mode, filter, stochastic, pack, lamps, residual)
-            return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
+        if record.anisotropic:
+            group = anisotropic_group(record, name, mode, filter, stochastic, pack, lamps, residual)
+            return with_feature_outputs(group, albedo_polynomial(record)) if features else group
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = "table" if mode == "reference" else "residual"
             # A residual's ridges lie elsewhere in the next slice, and few samples pay for blending.
             chosen = stochastic and part == "table"
-            table = table_groups(bundle, name, filter, chosen, pack, aimed=lamps is not None, part=part)
-        envelope = _closures(bundle, name, "envelope", pack) if mode in ("exact", "balanced") else None
-        preview = _closures(bundle, name, "preview_weights", pack) if bundle.has("preview_weights") else None
+            table = table_groups(record.baked(part), name, filter, chosen, pack, aimed=lamps is not None)
+        envelope = _closures(record, name, "envelope", pack) if mode in ("exact", "balanced") else None
+        preview = _closures(record, name, "preview_weights", pack) if record.has("preview_weights") else None
         shares = None
         local = lamp_share and lamps is not None and envelope is not None and table is not None
-        if local and bundle.has("residual_share"):
-            check_shares(bundle)
-            shares = bundle_image(bundle, "residual_share", f"{name} residual share", pack=pack)
+        if local and record.has("residual_share"):
+            record.check_shares()
+            shares = bundle_image(record.files(), "residual_share", f"{name} residual share", pack=pack)
         group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
-        return with_feature_outputs(group, albedo_polynomial(bundle)) if features else group
+        return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
-    return build_from(bundle, material, make)
+    return build_from(record, material, make)
 
 
 _NEEDS = {
@@ -120,26 +111,27 @@ _NEEDS = {
 }
 
 
-def usual_mode(bundle: Bundle) -> str:
+def usual_mode(record: BrdfRecord) -> str:
     """The mode of a material of which nothing else was said: "exact" where the bundle holds an envelope."""
-    return "exact" if bundle.has("envelope") else "reference"
+    return "exact" if record.has("envelope") else "reference"
 
 
-def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> WeightedClosures:
+def _closures(record: BrdfRecord, name: str, part: str, pack: bool) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
-    fit = envelope_of(bundle) if part == "envelope" else preview_of(bundle)
-    image = bundle_image(bundle, part, f"{name} {part.replace('_', ' ')}", pack=pack)
+    fit = record.load_envelope() if part == "envelope" else record.load_preview()
+    assert isinstance(fit, EnvelopeFit | PreviewFit)
+    image = bundle_image(record.files(), part, f"{name} {part.replace('_', ' ')}", pack=pack)
     return WeightedClosures(fit.closures, image, len(fit.weights))
 
 
 def build_from(
-    bundle: Bundle, material: bpy.types.Material | None, make_group: Callable[[str], bpy.types.ShaderNodeTree]
+    record: BrdfRecord | ShadingMapRecord,
+    material: bpy.types.Material | None,
+    make_group: Callable[[str], bpy.types.ShaderNodeTree],
 ) -> bpy.types.Material:
     """A material of the group that `make_group` builds under a name; what a failure has made is removed."""
-    where = bundle.path / "material.json"
     compat.ensure_cycles()
-    name = safe_name(require(require(bundle.material, "source", dict, where), "name", str, where))
-    albedo = normal_albedo(bundle)
+    name, albedo = safe_name(record.name), record.albedo.normal
     before = {*bpy.data.images, *bpy.data.node_groups}
     if material is not None and material.get(BUNDLE_KEY) and not measured_nodes(compat.node_tree(material)):
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
@@ -152,37 +144,31 @@ def build_from(
         for block in {*bpy.data.images, *bpy.data.node_groups} - before:
             (bpy.data.images if isinstance(block, bpy.types.Image) else bpy.data.node_groups).remove(block)
         raise
-    material[BUNDLE_KEY] = str(bundle.path)
+    material[BUNDLE_KEY] = str(record.files().path)
     return material
 
 
 def table_groups(
-    bundle: Bundle,
-    name: str,
-    filter: str | None,
-    stochastic: bool,
-    pack: bool,
-    *,
-    aimed: bool,
-    part: str = "table",
+    table: BakedTable, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
 ) -> TableGroups:
-    """Groups of this bundle's BRDF, or of its "residual", their textures loaded. Raises BakeError."""
-    where = bundle.path / "material.json"
-    whole = part == "table"
-    sampler_image = "sampler" if whole else "residual_sampler"
+    """Groups of an isotropic table, its textures loaded. Raises BakeError."""
+    bundle, stored, grid, layout = table.bundle, table.stored, table.stored.grid, table.layout
+    assert isinstance(grid, IsotropicGrid) and isinstance(layout, SamplerLayout)
     # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    bundle.load(part)
-    sampler_of(bundle, sampler_image)
-    grid = grid_of(bundle) if whole else residual_grid_of(bundle)
-    layout = sampler_layout_of(bundle, sampler_image)
-    scale = 1 / scale_of(bundle, part)
-    table = require(bundle.material, "table", dict, where)
-    if filter is None:
-        filter = require(table, "filter", str, where, choices=FILTERS)
-    atlas = bundle_image(bundle, part, f"{name} {part}", pack=pack)
-    offset, log = offset_of(bundle, part), log_of(bundle, part)
-    lookup = table_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
-    cells = bundle_image(bundle, sampler_image, f"{name} {sampler_image.replace('_', ' ')}", pack=pack)
+    bundle.load(table.part)
+    table.load_sampler()
+    atlas = bundle_image(bundle, table.part, f"{name} {table.part}", pack=pack)
+    lookup = table_lookup_group(
+        f"MM Lookup {name}",
+        atlas,
+        grid,
+        table.filter if filter is None else filter,
+        1 / stored.scale,
+        stochastic,
+        stored.offset,
+        stored.log,
+    )
+    cells = bundle_image(bundle, table.sampler, f"{name} {table.sampler.replace('_', ' ')}", pack=pack)
     sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
     density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return TableGroups(lookup, sampler, density)
@@ -219,7 +205,7 @@ def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False
     return image
 
 
-def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float]) -> None:
+def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: Colour) -> None:
     """Output <- group <- normal and, where it has them, texture coordinates.
 
     EEVEE, which cannot follow the mirror, gets the group's own "EEVEE" output or a stand-in of the same albedo.
@@ -296,7 +282,7 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
         _connect_tangent(tree, node)
 
 
-def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: tuple[float, float, float] | None) -> bpy.types.Node:
+def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.types.Node:
     """Empty the tree, make its outputs and any stand-in, and return the node that is to hold the group."""
     tree.nodes.clear()
     node = tree.nodes.new("ShaderNodeGroup")
@@ -365,15 +351,3 @@ def remove_unused(group: bpy.types.ShaderNodeTree) -> None:
     for image in images.values():
         if not image.users:
             bpy.data.images.remove(image)
-
-
-def normal_albedo(bundle: Bundle) -> tuple[float, float, float]:
-    """Measured albedo at normal incidence, in [0, 1]."""
-    where = bundle.path / "material.json"
-    albedo = require(bundle.material, "albedo", dict, where)
-    rows = require(albedo, "directional", list, where, minimum=1)
-    try:
-        red, green, blue = (min(max(float(c), 0.0), 1.0) for c in rows[0])
-    except (TypeError, ValueError) as error:
-        raise BakeError(where, "'albedo.directional' does not hold three numbers a row", "bake it again") from error
-    return red, green, blue

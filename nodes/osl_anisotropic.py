@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from ..bake.anisotropic.atlas import SliceLayout
-from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of
+from ..bake.anisotropic.envelope import AnisotropicFit
 from ..bake.anisotropic.grid import Grid
 from ..bake.anisotropic.lobes import AnisotropicLobe
 from ..bake.anisotropic.sampler import SlopeLayout
-from ..bake.bundle import Bundle
+from ..bake.brdf.grids import AnisotropicGrid
+from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.parameterization import shape_constants
 from ..bake.table import FILTERS
@@ -17,27 +18,31 @@ from .osl_script import texel_constants, texture_file
 
 
 def anisotropic_constants(
-    bundle: Bundle, mode: str, filter: str | None = None, stochastic: bool = True
+    record: BrdfRecord, mode: str, filter: str | None = None, stochastic: bool = True
 ) -> dict[str, Any]:
     """What describes the bundle, its pixels read and checked. Raises BakeError."""
     constants: dict[str, Any] = {"Mode": mode}
+    bundle = record.files()
     if mode != "preview":
-        part = "table" if mode == "reference" else "residual"
-        sampler = "sampler" if mode == "reference" else "residual_sampler"
-        bundle.load(part)
-        constants |= {"Table": texture_file(bundle, part), **texel_constants(bundle, part)}
-        chosen = filter or filter_of(bundle)
+        table = record.baked("table" if mode == "reference" else "residual")
+        grid, layout = table.stored.grid, table.layout
+        assert isinstance(grid, AnisotropicGrid) and isinstance(layout, SlopeLayout)
+        bundle.load(table.part)
+        constants |= {"Table": texture_file(bundle, table.part), **texel_constants(table.stored)}
+        chosen = filter or table.filter
         if chosen not in FILTERS:
             raise BakeError(bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")
-        constants |= grid_constants(grid_of(bundle, part)) | {"Filter": chosen, "Stochastic": int(stochastic)}
-        constants["Sampler"] = texture_file(bundle, sampler)
-        constants |= slope_constants(sampler_of(bundle, sampler).layout)
+        constants |= grid_constants(grid) | {"Filter": chosen, "Stochastic": int(stochastic)}
+        table.load_sampler()
+        constants["Sampler"] = texture_file(bundle, table.sampler)
+        constants |= slope_constants(layout)
     for name, image, modes in (
         ("Envelope", "envelope", ("exact", "balanced")),
         ("Preview", "preview_weights", ("preview", "balanced")),
     ):
         if mode in modes:
-            fit = closures_of(bundle, image)
+            fit = record.load_envelope() if image == "envelope" else record.load_preview()
+            assert isinstance(fit, AnisotropicFit)
             constants |= {name: texture_file(bundle, image), f"{name}Closures": closure_words(fit.closures)}
             viewers = fit.grid
             constants |= {"NodesTheta": viewers.n_theta, "NodesPhi": viewers.n_phi, "HalfTurn": int(viewers.folded)}

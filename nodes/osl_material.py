@@ -8,13 +8,18 @@ changes with every edit and frame; OSL's texture system would show a file as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.facts import is_anisotropic
+from ..bake.alias_sampler import SamplerLayout
 from ..bake.atlas import AtlasLayout
-from ..bake.bundle import Bundle, require
+from ..bake.brdf.baked_table import BakedTable
+from ..bake.brdf.common import kind_of
+from ..bake.brdf.grids import IsotropicGrid
+from ..bake.brdf.record import BrdfRecord
+from ..bake.bundle import MATERIAL, Bundle
+from ..bake.envelope import EnvelopeFit, PreviewFit
 from ..bake.errors import BakeError
 from ..bake.half_grid import HalfGrid
 from ..bake.light_sampling import TEXELS
@@ -22,14 +27,6 @@ from ..bake.modes import MODES
 from ..bake.parameterization import shape_constants
 from ..bake.shading.lobes import Lobe
 from ..bake.table import FILTERS, Grid
-from ..bake.table_facts import (
-    check_shares,
-    envelope_of,
-    grid_of,
-    preview_of,
-    residual_grid_of,
-    sampler_of,
-)
 from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
@@ -42,7 +39,7 @@ _TEXELS = ("Centre", "U", "V", "Axis")
 
 
 def build_osl_material(
-    bundle: Bundle,
+    source: Bundle | BrdfRecord,
     material: bpy.types.Material | None = None,
     *,
     mode: str | None = None,
@@ -56,6 +53,7 @@ def build_osl_material(
 
     Parameters
     ----------
+    source : the bundle's record, or the bundle, which is then read
     material : to rebuild in place, so that objects keep it; a new one by default
     mode : of `bake.modes.MODES`; by default `nodes.material.usual_mode`
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
@@ -67,17 +65,17 @@ def build_osl_material(
     BakeError : this Blender has no OSL, the bundle does not describe a table this version knows, or holds not what the
         mode needs
     """
-    where = bundle.path / "material.json"
-    if bundle.material.get("kind") != "brdf":
-        raise BakeError(where, "only BRDFs have an OSL material", "build it of nodes")
-    mode = mode or usual_mode(bundle)
+    if isinstance(source, Bundle) and kind_of(source.material) != "brdf":
+        raise BakeError(source.path / MATERIAL, "only BRDFs have an OSL material", "build it of nodes")
+    record = BrdfRecord.of(source)
+    mode = mode or usual_mode(record)
     if mode not in MODES:
         raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
-    if anisotropic := is_anisotropic(bundle):
-        shader, constants = ANISOTROPIC, anisotropic_constants(bundle, mode, filter, stochastic)
+    if record.anisotropic:
+        shader, constants = ANISOTROPIC, anisotropic_constants(record, mode, filter, stochastic)
     else:
-        shader, constants = SHADER, shader_constants(bundle, mode, filter, stochastic)
-    interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if anisotropic else {})
+        shader, constants = SHADER, shader_constants(record, mode, filter, stochastic)
+    interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if record.anisotropic else {})
 
     def build(*values: Any) -> Any:
         inputs = dict(zip(interface, values)) | constants
@@ -86,43 +84,46 @@ def build_osl_material(
         return output(script_node(shader, shader_source(shader), inputs), "BSDF")
 
     return build_from(
-        bundle, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
+        record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
     )
 
 
-def shader_constants(bundle: Bundle, mode: str, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
+def shader_constants(
+    record: BrdfRecord, mode: str, filter: str | None = None, stochastic: bool = True
+) -> dict[str, Any]:
     """Parameters of the shader that describe the bundle, its pixels read and checked. Raises BakeError."""
     constants: dict[str, Any] = {"Mode": mode}
+    bundle = record.files()
     if mode != "preview":
-        part = "table" if mode == "reference" else "residual"
-        constants |= table_constants(bundle, part, filter, stochastic) | sampler_constants(bundle, part)
+        table = record.baked("table" if mode == "reference" else "residual")
+        constants |= table_constants(table, filter, stochastic) | sampler_constants(table)
     if mode in ("exact", "balanced"):
-        fit = envelope_of(bundle)
+        fit = record.load_envelope()
+        assert isinstance(fit, EnvelopeFit)
         constants |= _closure_constants("Envelope", texture_file(bundle, "envelope"), fit.closures, len(fit.weights))
-        if bundle.has("residual_share"):
-            check_shares(bundle)
+        if record.has("residual_share"):
+            record.check_shares()
             constants["Shares"] = texture_file(bundle, "residual_share")
     if mode in ("preview", "balanced"):
-        preview = preview_of(bundle)
+        preview = record.load_preview()
+        assert isinstance(preview, PreviewFit)
         file = texture_file(bundle, "preview_weights")
         constants |= _closure_constants("Preview", file, preview.closures, len(preview.weights))
     return constants
 
 
-def table_constants(bundle: Bundle, part: str, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
-    """Those of `measured_lookup.osl`, for the "table" or the "residual". Raises BakeError."""
-    where = bundle.path / "material.json"
-    bundle.load(part)
-    grid = grid_of(bundle) if part == "table" else residual_grid_of(bundle)
-    if filter is None:
-        filter = cast(str, require(require(bundle.material, "table", dict, where), "filter", str, where))
-    if filter not in FILTERS:
-        raise BakeError(where, f"filter cannot be {filter[:40]!r}", f"choose from {', '.join(FILTERS)}")
+def table_constants(table: BakedTable, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
+    """Those of `measured_lookup.osl`, of an isotropic table. Raises BakeError."""
+    table.bundle.load(table.part)
+    grid, chosen = table.stored.grid, table.filter if filter is None else filter
+    assert isinstance(grid, IsotropicGrid)
+    if chosen not in FILTERS:
+        raise BakeError(table.bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
-        "Table": texture_file(bundle, part),
-        **texel_constants(bundle, part),
+        "Table": texture_file(table.bundle, table.part),
+        **texel_constants(table.stored),
         **grid_constants(grid),
-        "Filter": filter,
+        "Filter": chosen,
         "Stochastic": int(stochastic),
     }
 
@@ -147,12 +148,13 @@ def grid_constants(grid: Grid) -> dict[str, Any]:
     return constants
 
 
-def sampler_constants(bundle: Bundle, part: str) -> dict[str, Any]:
-    """Those of `measured_sampler.osl`, for the "table" or the "residual". Raises BakeError."""
-    name = "sampler" if part == "table" else "residual_sampler"
-    layout = sampler_of(bundle, name).layout
+def sampler_constants(table: BakedTable) -> dict[str, Any]:
+    """Those of `measured_sampler.osl`, of an isotropic table. Raises BakeError."""
+    layout = table.layout
+    assert isinstance(layout, SamplerLayout)
+    table.load_sampler()
     return {
-        "Sampler": texture_file(bundle, name),
+        "Sampler": texture_file(table.bundle, table.sampler),
         "Bins": layout.n_o,
         "CellsTheta": layout.n_h,
         "CellsPhi": layout.n_phi,

@@ -23,11 +23,11 @@ from typing import Any
 
 import bpy
 
+from ..bake.brdf.parts import StoredTableRecord
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.image_io import load_openimageio
 from ..bake.log_storage import LogCodes
-from ..bake.table_facts import log_of, offset_of, scale_of
 from . import compat, expr
 
 SHADERS = Path(__file__).parent / "osl"
@@ -209,12 +209,12 @@ def _error_stream() -> Iterator[Callable[[], list[str]]]:
             lines += file.read().decode("utf-8", "replace").splitlines()
 
 
-def texel_constants(bundle: Bundle, part: str) -> dict[str, Any]:
-    """Those that turn texels into values, of a table of either kind. Raises BakeError."""
-    log = log_of(bundle, part) or LogCodes((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+def texel_constants(stored: StoredTableRecord) -> dict[str, Any]:
+    """Those that turn texels into values, of a table of either kind."""
+    log = stored.log or LogCodes((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return {
-        "Scale": 1 / scale_of(bundle, part),
-        "Offset": offset_of(bundle, part),
+        "Scale": 1 / stored.scale,
+        "Offset": stored.offset,
         "LogRange": log.ranges,
         "LogGain": log.gains,
     }

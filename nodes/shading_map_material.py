@@ -9,16 +9,16 @@ import numpy as np
 
 from ..bake import xp_numpy
 from ..bake.bake_brdf import TableSource
-from ..bake.bundle import MATERIAL, Bundle, require
+from ..bake.bundle import Bundle
 from ..bake.directions import spherical
 from ..bake.errors import BakeError
 from ..bake.shading.lobes import lobe_peak
 from ..bake.shading.map_albedo import resolved_scale
-from ..bake.shading.map_facts import MapFacts, map_facts_of, render_of
+from ..bake.shading.record import ShadingMapRecord
+from ..bake.shading.record_parts import StoredMap
 from ..bake.shading.reduced_map import reduced_slices
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.table import FILTERS
-from ..bake.table_facts import table_of
+from ..bake.table import BrdfTable
 from .data_image import bundle_image
 from .map_models import basis_group, power_group
 from .material import build_from, new_data_image, table_groups
@@ -27,7 +27,7 @@ from .slices_group import SliceImages, SliceOptions, slices_group
 
 
 def build_shading_map(
-    bundle: Bundle,
+    source: Bundle | ShadingMapRecord,
     material: bpy.types.Material | None = None,
     *,
     settings: RenderSettings | None = None,
@@ -39,6 +39,7 @@ def build_shading_map(
 
     Parameters
     ----------
+    source : the bundle's record, or the bundle, which is then read
     material : to rebuild in place, so that objects keep it; a new one by default
     settings : how it is lit; by default as the bundle says
     pack : store the textures inside the .blend
@@ -49,26 +50,25 @@ def build_shading_map(
     ------
     BakeError : the bundle does not describe a shading map this version knows
     """
-    where = bundle.path / MATERIAL
-    if bundle.material.get("kind") != "shading_map":
-        raise BakeError(where, f"kind {bundle.material.get('kind')!r} is not a shading map", "update the extension")
-    facts = map_facts_of(bundle)
-    settings = settings or render_of(bundle)
-    if settings.lobe is None and not bundle.has("table"):
-        raise BakeError(bundle.path, "holds no measured BRDF to use as f_r", "choose a lobe, or bake with --brdf")
-    for name in {facts.image, "envelope"} & set(bundle.material["images"]):
-        bundle.load(name)  # pixels are read and checked once before Blender loads them
-    return build_from(bundle, material, lambda name: _group(bundle, facts, settings, name, pack, lamps, reduce))
+    record = ShadingMapRecord.of(source)
+    settings = settings or record.render
+    if settings.lobe is None:
+        record.measured_lobe()
+    for name in {record.map.image, "envelope"} & set(record.images):
+        record.files().load(name)  # pixels are read and checked once before Blender loads them
+    return build_from(record, material, lambda name: _group(record, settings, name, pack, lamps, reduce))
 
 
-def lighting_of(bundle: Bundle, facts: MapFacts, settings: RenderSettings) -> Lighting:
+def lighting_of(record: ShadingMapRecord, settings: RenderSettings) -> Lighting:
     """How the map is lit by a lobe; a measured f_r is added by the caller."""
     measured = None
     if settings.lobe is None:
-        filter = require(bundle.material["table"], "filter", str, bundle.path / MATERIAL, choices=FILTERS)
-        measured = TableSource(table_of(bundle), filter)  # type: ignore[arg-type]
-    sigma, a_max = resolved_scale(settings, facts.a_max, measured)
-    return Lighting(settings, sigma, a_max, _reaches_beyond(settings, sigma, a_max), facts.level_by_cosine)
+        baked = record.baked_lobe()
+        table = baked.load()
+        assert isinstance(table, BrdfTable)
+        measured = TableSource(table, baked.filter)
+    sigma, a_max = resolved_scale(settings, record.map.a_max, measured)
+    return Lighting(settings, sigma, a_max, _reaches_beyond(settings, sigma, a_max), record.map.level_by_cosine)
 
 
 def _reaches_beyond(settings: RenderSettings, sigma: float, a_max: float) -> bool:
@@ -80,22 +80,22 @@ def _reaches_beyond(settings: RenderSettings, sigma: float, a_max: float) -> boo
 
 
 def _group(
-    bundle: Bundle,
-    facts: MapFacts,
+    record: ShadingMapRecord,
     settings: RenderSettings,
     name: str,
     pack: bool,
     lamps: bpy.types.Image | None,
     reduce: int,
 ) -> bpy.types.ShaderNodeTree:
-    lighting = replace(lighting_of(bundle, facts, settings), lamps=lamps)
+    facts = record.map
+    lighting = replace(lighting_of(record, settings), lamps=lamps)
     if settings.lobe is None:
         # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
-        table = table_groups(bundle, name, None, False, pack, aimed=lamps is not None)
-        measured = MeasuredLobe(table, _f_r_albedo(bundle))
+        table = table_groups(record.baked_lobe(), name, None, False, pack, aimed=lamps is not None)
+        measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
-    images = load_slices(bundle, facts, name, pack)
-    far = _reduced(bundle, facts, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
+    images = load_slices(record, name, pack)
+    far = _reduced(record, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
     traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=True))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
     viewport = SliceOptions("scale", tiling=settings.tiling, interpolation="Fetched")
@@ -103,26 +103,29 @@ def _group(
     return shading_map_group(f"Shading Map {name}", traced, shown, lighting)
 
 
-def _f_r_albedo(bundle: Bundle) -> float:
-    """Of the measured f_r at the normal, a grey; what EEVEE's closure stands in for."""
-    where = bundle.path / MATERIAL
-    facts = require(bundle.material, "f_r", dict, where)
-    return float(require(facts, "albedo", float, where, minimum=0, maximum=10))
+def _f_r_albedo(record: ShadingMapRecord) -> float:
+    """Of the measured f_r at the normal, a grey; what EEVEE's closure stands in for. Raises BakeError."""
+    albedo = record.measured_lobe().albedo
+    if albedo is None:
+        raise BakeError(record.where, "does not say the albedo of its measured BRDF", "bake it again")
+    return albedo
 
 
-def load_slices(bundle: Bundle, facts: MapFacts, name: str, pack: bool) -> SliceImages:
+def load_slices(record: ShadingMapRecord, name: str, pack: bool) -> SliceImages:
     """The map's textures. Raises BakeError."""
+    facts = record.map
 
     def load(image: str) -> bpy.types.Image:
-        return bundle_image(bundle, image, f"{name} {image}", pack=pack)
+        return bundle_image(record.files(), image, f"{name} {image}", pack=pack)
 
     main = load(facts.image)
     envelope = load("envelope") if facts.model != "power" else main
     return SliceImages(main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
 
 
-def _reduced(bundle: Bundle, facts: MapFacts, images: SliceImages, name: str, factor: int) -> SliceImages:
+def _reduced(record: ShadingMapRecord, images: SliceImages, name: str, factor: int) -> SliceImages:
     """The same map in fewer texels, kept in the .blend: they are a small part of the textures they were made of."""
+    bundle, facts = record.files(), record.map
     pixels = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
     made = [
         new_data_image(f"{name} {part} / {factor}", values, half=image.use_half_precision)
@@ -131,7 +134,7 @@ def _reduced(bundle: Bundle, facts: MapFacts, images: SliceImages, name: str, fa
     return replace(images, residual=made[0], envelope=made[1], layout=pixels[2])
 
 
-def map_group(name: str, facts: MapFacts, images: SliceImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:
+def map_group(name: str, facts: StoredMap, images: SliceImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:
     """The lookup of whichever model the bundle holds."""
     if facts.model == "power":
         return power_group(name, images, options)

@@ -22,7 +22,7 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.map_albedo import map_albedo_facts
-from measured_materials.bake.shading.map_facts import shading_map_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
@@ -44,9 +44,8 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def measured_brdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("brdf") / "gloss"
-    return bake_source(
-        by_name("ggx", alpha=0.5), path, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
-    ).path
+    settings = BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
+    return bake_source(by_name("ggx", alpha=0.5), path, settings).path
 
 
 @pytest.fixture
@@ -159,12 +158,7 @@ def test_images_are_left_to_others_when_dropped() -> None:
 
 
 @pytest.mark.parametrize("compression", ["none", "power", "basis"])
-def test_a_change_of_light_rebuilds_at_once(
-    compression: str,
-    stack: Path,
-    plate: Any,
-    tmp_path: Path,
-) -> None:
+def test_a_change_of_light_rebuilds_at_once(compression: str, stack: Path, plate: Any, tmp_path: Path) -> None:
     bpy.ops.measured_materials.import_arc(filepath=str(stack), bundles=str(tmp_path), compression=compression)
     material = plate.active_material
     bundle = read_bundle(tmp_path / "felt.mmat")
@@ -182,16 +176,14 @@ def test_a_change_of_light_rebuilds_at_once(
     last = RenderSettings(Lobe("ggx", 0.4), 0.8, "scale", "angular", "reference", "extend", 0.2)
     assert_lit_as(material, last, bundle.path)
     albedo = facts_of(material)["albedo"]
-    expected = map_albedo_facts(shading_map_of(bundle), last, None)
+    expected = map_albedo_facts(ShadingMapRecord.read(bundle).load_map(), last, None)
     # The means are kept in float32.
     np.testing.assert_allclose(albedo["directional"], expected["directional"], rtol=1e-5)
     assert light.problem == "" and material.users == 1
     assert tuple(mapping_of(material).inputs["Scale"].default_value) == (5, 5, 1)
     assert images <= set(bpy.data.images)
     assert (bundle.path / "material.json").stat().st_mtime_ns == written
-    light.lobe = "lambert"
-    light.technique = "lookup"
-    material.measured_quality.mode = "exact"
+    light.lobe, light.technique, material.measured_quality.mode = "lambert", "lookup", "exact"
     purge_groups()  # those of the materials that this test compared with
     assert groups <= len(bpy.data.node_groups)
 

@@ -16,10 +16,12 @@ from measured_materials.bake.anisotropic.envelope import (
     preview_error,
 )
 from measured_materials.bake.anisotropic.envelope_texture import fit_from_image, guarded_share, pack_weights
-from measured_materials.bake.anisotropic.lobes import AnisotropicLobe, lobe_from_facts
+from measured_materials.bake.anisotropic.lobes import AnisotropicLobe
 from measured_materials.bake.anisotropic.views import ViewerGrid, slope_views
+from measured_materials.bake.brdf.closures import anisotropic_lobe_of
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.material_json import Fields
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.anisotropic_closures import AnisotropicClosures, anisotropic_native_closure
@@ -79,13 +81,13 @@ def test_preview_error_is_relative() -> None:
 
 
 def test_texture_round_trip(fit: AnisotropicFit) -> None:
-    back = fit_from_image(fit.facts(), pack_weights(fit.weights, fit.share), "here")
+    back = fit_from_image(fit.closures, fit.grid, pack_weights(fit.weights, fit.share), fit.measured, "here")
     np.testing.assert_array_equal(back.weights, fit.weights)
     np.testing.assert_array_equal(back.share, fit.share)
     assert back.facts() == fit.facts()
     for spoiled in (pack_weights(fit.weights)[1:], -pack_weights(fit.weights), pack_weights(fit.weights) * np.nan):
         with pytest.raises(BakeError):
-            fit_from_image(fit.facts(), spoiled, "here")
+            fit_from_image(fit.closures, fit.grid, spoiled, fit.measured, "here")
 
 
 def test_share_never_excludes_what_is_there(fit: AnisotropicFit) -> None:
@@ -140,7 +142,7 @@ def test_closures_equal_cycles_own() -> None:
 
 def test_facts_are_checked() -> None:
     for lobe in (*LOBES, AnisotropicLobe("lambert")):
-        assert lobe_from_facts(lobe.facts(), "here") == lobe
-    for bad in ({"name": "sheen"}, {"name": "ggx", "alpha_x": 0.1}, {"name": "ggx", "alpha_x": 0, "alpha_y": 1}, 3):
+        assert anisotropic_lobe_of(Fields(lobe.facts(), "here")) == lobe
+    for bad in ({"name": "sheen"}, {"name": "ggx", "alpha_x": 0.1}, {"name": "ggx", "alpha_x": 0, "alpha_y": 1}):
         with pytest.raises(BakeError):
-            lobe_from_facts(bad, "here")  # type: ignore[arg-type]
+            anisotropic_lobe_of(Fields(bad, "here"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.cli import main
 from measured_materials.bake.anisotropic.accuracy import turned_pairs
-from measured_materials.bake.anisotropic.facts import grid_of, is_anisotropic, table_of
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sources import analytic, read_source
@@ -80,9 +80,9 @@ def test_command_line_bakes_and_inspects_it(file: Path, tmp_path: Path, capsys: 
     # The file's interpolation is not exactly reciprocal, and repeats after half a turn.
     assert facts["table"]["half_turn_error"] < 1e-3
     bundle = read_bundle(out)
-    assert is_anisotropic(bundle)
-    source, table = read_source(file), table_of(bundle)
-    assert table.grid == grid_of(bundle)
+    assert BrdfRecord.read(bundle).anisotropic
+    source, table = read_source(file), BrdfRecord.read(bundle).load_table()
+    assert table.grid == BrdfRecord.read(bundle).table.grid
     pairs = turned_pairs(4000, offset=0.1)
     truth = source.evaluate(pairs.wi, pairs.wo)
     error = pairs.relative_error(table.evaluate(pairs.wi, pairs.wo) - truth, truth)

@@ -11,6 +11,7 @@ from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sources import analytic
@@ -46,7 +47,8 @@ def largest(bundle: Bundle, mode: str, filter: str) -> bpy.types.Material:
     material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image())
     aim_at_everything()
     node = next(n for n in material.node_tree.nodes if n.name.startswith("Group") and "Tint" in n.inputs)
-    assemble(material, with_feature_outputs(node.node_tree, albedo_polynomial(bundle)), (0.5, 0.5, 0.5))
+    albedo = albedo_polynomial(BrdfRecord.read(bundle))
+    assemble(material, with_feature_outputs(node.node_tree, albedo), (0.5, 0.5, 0.5))
     return material
 
 
@@ -71,11 +73,11 @@ def test_figures(satin: Bundle, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize("mode", MODES)
 def test_built_as_the_panel_does(satin: Bundle, mode: str) -> None:
     """In every mode, rebuilt in place; the tangent stays linked, by whatever an artist has linked to it."""
-    material, plan = build_brdf(satin, choices=usual_choices(satin, mode))
+    material, plan = build_brdf(satin, choices=usual_choices(BrdfRecord.read(satin), mode))
     assert plan.mode == mode
     node = next(n for n in material.node_tree.nodes if "Tint" in n.inputs)
     assert node.inputs["Tangent"].is_linked
     vector = material.node_tree.nodes.new("ShaderNodeCombineXYZ")
     material.node_tree.links.new(vector.outputs[0], node.inputs["Tangent"])
-    build_brdf(satin, material, choices=usual_choices(satin, "reference"))
+    build_brdf(satin, material, choices=usual_choices(BrdfRecord.read(satin), "reference"))
     assert node.inputs["Tangent"].links[0].from_node == vector

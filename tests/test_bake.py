@@ -10,13 +10,13 @@ import pytest
 from measured_materials.bake.accuracy import direction_pairs
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.log_storage import MOST_RANGE
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import TABLE_STORAGES
-from measured_materials.bake.table_facts import grid_of, sampler_of, table_of
 
 SMALL = {"resolution": 16, "alpha": (0.4, 0.2), "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8), "envelope": False}
 
@@ -36,7 +36,7 @@ def test_the_bundle_holds_the_measurement(measurement: Path, tmp_path: Path, sto
         measurement, tmp_path / "rough", BakeSettings(storage=storage, resolution=32, alpha=(0.4, 0.2), envelope=False)
     )
     bundle = read_bundle(result.path)
-    table = table_of(bundle)
+    table = BrdfRecord.read(bundle).load_table()
     pairs = direction_pairs(4000, offset=0.7)
     keep = (pairs.wi[:, 2] > 0.2) & (pairs.wo[:, 2] > 0.2)
     truth = analytic.Ggx(alpha=0.3).evaluate(pairs.wi, pairs.wo)
@@ -56,10 +56,9 @@ def test_stored_values_are_the_quantised_ones(tmp_path: Path, storage: str) -> N
     source = analytic.Ggx(alpha=0.01)
     result = bake_source(source, tmp_path / "peak", BakeSettings(storage=storage, **SMALL))
     bundle = read_bundle(result.path)
-    table = table_of(bundle)
-    exact = table_of(
-        read_bundle(bake_source(source, tmp_path / "exact", BakeSettings(storage="float32", **SMALL)).path)
-    )
+    table = BrdfRecord.read(bundle).load_table()
+    plain = bake_source(source, tmp_path / "exact", BakeSettings(storage="float32", **SMALL))
+    exact = BrdfRecord.read(read_bundle(plain.path)).load_table()
     # Of "log" half a step of the widest range.
     precision = {"float32": 1e-7, "half": 2**-11, "rgbe": 2**-8, "log": np.expm1(0.5 * MOST_RANGE / 255)}[storage]
     large = exact.values > 1e-3 * exact.values.max()
@@ -71,7 +70,7 @@ def test_lambert_bakes_to_its_albedo(tmp_path: Path) -> None:
     """Grey Lambert: albedo 0.5 in the facts, the same value in every texel."""
     result = bake_source(analytic.Lambert(), tmp_path / "grey", BakeSettings(storage="float32", **SMALL))
     bundle = read_bundle(result.path)
-    assert np.allclose(table_of(bundle).values, 0.5 / np.pi, rtol=2e-7)
+    assert np.allclose(BrdfRecord.read(bundle).load_table().values, 0.5 / np.pi, rtol=2e-7)
     assert np.allclose(bundle.material["albedo"]["white_sky"], 0.5, atol=1e-4)
     assert bundle.material["errors"]["rms"] < 1e-7
 
@@ -108,12 +107,12 @@ def test_sampler_in_the_bundle_is_complete(tmp_path: Path) -> None:
     """Read back, it draws directions of positive density for every viewer."""
     result = bake_source(analytic.Ggx(alpha=0.2), tmp_path / "s", BakeSettings(**SMALL))
     bundle = read_bundle(result.path)
-    sampler = sampler_of(bundle)
+    sampler = BrdfRecord.read(bundle).load_sampler()
     rng = np.random.default_rng(0)
     wo = np.stack([np.sin(t := rng.uniform(0, 1.57, 5000)), 0 * t, np.cos(t)], -1)
     wi, pdf = sampler.sample(wo, rng.random((5000, 4)))
     assert np.isfinite(wi).all() and (pdf > 0).all()
-    assert grid_of(bundle).n == 16
+    assert BrdfRecord.read(bundle).table.grid.n == 16
 
 
 def test_anisotropic_sources_get_a_table_of_their_own(tmp_path: Path) -> None:
@@ -164,4 +163,4 @@ def test_lying_table_facts_are_refused(tmp_path: Path, key: str, value: object) 
     document["table"][key] = value
     (path / "material.json").write_text(json.dumps(document))
     with pytest.raises(BakeError):
-        table_of(read_bundle(path))
+        BrdfRecord.read(read_bundle(path)).load_table()

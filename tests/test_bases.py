@@ -12,6 +12,7 @@ from measured_materials.bake.accuracy import direction_pairs, trilinear_estimate
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.atlas import AtlasLayout, pack, unpack
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import half_difference, spherical
 from measured_materials.bake.errors import BakeError
@@ -20,7 +21,6 @@ from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.parameterization import PARAMETERIZATIONS, LogWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, tabulate
-from measured_materials.bake.table_facts import grid_of, residual_grid_of, residual_table_of, table_of
 
 WARPS = (LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4))
 SMALL = {"resolution": 12, "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8)}
@@ -167,13 +167,13 @@ def test_bundles_of_every_grid(tmp_path: Path, basis: str, kind: str) -> None:
     """Written and read back: the same grid and values, and words about it."""
     settings = BakeSettings(basis=basis, parameterization=kind, envelope=False, **SMALL)
     bundle = read_bundle(bake_source(analytic.Ggx(alpha=0.3), tmp_path / "b", settings).path)
-    table, facts = table_of(bundle), bundle.material
+    table, facts = BrdfRecord.read(bundle).load_table(), bundle.material
     assert facts["table"]["basis"] == basis and facts["table"]["parameterization"] == kind
     assert table.grid.facts() == {k: facts["table"][k] for k in table.grid.facts()}
     expected = tabulate(analytic.Ggx(alpha=0.3), table.grid).values
     # Half floats.
     assert np.abs(table.values / np.maximum(expected, 1e-6) - 1).max() < 2**-10
-    words = dict(table_rows(facts, tmp_path))
+    words = dict(table_rows(BrdfRecord.read(bundle)))
     assert basis in words["Table"] and kind in words["Table"]
 
 
@@ -182,9 +182,9 @@ def test_residual_has_a_grid_of_its_own(tmp_path: Path) -> None:
     settings = BakeSettings(resolution=24, basis="half", sampler=SMALL["sampler"])
     source = analytic.MetallicPaint((0.05, 0.1, 0.3), (0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.1)
     bundle = read_bundle(bake_source(source, tmp_path / "paint", settings).path)
-    grid = residual_grid_of(bundle)
-    assert isinstance(grid, HalfGrid) and not grid.reciprocal and grid != grid_of(bundle)
-    assert isinstance(residual_table_of(bundle), BrdfTable)
+    grid = BrdfRecord.read(bundle).stored("residual").grid
+    assert isinstance(grid, HalfGrid) and not grid.reciprocal and grid != BrdfRecord.read(bundle).table.grid
+    assert isinstance(BrdfRecord.read(bundle).load_table("residual"), BrdfTable)
     errors = bundle.material["residual"]["errors"]
     assert errors["envelope_and_residual"]["relative"] < 0.02
 
@@ -196,11 +196,10 @@ def test_bundles_without_a_residual_grid_have_the_tables(tmp_path: Path) -> None
     document = json.loads((path / "material.json").read_text())
     del document["residual"]["grid"], document["choice"]
     (path / "material.json").write_text(json.dumps(document))
-    bundle = read_bundle(path)
-    assert (
-        residual_grid_of(bundle) == grid_of(bundle) == TableGrid(12, "bezier", 0.5, 0.3, grid_of(bundle).horizon_share)
-    )
-    assert table_rows(bundle.material, path)
+    record = BrdfRecord.read(read_bundle(path))
+    grid = record.table.grid
+    assert record.stored("residual").grid == grid == TableGrid(12, "bezier", 0.5, 0.3, grid.horizon_share)
+    assert table_rows(record)
 
 
 @pytest.mark.parametrize(
@@ -226,7 +225,7 @@ def test_lying_grids_are_refused(tmp_path: Path, key: str, value: object) -> Non
     document["table"][key] = value
     (path / "material.json").write_text(json.dumps(document))
     with pytest.raises(BakeError):
-        table_of(read_bundle(path))
+        BrdfRecord.read(read_bundle(path)).load_table()
 
 
 def test_a_given_alpha_means_bezier_in_the_normal_basis() -> None:

@@ -16,7 +16,7 @@ from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.image_io import read_image
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
-from measured_materials.bake.shading.map_facts import shading_map_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.sources.analytic import by_name
 from support.stacks import ELEVATIONS, complaints_in, warnings_in, write_frame, write_stack
 from test_cli import BLOCK_BPY, command
@@ -58,7 +58,7 @@ def test_bakes_a_folder(stack: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     facts = bundle.material
     assert facts["kind"] == "shading_map" and facts["averages"]["elevations_deg"] == list(map(float, ELEVATIONS))
     # Frames are quantised to 8 bits before, half floats keep 11: the slices' means are even all the same.
-    means = shading_map_of(bundle).slices.mean(axis=(1, 2, 3))
+    means = ShadingMapRecord.read(bundle).load_map().slices.mean(axis=(1, 2, 3))
     np.testing.assert_allclose(means, np.linspace(0, 1, 8), atol=1e-3)
 
 

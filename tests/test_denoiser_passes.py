@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -14,6 +13,7 @@ from measured_materials.addon.studio import render_rgba
 from measured_materials.bake.albedo import directional_albedo
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources import analytic
@@ -50,7 +50,7 @@ def featured(bundle: Bundle, mode: str, tint: float = 1.0) -> bpy.types.Material
     """A material that writes the passes."""
     material = build_material(bundle, mode=mode, lamps=lamp_image())
     node = group_node(material)
-    node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(bundle))
+    node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(BrdfRecord.read(bundle)))
     node.inputs["Tint"].default_value = (tint,) * 3
     return material
 
@@ -155,7 +155,7 @@ def test_the_compositor_keeps_what_it_did(paint: Bundle) -> None:
 
 def test_groups_are_shared_where_they_are_equal(paint: Bundle) -> None:
     group = group_node(build_material(paint, mode="reference")).node_tree
-    albedo = albedo_polynomial(paint)
+    albedo = albedo_polynomial(BrdfRecord.read(paint))
     made = with_feature_outputs(group, albedo)
     assert with_feature_outputs(made, albedo) == made
     if made != group:
@@ -169,6 +169,7 @@ def test_groups_are_shared_where_they_are_equal(paint: Bundle) -> None:
     "change",
     [
         {"directional": [[0.5, 0.5, 0.5]]},
+        {"directional": [[0.5, 0.5, 0.5]] * 3, "theta_o_deg": [0, 30, 60]},
         {"directional": [["grey"] * 3] * 12},
         {"directional": [[0.5, 0.5]] * 12},
         {"theta_o_deg": ["straight"] * 12},
@@ -178,4 +179,4 @@ def test_groups_are_shared_where_they_are_equal(paint: Bundle) -> None:
 def test_albedo_that_is_none_is_told(paint: Bundle, change: dict[str, Any]) -> None:
     facts = {**paint.material, "albedo": {**paint.material["albedo"], **change}}
     with pytest.raises(BakeError, match="albedo"):
-        albedo_polynomial(SimpleNamespace(path=paint.path, material=facts))  # type: ignore[arg-type]
+        albedo_polynomial(BrdfRecord.parse(facts, paint.path))

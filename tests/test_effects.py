@@ -8,13 +8,15 @@ from typing import Any
 import pytest
 from measured_materials.addon.choices import Choices
 from measured_materials.addon.effects import plan_aim, plan_brdf, plan_detail, plan_filter
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.errors import BakeError
+from support.records import BRDF, brdf_record
 
 
-def facts(share: float = 0.8, rim: float | None = None, **further: Any) -> dict[str, Any]:
+def record(share: float = 0.8, rim: float | None = None, **further: Any) -> BrdfRecord:
     rows = [[0, share], [45, share], [80, share if rim is None else rim]]
-    envelope = {"share": share, "by_theta_o_deg": rows}
-    return {"table": {"filter": "trilinear"}, "envelope": envelope, **further}
+    envelope = {**BRDF["envelope"], "share": share, "by_theta_o_deg": rows}
+    return brdf_record(**{"envelope": envelope, "rms_by_filter": None, **further})
 
 
 def names(plan: Any, kept: bool) -> set[str]:
@@ -22,24 +24,24 @@ def names(plan: Any, kept: bool) -> set[str]:
 
 
 def test_a_residual_that_carries_light_is_kept_and_may_not_be_left_out() -> None:
-    plan = plan_brdf(facts(0.8), Choices(), "felt", "1 lamp")
+    plan = plan_brdf(record(0.8), Choices(), "1 lamp")
     assert plan.residual and plan.aim and "20 % of the light" in plan.effects[0].why
     with pytest.raises(BakeError, match="felt: needs its residual: it carries 20 %"):
-        plan_brdf(facts(0.8), Choices(residual="never"), "felt", "1 lamp")
+        plan_brdf(record(0.8), Choices(residual="never"), "1 lamp")
 
 
 def test_a_residual_of_nothing_is_left_out_with_all_that_served_it() -> None:
-    plan = plan_brdf(facts(0.9995), Choices(), "chalk", "1 lamp")
+    plan = plan_brdf(record(0.9995), Choices(), "1 lamp")
     assert not plan.residual and not plan.aim and names(plan, False) == {"Residual by mirror"}
-    assert plan_brdf(facts(0.9995), Choices(residual="always"), "chalk", "").residual
+    assert plan_brdf(record(0.9995), Choices(residual="always"), "").residual
 
 
 def test_a_residual_of_the_rim_alone_is_kept() -> None:
     """Little of all light, and all that is seen at grazing."""
-    plan = plan_brdf(facts(0.9995, rim=0.7), Choices(), "velvet", "")
+    plan = plan_brdf(record(0.9995, rim=0.7), Choices(), "")
     assert plan.residual
     with pytest.raises(BakeError, match="30 % from some viewers"):
-        plan_brdf(facts(0.9995, rim=0.7), Choices(residual="never"), "velvet", "")
+        plan_brdf(record(0.9995, rim=0.7), Choices(residual="never"), "")
 
 
 @pytest.mark.parametrize("aim, found, kept", [("auto", "", False), ("auto", "2 lamps", True), ("always", "", True)])
@@ -53,32 +55,32 @@ def test_not_aiming_at_lamps_is_allowed_and_said_to_be_noisy() -> None:
 
 
 def test_preview_and_reference_need_no_envelope() -> None:
-    bare = {"table": {"filter": "bspline"}}
-    preview = plan_brdf(bare, Choices(mode="preview"), "x", "1 lamp")
+    bare = record(envelope=None, table={**BRDF["table"], "filter": "bspline"})
+    preview = plan_brdf(bare, Choices(mode="preview"), "1 lamp")
     assert not preview.residual and not preview.aim
-    reference = plan_brdf(bare, Choices(mode="reference"), "x", "")
+    reference = plan_brdf(bare, Choices(mode="reference"), "")
     assert reference.residual and "Residual by mirror" not in names(reference, True)
     for mode in ("exact", "balanced"):
         with pytest.raises(BakeError, match="bake it again"):
-            plan_brdf(bare, Choices(mode=mode), "x", "")
+            plan_brdf(bare, Choices(mode=mode), "")
 
 
 def test_balanced_leaves_the_mirror_out_after_diffuse_bounces() -> None:
-    plan = plan_brdf(facts(), Choices(mode="balanced"), "x", "")
+    plan = plan_brdf(record(), Choices(mode="balanced"), "")
     assert "Mirror after a diffuse bounce" in names(plan, False)
-    assert "Mirror after a diffuse bounce" in names(plan_brdf(facts(), Choices(), "x", ""), True)
+    assert "Mirror after a diffuse bounce" in names(plan_brdf(record(), Choices(), ""), True)
 
 
 @pytest.mark.parametrize("nearest, chosen", [(0.0109, "nearest"), (0.012, "trilinear")])
 def test_the_simplest_filter_that_is_as_good(nearest: float, chosen: str) -> None:
     known = {"nearest": nearest, "trilinear": 0.01}
-    found, effect = plan_filter(facts(rms_by_filter=known), Choices(), "x")
+    found, effect = plan_filter(record(rms_by_filter=known), Choices())
     assert found == chosen and effect.kept is (chosen == "trilinear")
-    assert plan_filter(facts(rms_by_filter=known), Choices(filter="bspline"), "x")[0] == "bspline"
+    assert plan_filter(record(rms_by_filter=known), Choices(filter="bspline"))[0] == "bspline"
 
 
 def test_filters_of_older_bundles_stay() -> None:
-    assert plan_filter(facts(), Choices(), "x")[0] == "trilinear"
+    assert plan_filter(record(), Choices())[0] == "trilinear"
 
 
 @pytest.mark.parametrize("pixels, factor", [(1.0, 1), (0.13, 1), (0.12, 4), (0.01, 32)])
@@ -99,11 +101,3 @@ def test_texels_that_can_be_seen_may_not_be_left_out() -> None:
 def test_only_slices_have_a_mean() -> None:
     found, effect = plan_detail(Choices(), "power", 1e-3, "", "felt")
     assert found == 1 and effect.kept and "power" in effect.why
-
-
-@pytest.mark.parametrize("wrong", [{"share": "much"}, {"by_theta_o_deg": [[1]]}, {"by_theta_o_deg": [["a", "b"]]}])
-def test_foreign_facts_are_one_clear_error(wrong: dict[str, Any]) -> None:
-    given = facts()
-    given["envelope"].update(wrong)
-    with pytest.raises(BakeError):
-        plan_brdf(given, Choices(), "x", "")

@@ -13,28 +13,21 @@ from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sources import analytic
+from support.records import brdf_record
 from test_addon import registered  # noqa: F401
-
-FACTS = {
-    "table": {"filter": "trilinear"},
-    "errors": {"relative": 0.01},
-    "rms_by_filter": {"nearest": 0.4, "trilinear": 0.1},
-    "residual": {"errors": {"envelope_and_residual": {"relative": 0.004}}},
-    "preview": {"error": 0.2},
-}
 
 
 def test_words_of_every_mode() -> None:
-    assert expectation(FACTS, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
-    assert expectation(FACTS, "reference", "trilinear").startswith("About 2.2 times")
-    assert "; 4 % of" in expectation(FACTS, "reference", "nearest")
-    assert expectation(FACTS, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
+    known = brdf_record()
+    assert expectation(known, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
+    assert expectation(known, "reference", "trilinear").startswith("About 2.2 times")
+    assert "; 4 % of" in expectation(known, "reference", "nearest")
+    assert expectation(known, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
 
 
-@pytest.mark.parametrize("facts", [{}, {"errors": 3, "table": None}, {"residual": {"errors": {}}, "preview": "x"}])
-@pytest.mark.parametrize("mode", MODES)
-def test_facts_of_another_kind_give_the_time_alone(facts: dict[str, object], mode: str) -> None:
-    assert "%" not in expectation(facts, mode, "trilinear")
+@pytest.mark.parametrize("mode", ("preview", "balanced", "exact"))
+def test_what_a_bundle_does_not_tell_gives_the_time_alone(mode: str) -> None:
+    assert "%" not in expectation(brdf_record(preview=None, residual=None), mode, "trilinear")
 
 
 @pytest.mark.parametrize("kind", ["plastic", "brushed"])

@@ -12,6 +12,7 @@ import pytest
 from measured_materials.addon.brdf_build import build_brdf
 from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.bake import xp_numpy
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, StoredImage, read_bundle, write_bundle
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.envelope import ShareLayout, part_of_light, share_coordinates
@@ -21,7 +22,6 @@ from measured_materials.bake.image_io import write_image
 from measured_materials.bake.light_sampling import RECTANGLE, SUN, Lamp, lamp_table
 from measured_materials.bake.source import Array
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table_facts import envelope_of
 from measured_materials.nodes.lamp_share_group import lamp_probability
 from measured_materials.nodes.material import build_material
 from scipy.ndimage import map_coordinates
@@ -66,7 +66,7 @@ def test_shares_are_those_of_the_light(paint: Bundle) -> None:
     wi, wo = pairs(20000)
     image = bundle_shares(paint)
     found, reflected, _ = tap(image, *share_coordinates(xp_numpy, wi, wo, np.array([0.0, 0.0, 1.0]), wo)).T
-    native = envelope_of(paint).evaluate(wi, wo).sum(-1)
+    native = BrdfRecord.read(paint).load_envelope().evaluate(wi, wo).sum(-1)
     mirror = bundles.brdf_of(paint, "exact")(wi, wo).sum(-1) - native
     truth = mirror / (mirror + native)
     usual = np.interp(

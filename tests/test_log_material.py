@@ -13,9 +13,9 @@ import pytest
 from measured_materials.addon.cli import main
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.table import BrdfTable
-from measured_materials.bake.table_facts import table_of
 from measured_materials.nodes.material import build_material
 from support.bundles import ANALYTIC
 from support.osl import skip_without_osl
@@ -57,7 +57,7 @@ def test_a_material_is_its_table(bundle: Bundle, mode: str, osl: bool) -> None:
 
 def test_values_interpolated_would_be_found(bundle: Bundle) -> None:
     """The instrument tells codes from values."""
-    table = table_of(bundle)
+    table = BrdfRecord.read(bundle).load_table()
     with stage("sky") as lit:
         right, wrong = (lit.truth(t.evaluate)[lit.mask] for t in (table, values_alone(table)))
     assert np.abs(wrong - right).mean() > 1.5 * FINDS * right.mean()

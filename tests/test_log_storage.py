@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.accuracy import direction_pairs
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.anisotropic.facts import table_of as anisotropic_table_of
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.half_grid import HalfGrid
@@ -26,7 +26,6 @@ from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import IMAGE_STORAGES, Storage
 from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, pad_slices, tabulate
-from measured_materials.bake.table_facts import residual_table_of, table_of
 from measured_materials.bake.table_storage import store_table
 
 SMALL: dict[str, Any] = {"resolution": 12, "alpha": (0.5, 0.3), "sampler": SamplerLayout(n_o=8, n_h=8, n_phi=4)}
@@ -183,7 +182,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 def test_round_trip(bundle: Bundle) -> None:
     """The files hold the codes of the table; its errors are those of the table read back; the residual has its own."""
     assert all(bundle.image_path(name).name.endswith(f"_{name}.png") for name in ("table", "residual"))
-    table, residual = table_of(bundle), residual_table_of(bundle)
+    table, residual = BrdfRecord.read(bundle).load_table(), BrdfRecord.read(bundle).load_table("residual")
     assert table.log is not None and residual.log is not None and table.log != residual.log
     texels = read_image(bundle.image_path("table"))
     assert set(np.unique(np.rint(texels * 255))) <= set(range(256))
@@ -196,7 +195,7 @@ def test_anisotropic_round_trip(tmp_path: Path) -> None:
     source = analytic.Ggx(alpha=0.3, alpha_y=0.5)
     path = bake_source(source, tmp_path / "a", BakeSettings(storage="log", envelope=False, **SMALL)).path
     bundle = read_bundle(path)
-    table = anisotropic_table_of(bundle)
+    table = BrdfRecord.read(bundle).load_table()
     assert table.log is not None and bundle.image_path("table").suffix == ".png"
     half = read_bundle(bake_source(source, tmp_path / "h", BakeSettings(envelope=False, **SMALL)).path)
     assert bundle.material["errors"]["rms"] < 1.2 * half.material["errors"]["rms"]
@@ -225,5 +224,5 @@ def changed(bundle: Bundle, change: Callable[[dict[str, Any]], None]) -> Bundle:
 )
 def test_bad_facts_are_refused(bundle: Bundle, change: Callable[[dict[str, Any]], None], words: str) -> None:
     with pytest.raises(BakeError, match=words) as caught:
-        table_of(changed(bundle, change))
+        BrdfRecord.read(changed(bundle, change)).load_table()
     assert "\n" not in str(caught.value)

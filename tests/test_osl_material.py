@@ -15,6 +15,7 @@ import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading.lobes import Lobe
@@ -178,6 +179,7 @@ def feed_surface(tree: bpy.types.NodeTree, closure: Any) -> None:
 
 def test_parts_make_a_material(grey: Bundle) -> None:
     """Sampler, lookup and mirror as three Script nodes between ordinary ones: in a furnace the albedo is seen."""
+    baked = BrdfRecord.read(grey).baked()
 
     def build() -> Any:
         geometry = expr.node("ShaderNodeNewGeometry", {}, {}).outputs
@@ -185,9 +187,9 @@ def test_parts_make_a_material(grey: Bundle) -> None:
         wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
         u = call(random_numbers_group())
         names = ("RandomCell", "RandomAlias", "RandomTheta", "RandomPhi")
-        drawn = part("measured_sampler.osl", {"wo": wo, **dict(zip(names, u)), **sampler_constants(grey, "table")})
+        drawn = part("measured_sampler.osl", {"wo": wo, **dict(zip(names, u)), **sampler_constants(baked)})
         wi, pdf = output(drawn, "wi"), output(drawn, "pdf")
-        lookup = part("measured_lookup.osl", {"wi": wi, "wo": wo, "Random": u[4], **table_constants(grey, "table")})
+        lookup = part("measured_lookup.osl", {"wi": wi, "wo": wo, "Random": u[4], **table_constants(baked)})
         gain = expr.divide(expr.maximum(expr.components(wi)[2], 0.0), pdf)
         weight = expr.scale(output(lookup, "BRDF"), gain)
         world = to_world(wi, tangent, bitangent, normal)

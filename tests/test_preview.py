@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from measured_materials.bake.brdf.parts import PreviewRecord
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import fit_preview, preview_from_image
 from measured_materials.bake.envelope.preview import PreviewFit, non_negative
 from measured_materials.bake.envelope.views import sample_views
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.material_json import Fields
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
@@ -79,7 +81,7 @@ def test_a_black_channel_stays_black_and_nothing_is_negative() -> None:
 
 def test_it_comes_back_from_its_image() -> None:
     fit = fit_preview(analytic.MetallicPaint())
-    again = preview_from_image(fit.facts(), fit.packed())
+    again = preview_from_image(fit.closures, len(fit.weights), fit.packed(), fit.error)
     wi, wo = spherical(np.array([0.3, 1.2]), np.array([0.1, 2.0])), spherical(np.array([0.9]), np.zeros(1))
     np.testing.assert_array_equal(again.evaluate(wi, wo), fit.evaluate(wi, wo))
 
@@ -90,7 +92,8 @@ def test_it_comes_back_from_its_image() -> None:
 def test_foreign_facts_are_refused(wrong: dict[str, Any]) -> None:
     fit = fit_preview(analytic.Lambert())
     with pytest.raises(BakeError):
-        preview_from_image(fit.facts() | wrong, fit.packed())
+        found = PreviewRecord.parse(Fields(fit.facts() | wrong, "here"), anisotropic=False)
+        preview_from_image(found.closures, found.viewers, fit.packed(), fit.error)  # type: ignore[arg-type]
 
 
 def test_black_and_anisotropic_sources_are_refused() -> None:

@@ -7,17 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from measured_materials.bake.brdf.closures import lobe_of
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.material_json import Fields
 from measured_materials.bake.shading.lobe_fit import FITTED, fit_lobe
-from measured_materials.bake.shading.lobes import LOBES, PARAMETERS, Lobe, lobe_from_facts
+from measured_materials.bake.shading.lobes import LOBES, PARAMETERS, Lobe
 from support.lobe_cases import NARROW, WIDE, identity
 
 
 @pytest.mark.parametrize("lobe", WIDE + NARROW, ids=identity)
 def test_facts_round_trip(lobe: Lobe) -> None:
     """Through JSON text."""
-    assert lobe_from_facts(json.loads(json.dumps(lobe.facts()))) == lobe
+    assert lobe_of(Fields(json.loads(json.dumps(lobe.facts())), "swatch.json")) == lobe
     names = {key: value for key, value in lobe.facts().items() if key != "name"}
     assert Lobe.of(lobe.name, **names) == lobe
 
@@ -82,7 +84,7 @@ def test_unknown_parameter_by_name() -> None:
 def test_bad_facts(facts: dict[Any, Any]) -> None:
     """Files are not trusted; the error names them."""
     with pytest.raises(BakeError, match=r"swatch\.json"):
-        lobe_from_facts(facts, "swatch.json")
+        lobe_of(Fields(facts, "swatch.json"))
 
 
 ELEVATIONS = np.radians([12, 20, 28, 36, 44, 52, 60, 68, 76, 84, 90])
@@ -121,7 +123,7 @@ def test_fit_returns_the_lobe(lobe: Lobe) -> None:
     assert len(PARAMETERS[fit.lobe.name]) <= len(PARAMETERS[lobe.name])
     assert set(fit.candidates) == set(FITTED)
     json.dumps(fit.facts())
-    assert lobe_from_facts(fit.facts()["lobe"]) == fit.lobe
+    assert lobe_of(Fields(fit.facts()["lobe"], "swatch.json")) == fit.lobe
 
 
 def test_fit_survives_noise_and_prefers_the_simple() -> None:

@@ -18,8 +18,8 @@ from measured_materials.bake.shading.envelope import bounded_envelope, round_dow
 from measured_materials.bake.shading.light_angle import ANGLE_KNOTS, level_by_cosine
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.map_albedo import map_albedo_facts, resolved_scale
-from measured_materials.bake.shading.map_facts import map_facts_of, render_of, shading_map_of
 from measured_materials.bake.shading.map_store import store_map
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import UNCALIBRATED_SIGMA, RenderSettings
 from measured_materials.bake.shading.shading_map import ShadingMap, averages_of, held_out_errors, linearise
 from measured_materials.bake.shading.slice_atlas import GUTTER, SliceLayout, pack_slices, unpack_slices
@@ -197,9 +197,9 @@ def test_bundles_come_back(tmp_path: Path, compression: str, storage: str) -> No
     render = RenderSettings(Lobe("phong", 40.0, 0.3), 0.7, "scale", "angular", "reference", "extend", 0.2)
     shading_map = rough_map()
     bundle = map_bundle(tmp_path / "map", shading_map, render, compression=compression, storage=Storage(storage))
-    assert render_of(bundle) == render
+    assert ShadingMapRecord.read(bundle).render == render
     stored = store_map(shading_map, compression, Storage(storage))[2]
-    again = shading_map_of(bundle)
+    again = ShadingMapRecord.read(bundle).load_map()
     assert np.abs(again.slices - stored.slices).max() < 1e-5
     if compression == "none":
         assert np.abs(again.slices - shading_map.slices).max() < (1e-6 if storage == "float32" else 2e-3)
@@ -210,7 +210,7 @@ def test_small_storage_of_slices(tmp_path: Path, storage: str) -> None:
     shading_map = rough_map()
     bundle = map_bundle(tmp_path / "map", shading_map, RenderSettings(), storage=Storage(storage))
     # 8 bits of a range of about 3, or 8 bits of the brightest channel.
-    assert np.abs(shading_map_of(bundle).slices - shading_map.slices).max() < 0.03
+    assert np.abs(ShadingMapRecord.read(bundle).load_map().slices - shading_map.slices).max() < 0.03
 
 
 def test_storage_that_cannot_hold_exponents(tmp_path: Path) -> None:
@@ -240,7 +240,7 @@ def test_damaged_facts_are_told(tmp_path: Path, key: str, value: object) -> None
     document["map"][key] = value
     file.write_text(json.dumps(document))
     with pytest.raises(BakeError):
-        map_facts_of(read_bundle(bundle.path))
+        ShadingMapRecord.read(read_bundle(bundle.path))
 
 
 def test_damaged_lighting_is_told(tmp_path: Path) -> None:
@@ -257,7 +257,7 @@ def test_damaged_lighting_is_told(tmp_path: Path) -> None:
         document["render"].update(change)
         file.write_text(json.dumps(document))
         with pytest.raises(BakeError):
-            render_of(read_bundle(bundle.path))
+            ShadingMapRecord.read(read_bundle(bundle.path))
 
 
 def test_bake_tells_what_it_did(tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_bake_tells_what_it_did(tmp_path: Path) -> None:
     assert facts["averages"]["after"] == pytest.approx(list(np.linspace(0, 1, 8)), abs=1e-5)
     assert len(facts["errors"]["held_out"]) == 3
     assert 0 < facts["map"]["envelope_energy"] < 1
-    assert isinstance(shading_map_of(read_bundle(result.path)), ShadingMap)
+    assert isinstance(ShadingMapRecord.read(read_bundle(result.path)).load_map(), ShadingMap)
 
 
 @pytest.mark.parametrize("method", ["auto", "offset", "quilt"])

@@ -17,12 +17,11 @@ from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
 from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.map_facts import map_facts_of, render_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.shading.shading_map import ShadingMap, linearise
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table_facts import table_of
 from measured_materials.nodes.shading_map_material import build_shading_map, lighting_of
 from support.direct_light import Array, Brdf
 from support.monte_carlo import assert_agree
@@ -71,11 +70,12 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 
 @pytest.mark.parametrize("light", ["small lamp", "sky"])
 def test_measured_f_r_from_every_elevation(measured: Bundle, light: str) -> None:
-    lighting = lighting_of(measured, map_facts_of(measured), render_of(measured))
+    record = ShadingMapRecord.read(measured)
+    lighting = lighting_of(record, record.render)
     # A photograph's level is its mean over the channels: the slices of this stack lie elsewhere than its photographs.
     response = linearise(PHOTOGRAPHS, len(LEVELS)).map.slices[:, 0, 0]
     render = lighting.sigma, lighting.a_max, lighting.settings.above
-    truth = lit(table_of(measured).evaluate, render, response)
+    truth = lit(record.baked_lobe().load().evaluate, render, response)
     with stage(light) as shown:
         shown.scene.show(build_shading_map(measured, lamps=lamp_image()))
         found = shown.judged(shown.truth(truth))

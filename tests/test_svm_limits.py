@@ -11,6 +11,7 @@ import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.photographs.stack import PhotoStack
@@ -110,7 +111,8 @@ def map_material(paint: Bundle, folder: Path, name: str) -> bpy.types.Material:
 
 def with_passes(material: bpy.types.Material, bundle: Bundle) -> bpy.types.Material:
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    assemble(material, with_feature_outputs(node.node_tree, albedo_polynomial(bundle)), (0.5, 0.5, 0.5))
+    albedo = albedo_polynomial(BrdfRecord.read(bundle))
+    assemble(material, with_feature_outputs(node.node_tree, albedo), (0.5, 0.5, 0.5))
     return material
 
 

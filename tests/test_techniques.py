@@ -15,7 +15,7 @@ from measured_materials.addon import gantry, techniques
 from measured_materials.addon.techniques import IN_ORDER, Case, Light, MappedSwatch, shade
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.map_facts import map_facts_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.shading.shading_map import ShadingMap
 from measured_materials.nodes import compat
@@ -181,7 +181,7 @@ def test_cycles_shows_what_numpy_finds(tmp_path: Path, technique: str, lobe: Lob
     render = RenderSettings(lobe, sigma=0.8, technique=technique, a_max=0.3)
     bundle = map_bundle(tmp_path / "rough", rough_map(size=6), render)
     mapped = techniques.mapped_swatch(bundle)
-    assert map_facts_of(bundle).level_by_cosine == tuple(KNOTS)
+    assert ShadingMapRecord.read(bundle).map.level_by_cosine == tuple(KNOTS)
     size = 12
     with gantry.gantry_scene(build_shading_map(bundle), size=size, samples=256, sun_angle=SUN) as scene:
         scene.set_view(*VIEW)
@@ -214,14 +214,15 @@ from dataclasses import replace
 import bpy, numpy as np
 from measured_materials.addon import gantry, studio
 from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.shading.map_facts import render_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.nodes.shading_map_material import build_shading_map
 
 path, out, techniques, view, light, size = json.loads(sys.argv[1])
 bundle = read_bundle(path)
 pictures = {}
 for technique in techniques:
-    material = build_shading_map(bundle, settings=replace(render_of(bundle), technique=technique))
+    usual = ShadingMapRecord.read(bundle).render
+    material = build_shading_map(bundle, settings=replace(usual, technique=technique))
     with gantry.plane_scene(material, view=view, light=light, size=size, samples=1, sun_angle=0.0) as scene:
         scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
         scene.eevee.taa_render_samples = 1

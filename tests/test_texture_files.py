@@ -17,7 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import measured_materials
-from measured_materials.addon.facts import facts_of, is_measured
+from measured_materials.addon.facts import is_measured, record_of
 from measured_materials.addon import measured_material, scene_check, texture_repair
 from measured_materials.addon.kept_textures import TEXTURE_KEY, textures_of
 from measured_materials.bake.alias_sampler import SamplerLayout
@@ -220,8 +220,7 @@ table.pack(data=other, data_len=len(other))
 save()
 open_again()
 canvas = bpy.data.materials["canvas"]
-told, facts = wrong(), facts_of(canvas)
-why = missing_texture(canvas, facts, ["table"])
+told, why = wrong(), missing_texture(canvas, record_of(canvas), ["table"])
 mended = [f.rule for f in scene_check.mend_scene(bpy.context.scene)]
 tell(told=told, why=why, mended=mended, right=is_right(), packed=bool(textures_of(canvas)["table"].packed_file))
 """

@@ -7,7 +7,6 @@ first block is the residual's share of the light.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +15,13 @@ from numpy.typing import NDArray
 
 from ..envelope.texture import LEAST_SHARE
 from ..errors import BakeError
-from ..material_json import require
 from ..source import Array
 from .envelope import AnisotropicFit
 from .grid import azimuth_index
-from .lobes import lobe_from_facts
+from .lobes import AnisotropicLobe
 from .views import ViewerGrid
 
 _NOTHING = 1e-6
-_MOST_CLOSURES, _MOST_NODES = 12, 256
 
 
 def pack_weights(weights: Array, share: Array | None = None) -> NDArray[np.float32]:
@@ -49,20 +46,21 @@ def guarded_share(fit: AnisotropicFit) -> NDArray[np.float32]:
     return np.clip(fit.share, low, np.where(beside, 1 - LEAST_SHARE, 1.0)).astype(np.float32)
 
 
-def fit_from_image(facts: Mapping[str, Any], image: Array, where: str | Path) -> AnisotropicFit:
-    """What `AnisotropicFit.facts` and `pack_weights` gave, read from an untrusted bundle. Raises BakeError."""
-    n_theta, n_phi = (require(facts, key, int, where, 2, _MOST_NODES) for key in ("n_theta", "n_phi"))
-    grid = ViewerGrid(n_theta, n_phi, require(facts, "folded", bool, where))
-    listed = require(facts, "closures", list, where, 1, _MOST_CLOSURES)
-    closures = tuple(lobe_from_facts(entry, where) for entry in listed)
+def fit_from_image(
+    closures: tuple[AnisotropicLobe, ...], grid: ViewerGrid, image: Array, measured: dict[str, Any], where: str | Path
+) -> AnisotropicFit:
+    """The fit whose weights `pack_weights` made into an image, which may be anybody's. Raises BakeError naming `where`.
+
+    Parameters
+    ----------
+    closures, grid, measured : as a bundle's record has them
+    """
     if np.shape(image) != (len(closures) * (grid.n_phi + 2), grid.n_theta, 4):
         raise BakeError(where, "does not hold the weights of its closures", "bake it again")
     texels = np.asarray(image, np.float32).reshape(len(closures), grid.n_phi + 2, grid.n_theta, 4)[:, 1:-1]
     if not np.isfinite(texels).all() or texels.min() < 0 or texels[0, ..., 3].max() > 1:
         raise BakeError(where, "holds weights below 0 or shares beyond 1", "bake it again")
     weights = np.ascontiguousarray(np.moveaxis(texels[..., :3], (0, 1, 2), (2, 1, 0)))
-    known = {"closures", "n_theta", "n_phi", "folded"}
-    measured = {key: value for key, value in facts.items() if key not in known}
     return AnisotropicFit(closures, grid, weights, texels[0, ..., 3].T.copy(), measured)
 
 

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..envelope.closures import NARROWEST
-from ..errors import BakeError
-from ..material_json import require
 from ..source import Array
 from ..sources.analytic import ggx_lobe
 
 WIDEST = 1.0
 # Cycles holds the Anisotropy of Glossy BSDF at 0.99 of 1, and alpha_x / alpha_y is (1 - a)^2.
-_LARGEST_RATIO = 1e4
+LARGEST_RATIO = 1e4
 _GRAZING = 1e-6
 
 
@@ -55,7 +51,7 @@ class AnisotropicLobe:
         return float((self.alpha_y / self.alpha_x) ** 0.5 - 1)
 
     def facts(self) -> dict[str, Any]:
-        """JSON-ready; `lobe_from_facts` reads it back."""
+        """JSON-ready; `bake.brdf.closures` reads it back."""
         widths = {} if self.name == "lambert" else {"alpha_x": self.alpha_x, "alpha_y": self.alpha_y}
         return {"name": self.name, **widths}
 
@@ -69,16 +65,3 @@ class AnisotropicLobe:
             widths = (float(f"{np.clip(a, NARROWEST, WIDEST):.3g}") for a in (self.alpha_x * x, self.alpha_y * y))
             found.add(AnisotropicLobe("ggx", *widths))
         return sorted(found - {self})
-
-
-def lobe_from_facts(facts: Mapping[str, Any], where: str | Path) -> AnisotropicLobe:
-    """From what `AnisotropicLobe.facts` gave, read from an untrusted file. Raises BakeError."""
-    if not isinstance(facts, Mapping):
-        raise BakeError(where, "lists a closure that is no object", "bake it again")
-    name = require(facts, "name", str, where, choices=("lambert", "ggx"))
-    if name == "lambert":
-        return AnisotropicLobe(name)
-    widths = [float(require(facts, key, float, where, NARROWEST, WIDEST)) for key in ("alpha_x", "alpha_y")]
-    if max(widths) > _LARGEST_RATIO * min(widths):
-        raise BakeError(where, "lists a closure too anisotropic for Cycles", "bake it again")
-    return AnisotropicLobe(name, *widths)

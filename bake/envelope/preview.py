@@ -10,7 +10,7 @@ sqrt(1 - cos theta_o), as an envelope's.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..material_json import require
-from ..shading.lobes import Lobe, lobe_from_facts
+from ..shading.lobes import Lobe
 from ..source import Array, BrdfSource
 from ..table import TreatedSource
-from .closures import BASIS, check_basis, closure_values
+from .closures import BASIS, closure_values
 from .texture import unpack_weights
 from .views import Views, chord_of, gauss_chords, interpolated, sample_views
 
@@ -77,15 +76,14 @@ def fit_preview(source: BrdfSource | TreatedSource, most: int = _MOST, nodes: in
     return PreviewFit(closures, albedo_weights(views, closures).astype(np.float32), error)
 
 
-def preview_from_image(facts: Mapping[str, Any], image: Array, where: str | Path = "preview") -> PreviewFit:
-    """What `PreviewFit.facts` and `packed` gave, read from an untrusted bundle. Raises BakeError."""
+def preview_from_image(
+    closures: tuple[Lobe, ...], nodes: int, image: Array, error: float, where: str | Path = "preview"
+) -> PreviewFit:
+    """The fit whose weights `PreviewFit.packed` made into an image, which may be anybody's. Raises BakeError."""
     weights, _ = unpack_weights(image, where)
-    listed = require(facts, "closures", list, where, 1, _MOST)
-    if weights.shape[:2] != (require(facts, "nodes", int, where), len(listed)):
+    if weights.shape[:2] != (nodes, len(closures)):
         raise BakeError(where, "does not hold the weights of its closures", "bake it again")
-    closures = tuple(lobe_from_facts(entry, where) for entry in listed)
-    check_basis(closures)
-    return PreviewFit(closures, weights, float(require(facts, "error", float, where, minimum=0)))
+    return PreviewFit(closures, weights, error)
 
 
 def normal_equations(views: Views, closures: Sequence[Lobe], values: Array) -> tuple[Array, Array, Array]:

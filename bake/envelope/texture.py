@@ -7,7 +7,6 @@ the others 0. Read it Non-Color, Channel Packed, linear, extended.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..material_json import require
-from ..shading.lobes import lobe_from_facts
+from ..shading.lobes import Lobe
 from ..source import Array
-from .closures import check_basis
 from .fit import MOST_NODES, EnvelopeFit
 
 # No part that exists is drawn more rarely than this, so that its weight never grows beyond measure.
@@ -47,17 +44,23 @@ def unpack_weights(image: Array, where: str | Path = "envelope") -> tuple[NDArra
     return np.moveaxis(texels[..., :3], 0, 1).copy(), texels[0, :, 3].copy()
 
 
-def fit_from_image(facts: Mapping[str, Any], image: Array, where: str | Path = "envelope") -> EnvelopeFit:
-    """What `EnvelopeFit.facts` and `pack_weights` gave, read from an untrusted bundle. Raises BakeError."""
+def fit_from_image(
+    closures: tuple[Lobe, ...],
+    nodes: int,
+    image: Array,
+    measured: dict[str, Any],
+    where: str | Path = "envelope",
+) -> EnvelopeFit:
+    """The fit whose weights `pack_weights` made into an image, which may be anybody's. Raises BakeError naming `where`.
+
+    Parameters
+    ----------
+    closures, nodes, measured : as a bundle's record has them
+    """
     weights, share = unpack_weights(image, where)
-    n = require(facts, "nodes", int, where, 4, MOST_NODES)
-    listed = require(facts, "closures", list, where, 1, _MOST_CLOSURES)
-    if weights.shape[:2] != (n, len(listed)):
-        cause = f"the image holds {weights.shape[1]} closures at {weights.shape[0]} nodes, not {len(listed)} at {n}"
-        raise BakeError(where, cause, "bake it again")
-    closures = tuple(lobe_from_facts(entry, where) for entry in listed)
-    check_basis(closures)
-    measured = {key: value for key, value in facts.items() if key not in ("nodes", "closures")}
+    if weights.shape[:2] != (nodes, len(closures)):
+        held = f"{weights.shape[1]} closures at {weights.shape[0]} nodes"
+        raise BakeError(where, f"the image holds {held}, not {len(closures)} at {nodes}", "bake it again")
     return EnvelopeFit(closures, weights, share, measured)
 
 

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from .. import VERSION
 from ..albedo import directional_albedo
-from ..anisotropic.facts import is_anisotropic
 from ..bake_brdf import BakeResult, TableSource
-from ..bundle import Bundle, StoredImage, read_bundle, require, write_bundle
+from ..brdf.common import kind_of
+from ..brdf.record import BrdfRecord
+from ..bundle import StoredImage, read_bundle, write_bundle
 from ..errors import BakeError
 from ..origin import photographs_origin
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
 from ..source import BrdfSource
 from ..storage import IMAGE_STORAGES, Storage
-from ..table import FILTERS
-from ..table_facts import sampler_of, table_of
+from ..table import BrdfTable
 from .light_angle import level_by_cosine
 from .lobe_fit import fit_lobe
 from .map_albedo import map_albedo_facts
@@ -186,31 +186,33 @@ def _check_size(stack: PhotoStack, settings: ArcSettings) -> None:
         raise BakeError("shading map", cause, "choose a smaller --size or fewer --slices")
 
 
-def _measured_brdf(path: Path | None) -> tuple[Bundle | None, BrdfSource | None]:
-    """The bundle of a measured f_r and its table, both checked."""
+def _measured_brdf(path: Path | None) -> tuple[BrdfRecord | None, BrdfSource | None]:
+    """The record of a measured f_r and its table, both checked."""
     if path is None:
         return None, None
     bundle = read_bundle(path)
-    if bundle.material["kind"] != "brdf":
+    if kind_of(bundle.material) != "brdf":
         raise BakeError(path, "is not the bundle of a BRDF", "bake one by `bake brdf`, or name a lobe")
-    if is_anisotropic(bundle):
+    record = BrdfRecord.read(bundle)
+    if record.anisotropic:
         raise BakeError(path, "is anisotropic, and a swatch has no direction of its own", "name an isotropic one")
-    sampler_of(bundle)
-    filter: Any = require(require(bundle.material, "table", dict, path), "filter", str, path, choices=FILTERS)
-    return bundle, TableSource(table_of(bundle), filter)
+    record.load_sampler()
+    table = record.load_table()
+    assert isinstance(table, BrdfTable)
+    return record, TableSource(table, record.table.filter)
 
 
-def _f_r_facts(bundle: Bundle | None, f_r: BrdfSource | None) -> dict[str, Any]:
+def _f_r_facts(record: BrdfRecord | None, f_r: BrdfSource | None) -> dict[str, Any]:
     """What the copied table and sampler need to be read, and the BRDF's own albedo at the normal, a grey."""
-    if bundle is None or f_r is None:
+    if record is None or f_r is None:
         return {}
     albedo = float(directional_albedo(f_r, 0.0, 48).mean())
-    name = require(require(bundle.material, "source", dict, bundle.path), "name", str, bundle.path)
-    return {"f_r": {"name": name, "albedo": albedo}, **{key: bundle.material[key] for key in ("table", "sampler")}}
+    copied = {key: record.document[key] for key in ("table", "sampler")}
+    return {"f_r": {"name": record.name, "albedo": albedo}, **copied}
 
 
-def _copied(bundle: Bundle, name: str) -> StoredImage:
-    return StoredImage(bundle.load(name), Storage(bundle.material["images"][name]["storage"]))
+def _copied(record: BrdfRecord, name: str) -> StoredImage:
+    return StoredImage(record.files().load(name), record.images[name].storage)
 
 
 def _chosen_render(

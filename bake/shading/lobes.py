@@ -22,10 +22,9 @@ phong_*     The same with another curve for cos^n, of unit albedo at normal inci
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +32,6 @@ import numpy as np
 from .. import xp_numpy
 from ..cosine_lobes import COSINE_LOBES, cosine_lobe, half_chord_square, lobe_norm, steepest
 from ..errors import BakeError
-from ..material_json import require
 from ..source import Array
 
 
@@ -98,7 +96,7 @@ class Lobe:
         return self.p2 if self.name in PHONG else 1.0
 
     def facts(self) -> dict[str, Any]:
-        """JSON-ready: name and parameters; `lobe_from_facts` reads it back."""
+        """JSON-ready: name and parameters; `bake.brdf.closures` reads it back."""
         values = (self.p1, self.p2)
         return {"name": self.name, **{p.name: values[k] for k, p in enumerate(PARAMETERS[self.name])}}
 
@@ -117,15 +115,6 @@ def parameters_of(name: str) -> tuple[Parameter, ...]:
     if not isinstance(name, str) or name not in PARAMETERS:
         raise BakeError("lobe", f"there is none called {str(name)[:40]!r}", f"choose one of {', '.join(LOBES)}")
     return PARAMETERS[name]
-
-
-def lobe_from_facts(facts: Mapping[str, Any], where: str | Path = "lobe") -> Lobe:
-    """From what `Lobe.facts` gave, read from an untrusted file. Raises BakeError naming `where`."""
-    name = require(facts, "name", str, where, choices=LOBES)
-    known = PARAMETERS[name]
-    if unknown := [str(key)[:40] for key in facts if key not in {"name", *(p.name for p in known)}]:
-        raise BakeError(where, f"lobe '{name}' has no parameter {', '.join(unknown[:3])}", "bake it again")
-    return Lobe(name, *(require(facts, p.name, float, where, p.low, p.high) for p in known))
 
 
 def _checked(name: str, parameter: Parameter | None, value: Any) -> float:

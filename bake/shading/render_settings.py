@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal, get_args
 
-from ..bundle import require
 from ..errors import BakeError
 from ..modes import MODES, Mode
-from .lobes import Lobe, lobe_from_facts
+from .lobes import Lobe
 from .shading_map import ABOVE, Above
 
 Technique = Literal["lookup", "lit_texture", "angular", "final_radiance"]
@@ -57,25 +55,10 @@ class RenderSettings:
             _check(name, getattr(self, name) in choices, " or ".join(choices), getattr(self, name))
 
     def facts(self) -> dict[str, Any]:
-        """JSON-ready; `render_settings_of` reads it back."""
+        """JSON-ready; `record_parts.render_settings_of` reads it back."""
         names = ("sigma", "above", "technique", "mode", "tiling", "a_max")
         lobe = None if self.lobe is None else self.lobe.facts()
         return {"lobe": lobe, **{name: getattr(self, name) for name in names}}
-
-
-def render_settings_of(facts: dict[str, Any], where: str | Path) -> RenderSettings:
-    """From a bundle's "render". Raises BakeError for anything but what `RenderSettings.facts` gives."""
-    sigma, a_max = facts.get("sigma"), facts.get("a_max")
-    measured = "lobe" in facts and facts["lobe"] is None
-    return RenderSettings(
-        None if measured else lobe_from_facts(require(facts, "lobe", dict, where), where),
-        None if sigma is None else float(require(facts, "sigma", float, where)),
-        require(facts, "above", str, where, choices=ABOVE),  # type: ignore[arg-type]
-        require(facts, "technique", str, where, choices=TECHNIQUES),  # type: ignore[arg-type]
-        require(facts, "mode", str, where, choices=MODES),  # type: ignore[arg-type]
-        require(facts, "tiling", str, where, choices=TILINGS),  # type: ignore[arg-type]
-        None if a_max is None else float(require(facts, "a_max", float, where)),
-    )
 
 
 def _check(name: str, ok: bool, wanted: str, given: object) -> None:

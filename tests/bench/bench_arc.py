@@ -22,7 +22,7 @@ from measured_materials.bake.image_io import load_openimageio, write_image
 from measured_materials.bake.photographs.photograph import read_photograph
 from measured_materials.bake.photographs.stack import StackSettings
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
-from measured_materials.bake.shading.map_facts import render_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
@@ -113,7 +113,7 @@ class Measured:
 
 def materials(bundle: Bundle) -> dict[str, Make]:
     """The modes of a map, and what an artist would use in its place."""
-    usual = render_of(bundle)
+    usual = ShadingMapRecord.read(bundle).render
     made: dict[str, Make] = {}
     for mode, words in (("exact", "envelope + residual"), ("reference", "mirror only")):
         for aimed in (True, False):

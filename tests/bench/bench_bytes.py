@@ -18,6 +18,7 @@ from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, es
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.atlas import pack
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.grid_search import choose_grid
@@ -26,7 +27,6 @@ from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.table import TreatedSource, pad_slices, tabulate
-from measured_materials.bake.table_facts import residual_table_of, sampler_of
 from measured_materials.bake.table_storage import store_table
 from record import put, put_range
 from rich.progress import track
@@ -166,7 +166,7 @@ def plot(rows: list[dict[str, Any]], file: Path) -> None:
 
 def noise(bundle: Bundle) -> float:
     """Of one direction drawn for the residual under an even sky, over its mean, from four elevations."""
-    residual, sampler = residual_table_of(bundle), sampler_of(bundle, "residual_sampler")
+    residual, sampler = BrdfRecord.read(bundle).load_table("residual"), BrdfRecord.read(bundle).load_sampler("residual")
     random = np.random.default_rng(0).random((8192, 4))
     found = []
     for theta in (0.1, 0.6, 1.1, 1.4):

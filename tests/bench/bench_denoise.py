@@ -14,6 +14,7 @@ from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear, render_rgba
 from measured_materials.bake.bake_brdf import bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import analytic
@@ -91,7 +92,7 @@ def run(out: Path, quick: bool) -> None:
 def _measured(bundle: Bundle, mode: str) -> bpy.types.Material:
     material = build_material(bundle, mode=mode, lamps=lamp_image())
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(bundle))
+    node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(BrdfRecord.read(bundle)))
     return material
 
 

@@ -28,7 +28,7 @@ from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image
 from measured_materials.bake.shading.bake_arc import bake_arc
-from measured_materials.bake.shading.map_facts import render_of
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import MetallicPaint, by_name
 from measured_materials.bake.storage import Storage
@@ -117,10 +117,10 @@ def _far_row(folder: Path) -> dict[str, object]:
             for name, choices in (("fitted", Choices()), ("full", Choices(aim="always", detail="always"))):
                 material = build_shading_map(bundle)
                 scene.render.resolution_x = scene.render.resolution_y = EDGE
-                set_repeat(material, 12.0, bundle.material["map"])
+                set_repeat(material, 12.0, ShadingMapRecord.read(bundle).map.layout)
                 show_choices(material.measured_quality, choices)
                 show(scene, material)
-                account = build_map(bundle, material, render_of(bundle), pack=False, scene=scene)
+                account = build_map(bundle, material, ShadingMapRecord.read(bundle).render, pack=False, scene=scene)
                 built[name] = material, [e["name"] for e in account["effects"] if not e["kept"]]
             (fitted, left_out), (full, _) = built["fitted"], built["full"]
             return _beside("far away (cloth)", scene, fitted, full, left_out, False)

@@ -19,13 +19,13 @@ from materials import SHARED, has_measurements, merl_file
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.image_io import read_image, write_image
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.sources.analytic import MetallicPaint, Ward
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table_facts import grid_of, offset_of, scale_of
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.data_image import load_data_image
 from measured_materials.nodes.group import call
@@ -126,8 +126,9 @@ def _shade(bundle: Bundle, size: int) -> Array:
     facts = bundle.material["table"]
     half = facts["storage"] == "half"
     image = load_data_image(bundle.image_path("table"), "figure 7", half=half, pack=True)
-    scale, offset = 1 / scale_of(bundle), offset_of(bundle)
-    lookup = table_lookup_group("Figure 7", image, grid_of(bundle), facts["filter"], scale, offset=offset)
+    table = BrdfRecord.read(bundle).table
+    scale, offset = 1 / table.scale, table.offset
+    lookup = table_lookup_group("Figure 7", image, table.grid, facts["filter"], scale, offset=offset)
     with expr.building(material.node_tree) as tree:
         geometry = expr.node("ShaderNodeNewGeometry", {}, {})
         normal, incoming = (expr.Vector(geometry.outputs[name]) for name in ("Normal", "Incoming"))

@@ -15,12 +15,12 @@ import numpy as np
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.accuracy import direction_pairs
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS
-from measured_materials.bake.table_facts import table_of
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
 from record import put
@@ -64,7 +64,7 @@ def _bake(folder: Path) -> None:
 def _lookups() -> None:
     with tempfile.TemporaryDirectory() as folder:
         result = bake_source(MetallicPaint(), Path(folder) / "paint", BakeSettings(alpha=(0.5, 0.1), envelope=False))
-        table = table_of(read_bundle(result.path))
+        table = BrdfRecord.read(read_bundle(result.path)).load_table()
     pairs = direction_pairs(250_000)
     print("numpy lookups per second, float64 coordinates, one thread of this machine")
     for filter in FILTERS:

@@ -21,8 +21,8 @@ from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.image_io import load_openimageio
 from measured_materials.bake.photographs.stack import StackSettings
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
-from measured_materials.bake.shading.map_facts import shading_map_of
 from measured_materials.bake.shading.power_law import fit
+from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.shading_map import ShadingMap, at_level
 from measured_materials.nodes.shading_map_material import build_shading_map
 
@@ -76,7 +76,7 @@ def bake(name: str, sides: str, folder: Path) -> Baked:
     result = bake_arc(source, folder / f"{name.replace('/', '_')}_{sides}", settings)
     bundle = read_bundle(result.path)
     azimuth = float(result.facts["source"]["facts"]["lights"]["arc"]["azimuth_deg"])
-    return Baked(name, SIDES[sides], azimuth, result, bundle, shading_map_of(bundle))
+    return Baked(name, SIDES[sides], azimuth, result, bundle, ShadingMapRecord.read(bundle).load_map())
 
 
 def _is_plate(name: str) -> bool:
@@ -193,7 +193,7 @@ def _print_tests(rows: list[dict[str, Any]]) -> None:
 
 def _cell(stack: Baked, quick: bool) -> Cell:
     material = build_shading_map(stack.bundle, lamps=lamp_image())
-    set_repeat(material, 2.0, stack.bundle.material["map"])
+    set_repeat(material, 2.0, ShadingMapRecord.read(stack.bundle).map.layout)
     size, samples = (200, 16) if quick else (320, 64)
     scene = build_studio(material, resolution=(size, size), samples=samples, seed=1)
     try:

@@ -15,10 +15,10 @@ import math
 
 import numpy as np
 from measured_materials.addon.lamps import LARGEST_SHARE
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle
 from measured_materials.bake.envelope.views import chord_of
 from measured_materials.bake.source import Array
-from measured_materials.bake.table_facts import envelope_of, residual_table_of
 
 _LAMP = 3 * np.array([0.5, -0.62, 0.6]) / np.linalg.norm([0.5, -0.62, 0.6])
 _VIEWER = np.array([0, -5, 1.5]) / np.linalg.norm([0, -5, 1.5])
@@ -30,8 +30,8 @@ LIMITS = ("as it is", "P of the lamp's direction", "97 % aimed", "both")
 def noise_limits(bundle: Bundle, samples: int) -> dict[str, float]:
     """RMS noise of direct light at so many samples over its mean, for each of `LIMITS`."""
     wi, wo, irradiance = _lamp_seen()
-    fit = envelope_of(bundle)
-    rest = residual_table_of(bundle)
+    fit = BrdfRecord.read(bundle).load_envelope()
+    rest = BrdfRecord.read(bundle).load_table("residual")
     native = fit.evaluate(wi, wo) * irradiance[:, None]
     mirror = rest.evaluate(wi, wo) * (irradiance * wi[:, 2])[:, None]
     share = bundle.load("envelope")[0, :, 3]

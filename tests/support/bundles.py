@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import analytic, read_source
-from measured_materials.bake.table_facts import envelope_of, residual_table_of, table_of
 
 from .direct_light import Brdf
 
@@ -82,6 +82,6 @@ def baked(source: BrdfSource, folder: Path) -> Bundle:
 def brdf_of(bundle: Bundle, mode: str) -> Brdf:
     """What the mode shows on the first bounce: "reference" interp(f), "exact" and "balanced" E + interp(R)."""
     if mode == "reference":
-        return table_of(bundle).evaluate
-    fit, residual = envelope_of(bundle), residual_table_of(bundle)
+        return BrdfRecord.read(bundle).load_table().evaluate
+    fit, residual = BrdfRecord.read(bundle).load_envelope(), BrdfRecord.read(bundle).load_table("residual")
     return lambda wi, wo: fit.evaluate(wi, wo) + residual.evaluate(wi, wo)

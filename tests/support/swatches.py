@@ -13,6 +13,8 @@ from measured_materials.bake.shading.shading_map import ShadingMap, linearise
 from measured_materials.bake.shading.slice_atlas import GUTTER
 from measured_materials.bake.storage import Storage
 
+from .records import ALBEDO
+
 
 def identity_map(slices: int = 8, size: int = 4, colour: tuple[float, float, float] = (1.3, 1.0, 0.7)) -> ShadingMap:
     """Every pixel of photograph i equals its average, times a colour of mean 1: S(x) = x colour."""
@@ -53,7 +55,9 @@ def map_bundle(
             "a_max": a_max,
             "level_by_cosine": np.linspace(0, 1, ANGLE_KNOTS).tolist(),
         },
+        "averages": {"before": shading_map.slices.mean(axis=(1, 2, 3)).tolist()[1:]},
+        "errors": {"storage_rms": 0.0, "signal_rms": 0.5},
         "render": render.facts(),
-        "albedo": {"directional": [[0.5, 0.5, 0.5]]},
+        "albedo": {**ALBEDO, "sigma": 0.5, "a_max": 0.25},
     }
     return read_bundle(write_bundle(path, document, images, kind="shading_map"))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, TableSource, bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image
@@ -20,7 +21,6 @@ from measured_materials.bake.shading.map_store import store_map
 from measured_materials.bake.shading.shading_map import averages_of, linearise
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table_facts import table_of
 
 from .points import pairs_above
 
@@ -92,7 +92,7 @@ def _baked(source: Any, folder: Path, settings: BakeSettings) -> tuple[Any, dict
     for name in bundle.material["images"]:
         pixels = bundle.load(name)
         assert np.isfinite(pixels).all() and pixels.min() >= 0, name
-    return TableSource(table_of(bundle), settings.filter), bundle.material
+    return TableSource(BrdfRecord.read(bundle).load_table(), settings.filter), bundle.material
 
 
 def _constant(value: float, storage: str, folder: Path, **settings: Any) -> float:

@@ -1,0 +1,63 @@
+"""A table in a bundle with the alias tables that draw its directions: what lookups and samplers are built of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..alias_sampler import AliasSampler, SamplerLayout
+from ..anisotropic.grid import HalfGrid as SlopeGrid
+from ..anisotropic.grid import NormalGrid
+from ..anisotropic.sampler import SlopeLayout, SlopeSampler
+from ..anisotropic.table import AnisotropicTable
+from ..bundle import Bundle
+from ..errors import BakeError
+from ..table import BrdfTable, Filter
+from .grids import unpacked
+from .parts import StoredTableRecord
+
+Table = BrdfTable | AnisotropicTable
+Layout = SamplerLayout | SlopeLayout
+Sampler = AliasSampler | SlopeSampler
+SAMPLERS = {"table": "sampler", "residual": "residual_sampler"}
+
+
+@dataclass(frozen=True)
+class BakedTable:
+    """The whole BRDF's table or the residual's.
+
+    Attributes
+    ----------
+    bundle : that holds its images
+    part : "table" or "residual", the name of its image
+    stored : its grid, and how values come back
+    layout : sizes of its alias tables
+    filter : that it was baked for
+    """
+
+    bundle: Bundle
+    part: str
+    stored: StoredTableRecord
+    layout: Layout
+    filter: Filter
+
+    @property
+    def sampler(self) -> str:
+        """Name of the image of its alias tables."""
+        return SAMPLERS[self.part]
+
+    def load(self) -> Table:
+        """The stored values. Raises BakeError."""
+        grid, log = self.stored.grid, self.stored.log
+        values = self.stored.decoded(unpacked(grid, self.bundle.load(self.part)))
+        if isinstance(grid, NormalGrid | SlopeGrid):
+            return AnisotropicTable(grid, values, self.filter, log)
+        return BrdfTable(grid, values, log)
+
+    def load_sampler(self) -> Sampler:
+        """The stored alias tables. Raises BakeError where a number would lead out of them."""
+        texels = self.bundle.load(self.sampler)
+        if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= self.layout.cells).any():
+            raise BakeError(self.bundle.image_path(self.sampler), "is no alias table", "bake it again")
+        if isinstance(self.layout, SlopeLayout):
+            return SlopeSampler(self.layout, texels)
+        return AliasSampler(self.layout, texels)

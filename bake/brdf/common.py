@@ -1,0 +1,162 @@
+"""Parts that the records of both kinds of bundle have: source, images, albedo, and how a material was built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..errors import BakeError
+from ..material_json import Fields
+from ..storage import IMAGE_STORAGES, Storage
+
+_MOST_ANGLES = 1024
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SourceRecord:
+    """What was baked.
+
+    Attributes
+    ----------
+    name : of the measurement, of the model or of the swatch
+    facts : what the reader found, as free in form as the readers are many; empty where none are told
+    entries : all of it, as `bake.origin` compares sources
+    """
+
+    name: str
+    facts: Mapping[str, Any]
+    entries: Mapping[str, Any]
+
+    @property
+    def format(self) -> str | None:
+        """Of the measurement's file, where it is told."""
+        found = self.facts.get("format")
+        return found if isinstance(found, str) else None
+
+    @classmethod
+    def parse(cls, fields: Fields) -> SourceRecord:
+        """From a bundle's "source". Raises BakeError."""
+        about = fields.entries.get("facts")
+        return cls(fields.text("name"), about if isinstance(about, dict) else {}, fields.entries)
+
+
+@dataclass(frozen=True)
+class ImageRecord:
+    """An image of the bundle; `file_bytes` is known of a material's own copy only."""
+
+    width: int
+    height: int
+    channels: int
+    storage: Storage
+    sha256: str
+    file_bytes: int | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in texels."""
+        return self.width, self.height
+
+    def render_bytes(self, packed: bool) -> int:
+        """Bytes in memory while rendering, read from a file or, if packed, from inside a .blend."""
+        return self.width * self.height * self.storage.render_bytes(self.channels, packed)
+
+    @classmethod
+    def parse(cls, fields: Fields) -> ImageRecord:
+        """From an entry of a bundle's "images". Raises BakeError."""
+        width, height, channels = (fields.whole(key, 1, 1 << 24) for key in ("width", "height", "channels"))
+        storage = Storage(fields.text("storage", choices=[str(kind) for kind in IMAGE_STORAGES]))
+        file_bytes = fields.whole("file_bytes", 0) if fields.has("file_bytes") else None
+        return cls(width, height, channels, storage, fields.text("sha256"), file_bytes)
+
+
+def images_of(fields: Fields) -> dict[str, ImageRecord]:
+    """All of a document's "images" by name. Raises BakeError."""
+    images = fields.part("images")
+    return {name: ImageRecord.parse(images.part(name)) for name in images.entries}
+
+
+def check_size(images: Mapping[str, ImageRecord], name: str, size: tuple[int, int], fields: Fields) -> None:
+    """Raise BakeError where the bundle holds an image of this name that has another size."""
+    found = images[name].size if name in images else size
+    if found != size:
+        cause = f"{name} is {found[0]} x {found[1]} texels, not {size[0]} x {size[1]}"
+        raise BakeError(fields.where, cause, "bake it again")
+
+
+@dataclass(frozen=True)
+class AlbedoRecord:
+    """Share of the light that is reflected.
+
+    Attributes
+    ----------
+    theta_o_deg : (n,) viewing angles in degrees
+    directional : (n, 3) directional albedo at each
+    white_sky : (3,) of a uniform sky
+    largest : of `directional`
+    above_one_deg : viewing angles at which a channel reflects more than arrives
+    """
+
+    theta_o_deg: tuple[float, ...]
+    directional: tuple[Colour, ...]
+    white_sky: Colour
+    largest: float
+    above_one_deg: tuple[float, ...]
+
+    @property
+    def normal(self) -> Colour:
+        """At normal incidence, in [0, 1]."""
+        red, green, blue = (min(max(value, 0.0), 1.0) for value in self.directional[0])
+        return red, green, blue
+
+    @classmethod
+    def parse(cls, document: Fields, key: str) -> AlbedoRecord:
+        """From the entry `key` of a document, as `bake.albedo.albedo_facts` made it. Raises BakeError."""
+        fields = document.part(key)
+        try:
+            degrees = fields.numbers("theta_o_deg", (1, _MOST_ANGLES))
+            directional: Any = fields.rows("directional", (len(degrees), len(degrees)), 3)
+            white_sky: Any = fields.numbers("white_sky", (3, 3))
+            above = fields.numbers("above_one_deg", (0, _MOST_ANGLES))
+            return cls(degrees, directional, white_sky, fields.number("largest"), above)
+        except BakeError as error:
+            # Keys alone would not say whether the table's or the measurement's is meant.
+            raise BakeError(error.file, f"'{key}': {error.cause}", error.remedy) from error
+
+
+@dataclass(frozen=True)
+class EffectRecord:
+    """Something that a graph holds or omits, and why."""
+
+    name: str
+    kept: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class RenderingRecord:
+    """How a material was built, as far as its own copy of the facts says so; nothing in a bundle."""
+
+    choices: Mapping[str, str] = field(default_factory=dict)
+    effects: tuple[EffectRecord, ...] = ()
+
+    @classmethod
+    def parse(cls, found: object) -> RenderingRecord:
+        """From a material's "rendering"; what cannot be read is left out, for it is only told."""
+        given = found if isinstance(found, dict) else {}
+        choices, effects = given.get("choices"), given.get("effects")
+        return cls(
+            {key: v for key, v in choices.items() if isinstance(v, str)} if isinstance(choices, dict) else {},
+            tuple(
+                EffectRecord(str(entry.get("name", "")), entry.get("kept") is True, str(entry.get("why", "")))
+                for entry in (effects if isinstance(effects, list) else [])
+                if isinstance(entry, dict)
+            ),
+        )
+
+
+def kind_of(document: Mapping[str, Any]) -> str:
+    """The kind that a document says it is of; empty where it does not."""
+    kind = document.get("kind")
+    return kind if isinstance(kind, str) else ""

@@ -1,0 +1,312 @@
+"""Parts of a baked BRDF's record: settings, errors, searches, the stored tables and the fitted closures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+
+from .. import xp_numpy
+from ..alias_sampler import SamplerLayout
+from ..anisotropic.lobes import AnisotropicLobe
+from ..anisotropic.sampler import SlopeLayout
+from ..anisotropic.views import ViewerGrid
+from ..envelope.fit import MOST_NODES
+from ..errors import BakeError
+from ..log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
+from ..material_json import Fields
+from ..shading.lobes import Lobe
+from ..source import Array
+from ..storage import TABLE_STORAGES, Storage
+from ..table import FILTERS, Filter
+from .closures import anisotropic_closures_of, closures_of
+from .grids import Grid, grid_of, is_anisotropic
+
+_MOST_VIEWERS = 256  # of an anisotropic fit, in elevation and in azimuth
+_MOST_PREVIEW = 3  # closures of an isotropic preview
+_MOST_CANDIDATES = 100
+_SPLINES = ("none", "plain", "fitted")
+
+
+@dataclass(frozen=True)
+class SettingsRecord:
+    """What the user chose; None where the bundle does not record it, as anisotropic ones of schema 3 do not.
+
+    Attributes
+    ----------
+    alpha : "error", "intensity", or the shapes (alpha_theta, alpha_phi) that were given
+    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
+    others : as of `bake.bake_brdf.BakeSettings`
+    """
+
+    resolution: int
+    storage: Storage
+    filter: Filter
+    basis: str | None = None
+    parameterization: str | None = None
+    alpha: str | tuple[float, ...] | None = None
+    spline: str | None = None
+    sampler: SamplerLayout | None = None
+    envelope: bool | None = None
+    viewers: tuple[int, ...] | None = None
+
+    @classmethod
+    def parse(cls, fields: Fields) -> SettingsRecord:
+        """From a bundle's "settings". Raises BakeError."""
+        alpha: str | tuple[float, ...] | None = None
+        if isinstance(fields.entries.get("alpha"), list):
+            alpha = fields.numbers("alpha", (2, 2), 0, 1)
+        elif fields.has("alpha"):
+            alpha = fields.text("alpha")
+        basis, kind, spline = (
+            fields.text(key) if fields.has(key) else None for key in ("basis", "parameterization", "spline")
+        )
+        return cls(
+            resolution=fields.whole("resolution", 1),
+            storage=Storage(fields.text("storage", choices=TABLE_STORAGES)),
+            filter=_filter(fields),
+            basis=basis,
+            parameterization=kind,
+            alpha=alpha,
+            spline=spline,
+            sampler=_cells(fields.part("sampler")) if fields.has("sampler") else None,
+            envelope=fields.flag("envelope") if fields.has("envelope") else None,
+            viewers=fields.wholes("viewers", (2, 2), 2, _MOST_VIEWERS) if fields.has("viewers") else None,
+        )
+
+
+@dataclass(frozen=True)
+class ErrorsRecord:
+    """Cosine-weighted RMS in 1/sr, the error relative to the energy, and at how many directions they were measured."""
+
+    rms: float
+    relative: float
+    directions: int | None = None
+
+    @classmethod
+    def parse(cls, fields: Fields) -> ErrorsRecord:
+        """From `bake.accuracy.table_errors`, or an entry of `bake.envelope.reconstruction_errors`. Raises BakeError."""
+        directions = fields.whole("directions", 0) if fields.has("directions") else None
+        return cls(fields.number("rms"), fields.number("relative"), directions)
+
+
+@dataclass(frozen=True)
+class AlphaRecord:
+    """Bezier shapes of elevations and azimuth."""
+
+    theta: float
+    phi: float
+
+    @classmethod
+    def parse(cls, fields: Fields) -> AlphaRecord:
+        """From a trial of `bake.alpha_search`. Raises BakeError."""
+        return cls(fields.number("alpha_theta"), fields.number("alpha_phi"))
+
+
+@dataclass(frozen=True)
+class AlphaSearchRecord:
+    """The Bezier shapes of least error and of largest intensity, and the latter's error over the former's."""
+
+    by_error: AlphaRecord
+    by_intensity: AlphaRecord
+    intensity_finds_least_error: bool
+    error_of_intensity_choice: float
+
+    @classmethod
+    def parse(cls, fields: Fields) -> AlphaSearchRecord:
+        """From `bake.alpha_search.AlphaSearch.facts`. Raises BakeError."""
+        by_error, by_intensity = (AlphaRecord.parse(fields.part(key)) for key in ("by_error", "by_intensity"))
+        same = fields.flag("intensity_finds_least_error")
+        return cls(by_error, by_intensity, same, fields.number("error_of_intensity_choice"))
+
+
+@dataclass(frozen=True)
+class CandidateRecord:
+    """A grid that was tried, and its RMS in 1/sr."""
+
+    basis: str
+    parameterization: str
+    rms: float
+
+    @classmethod
+    def parse(cls, fields: Fields) -> CandidateRecord:
+        """From an entry of the account of a search. Raises BakeError."""
+        slopes = fields.entries.get("basis") == "half" and "parameterization" not in fields.entries
+        kind = "slopes" if slopes else fields.text("parameterization")
+        return cls(fields.text("basis"), kind, fields.number("rms"))
+
+
+def candidates_of(document: Fields) -> tuple[CandidateRecord, ...]:
+    """Of a bundle's "choice", or of the "search" of an anisotropic one, best first; none in old ones. BakeError."""
+    if isinstance(document.entries.get("choice"), dict):
+        listed = document.part("choice").parts("candidates", 1, _MOST_CANDIDATES)
+        return tuple(CandidateRecord.parse(entry) for entry in listed)
+    search = document.entries.get("search")
+    if not isinstance(search, dict) or "best" not in search:
+        return ()
+    best = document.part("search").part("best")
+    found = [CandidateRecord.parse(best.part(name)) for name in best.entries]
+    return tuple(sorted(found, key=lambda candidate: candidate.rms))
+
+
+@dataclass(frozen=True)
+class StoredTableRecord:
+    """A table on its grid, and how its values come back from texels.
+
+    Attributes
+    ----------
+    scale : what values were multiplied by before they were stored
+    offset : what scaled values were raised by; 0 in older bundles
+    log : what codes stand for, of storage "log"; None where texels are values
+    """
+
+    grid: Grid
+    scale: float
+    offset: float
+    log: LogCodes | None
+
+    def decoded(self, texels: Array) -> Array:
+        """Values (..., 3) of texels (..., 3)."""
+        if self.log is not None:
+            return np.asarray(self.log.decode(xp_numpy, texels.astype(np.float64)), np.float32)
+        values: Array = (texels - self.offset) / self.scale
+        return values
+
+
+@dataclass(frozen=True)
+class TableRecord(StoredTableRecord):
+    """The table of the whole BRDF.
+
+    Attributes
+    ----------
+    storage : of its texels, and of the residual's
+    filter : that it was baked for
+    spline : of filter "bspline": whether the samples are "plain" or "fitted" coefficients; else "none"
+    """
+
+    storage: Storage
+    filter: Filter
+    spline: str
+
+    @classmethod
+    def parse(cls, fields: Fields, stored_as: Storage | None = None) -> TableRecord:
+        """From a bundle's "table", whose image has the storage `stored_as`, if it is known. Raises BakeError."""
+        anisotropic = fields.entries.get("anisotropic") is True
+        storage = Storage(fields.text("storage", choices=TABLE_STORAGES))
+        spline = fields.text("spline", choices=_SPLINES) if fields.has("spline") else "none"
+        codes = _codes(fields, storage, stored_as, "table")
+        return cls(grid_of(fields, anisotropic), *codes, storage, _filter(fields), spline)
+
+
+@dataclass(frozen=True)
+class ResidualRecord(StoredTableRecord):
+    """The table of what the envelope leaves, and the errors of both together where they are told."""
+
+    errors: ErrorsRecord | None
+
+    @classmethod
+    def parse(cls, fields: Fields, table: TableRecord, stored_as: Storage | None = None) -> ResidualRecord:
+        """From a bundle's "residual"; older ones have the table's grid. Raises BakeError."""
+        own = "grid" in fields.entries
+        grid = grid_of(fields.part("grid"), is_anisotropic(table.grid)) if own else table.grid
+        told = fields.part("errors") if fields.has("errors") else Fields({}, fields.where)
+        together = told.part("envelope_and_residual") if told.has("envelope_and_residual") else None
+        errors = ErrorsRecord.parse(together) if together else None
+        return cls(grid, *_codes(fields, table.storage, stored_as, "residual"), errors)
+
+
+def _codes(
+    fields: Fields, storage: Storage, stored_as: Storage | None, part: str
+) -> tuple[float, float, LogCodes | None]:
+    """Scale, offset and codes of a table of this storage. Raises BakeError."""
+    if stored_as is not None and stored_as != storage.image:
+        cause = f"'{part}' is stored as {stored_as}, and the table as {storage}"
+        raise BakeError(fields.where, cause, "bake it again")
+    scale = fields.number("scale", 2.0**-126, 2.0**126)
+    offset = fields.number("offset", 0, 1) if "offset" in fields.entries else 0.0
+    if storage is not Storage.LOG:
+        return scale, offset, None
+    log = fields.part("log")
+    ranges: Any = log.numbers("range", (3, 3), LEAST_RANGE, MOST_RANGE)
+    gains: Any = log.numbers("gain", (3, 3), 0, MOST_PEAK)
+    codes = LogCodes(ranges, gains)
+    if max(codes.peaks) > 1.01 * MOST_PEAK:
+        raise BakeError(fields.where, f"'{part}.log' stands for values above {MOST_PEAK:g}", "bake it again")
+    return scale, offset, codes
+
+
+def _filter(fields: Fields) -> Filter:
+    return cast(Filter, fields.text("filter", choices=FILTERS))
+
+
+def sampler_of(fields: Fields, anisotropic: bool) -> SamplerLayout | SlopeLayout:
+    """The sizes of a bundle's "sampler". Raises BakeError."""
+    if not anisotropic:
+        return _cells(fields)
+    n_theta, n_phi, n_x, n_y = (fields.whole(key, 1, 1024) for key in ("n_theta", "n_phi", "n_x", "n_y"))
+    width_x, width_y = (fields.number(key, 1e-4, 1e3) for key in ("width_x", "width_y"))
+    return SlopeLayout(n_theta, n_phi, n_x, n_y, width_x, width_y, fields.flag("folded"))
+
+
+def _cells(fields: Fields) -> SamplerLayout:
+    n_o, n_h, n_phi = (fields.whole(key, 1, 1024) for key in ("n_o", "n_h", "n_phi"))
+    return SamplerLayout(n_o, n_h, n_phi, fields.whole("warp_power", 1, 4))
+
+
+@dataclass(frozen=True)
+class ClosuresRecord:
+    """Native closures, and where their weights are given: at n elevations of the viewer, or all around."""
+
+    closures: tuple[Lobe, ...] | tuple[AnisotropicLobe, ...]
+    viewers: int | ViewerGrid
+
+
+def _fitted(fields: Fields, anisotropic: bool, most: int, nodes: tuple[int, int]) -> ClosuresRecord:
+    if not anisotropic:
+        return ClosuresRecord(closures_of(fields, most), fields.whole("nodes", *nodes))
+    n_theta, n_phi = (fields.whole(key, 2, _MOST_VIEWERS) for key in ("n_theta", "n_phi"))
+    return ClosuresRecord(anisotropic_closures_of(fields), ViewerGrid(n_theta, n_phi, fields.flag("folded")))
+
+
+@dataclass(frozen=True)
+class EnvelopeRecord(ClosuresRecord):
+    """Native closures under the measurement.
+
+    Attributes
+    ----------
+    share : of all light that they carry
+    overshoot : integral of what they exceed the measurement by, as a share of the energy: their bias
+    by_theta_o_deg : (viewing angle in degrees, share carried there) pairs
+    measured : all that the fit measured, these three included, for `EnvelopeFit.measured`
+    """
+
+    share: float
+    overshoot: float
+    by_theta_o_deg: tuple[tuple[float, ...], ...]
+    measured: Mapping[str, Any] = field(repr=False)
+
+    @classmethod
+    def parse(cls, fields: Fields, anisotropic: bool) -> EnvelopeRecord:
+        """From a bundle's "envelope". Raises BakeError."""
+        found = _fitted(fields, anisotropic, 12, (4, MOST_NODES))
+        rows = fields.rows("by_theta_o_deg", (1, 1024), 2)
+        sizes = ("closures", "nodes") if not anisotropic else ("closures", "n_theta", "n_phi", "folded")
+        measured = {key: value for key, value in fields.entries.items() if key not in sizes}
+        share, overshoot = fields.number("share", 0, 1), fields.number("overshoot")
+        return cls(found.closures, found.viewers, share, overshoot, rows, measured)
+
+
+@dataclass(frozen=True)
+class PreviewRecord(ClosuresRecord):
+    """Native closures close to the measurement, and their relative error where it is told."""
+
+    error: float | None
+
+    @classmethod
+    def parse(cls, fields: Fields, anisotropic: bool) -> PreviewRecord:
+        """From a bundle's "preview". Raises BakeError."""
+        found = _fitted(fields, anisotropic, _MOST_PREVIEW, (4, MOST_NODES))
+        error = fields.number("error", 0) if fields.has("error") or not anisotropic else None
+        return cls(found.closures, found.viewers, error)

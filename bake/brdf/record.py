@@ -1,0 +1,226 @@
+"""A baked BRDF's material.json as one record, of either symmetry: read once, and checked here and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+from ..anisotropic import envelope_texture as anisotropic_texture
+from ..anisotropic.envelope import AnisotropicFit
+from ..anisotropic.sampler import SlopeLayout
+from ..anisotropic.views import ViewerGrid
+from ..bundle import MATERIAL, Bundle
+from ..envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
+from ..errors import BakeError
+from ..material_json import Fields
+from ..shading.lobes import Lobe
+from ..storage import Storage
+from .baked_table import SAMPLERS, BakedTable, Layout, Sampler, Table
+from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
+from .grids import is_anisotropic, texture_size
+from .parts import (
+    AlphaSearchRecord,
+    CandidateRecord,
+    EnvelopeRecord,
+    ErrorsRecord,
+    PreviewRecord,
+    ResidualRecord,
+    SettingsRecord,
+    StoredTableRecord,
+    TableRecord,
+    candidates_of,
+    sampler_of,
+)
+
+
+@dataclass(frozen=True)
+class BrdfRecord:
+    """All that is known of a baked BRDF; pixels are loaded by the methods only.
+
+    Attributes
+    ----------
+    where : the place that errors name
+    table, residual : the stored tables; no residual where no envelope was fitted
+    sampler : sizes of the alias tables of both
+    rms_by_filter : RMS in 1/sr with the filter of the bake and with every simpler one; empty in older bundles
+    search : of a Bezier shape, where one was searched for
+    candidates : grids that were tried, best first; none in older bundles
+    table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
+    images : by the names of `bake.bundle.IMAGES`
+    packed, rendering : of a material's own copy: whether its textures lie in the .blend, and how it was built
+    document : as it was read, to be written again
+    bundle : that holds the images; None for a material's own copy, which has no files
+    """
+
+    where: str | Path
+    source: SourceRecord
+    settings: SettingsRecord
+    table: TableRecord
+    sampler: Layout
+    errors: ErrorsRecord
+    albedo: AlbedoRecord
+    table_albedo: AlbedoRecord | None
+    rms_by_filter: Mapping[str, float]
+    search: AlphaSearchRecord | None
+    candidates: tuple[CandidateRecord, ...]
+    envelope: EnvelopeRecord | None
+    residual: ResidualRecord | None
+    preview: PreviewRecord | None
+    images: Mapping[str, ImageRecord]
+    packed: bool
+    rendering: RenderingRecord
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+    bundle: Bundle | None = field(repr=False, compare=False)
+
+    @classmethod
+    def read(cls, bundle: Bundle) -> BrdfRecord:
+        """Of a bundle. Raises BakeError where it is of another kind, or an entry is missing or wrong."""
+        return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
+
+    @classmethod
+    def of(cls, source: Bundle | BrdfRecord) -> BrdfRecord:
+        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
+        return source if isinstance(source, BrdfRecord) else cls.read(source)
+
+    @classmethod
+    def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> BrdfRecord:
+        """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
+        fields = Fields(document, where)
+        if (kind := fields.text("kind")) != "brdf":
+            raise BakeError(where, f"kind {kind!r:.40} is not a BRDF", "update the extension")
+        images = images_of(fields)
+        table = _table_of(fields, images)
+        anisotropic = is_anisotropic(table.grid)
+        residual = _residual_of(fields, images, table)
+        return cls(
+            where=where,
+            source=SourceRecord.parse(fields.part("source")),
+            settings=SettingsRecord.parse(fields.part("settings")),
+            table=table,
+            sampler=_sampler_of(fields, images, anisotropic),
+            errors=ErrorsRecord.parse(fields.part("errors")),
+            albedo=AlbedoRecord.parse(fields, "albedo"),
+            table_albedo=AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
+            rms_by_filter=_numbers_of(fields, "rms_by_filter"),
+            search=_search_of(fields),
+            candidates=candidates_of(fields),
+            envelope=EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,
+            residual=residual,
+            preview=PreviewRecord.parse(fields.part("preview"), anisotropic) if fields.has("preview") else None,
+            images=images,
+            packed=document.get("packed") is True,
+            rendering=RenderingRecord.parse(document.get("rendering")),
+            document=document,
+            bundle=bundle,
+        )
+
+    @property
+    def anisotropic(self) -> bool:
+        """Whether the table has four dimensions."""
+        return is_anisotropic(self.table.grid)
+
+    @property
+    def name(self) -> str:
+        """Of what was measured."""
+        return self.source.name
+
+    def has(self, image: str) -> bool:
+        """Whether there is an image of this name."""
+        return image in self.images
+
+    def files(self) -> Bundle:
+        """The bundle with the images. Raises BakeError where this record is of a document alone."""
+        if self.bundle is None:
+            raise BakeError(self.where, "has no images of its own", "give the bundle")
+        return self.bundle
+
+    def stored(self, part: str) -> StoredTableRecord:
+        """How the "table" or the "residual" is stored. Raises BakeError where there is none."""
+        found: StoredTableRecord | None = self.table if part == "table" else self.residual
+        if found is None:
+            raise BakeError(self.where, f"'{part}' is missing", "bake it again")
+        return found
+
+    def baked(self, part: str = "table") -> BakedTable:
+        """The "table" or the "residual" with its alias tables. Raises BakeError where there is none."""
+        return BakedTable(self.files(), part, self.stored(part), self.sampler, self.table.filter)
+
+    def load_table(self, part: str = "table") -> Table:
+        """The stored values of the "table" or the "residual". Raises BakeError."""
+        return self.baked(part).load()
+
+    def load_sampler(self, part: str = "table") -> Sampler:
+        """The stored alias tables of the "table" or the "residual". Raises BakeError where a number would lead out."""
+        return self.baked(part).load_sampler()
+
+    def load_envelope(self) -> EnvelopeFit | AnisotropicFit:
+        """The stored envelope. Raises BakeError."""
+        if self.envelope is None:
+            raise BakeError(self.where, "'envelope' is missing", "bake it again")
+        image, viewers, measured = self.files().load("envelope"), self.envelope.viewers, dict(self.envelope.measured)
+        if isinstance(viewers, ViewerGrid):
+            closures = self.envelope.closures
+            return anisotropic_texture.fit_from_image(closures, viewers, image, measured, self.where)  # type: ignore[arg-type]
+        return fit_from_image(self._lobes(self.envelope), viewers, image, measured, self.where)
+
+    def load_preview(self) -> PreviewFit | AnisotropicFit:
+        """The stored closures of mode Preview. Raises BakeError."""
+        if self.preview is None:
+            raise BakeError(self.where, "'preview' is missing", "bake it again")
+        image, viewers = self.files().load("preview_weights"), self.preview.viewers
+        if isinstance(viewers, ViewerGrid):
+            closures = self.preview.closures
+            return anisotropic_texture.fit_from_image(closures, viewers, image, {}, self.where)  # type: ignore[arg-type]
+        return preview_from_image(self._lobes(self.preview), viewers, image, self.preview.error or 0.0, self.where)
+
+    def check_shares(self) -> None:
+        """Raise BakeError where the image "residual_share" is not what `bake.envelope.lamp_shares` gives."""
+        bundle = self.files()
+        checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"))
+
+    @staticmethod
+    def _lobes(fitted: EnvelopeRecord | PreviewRecord) -> tuple[Lobe, ...]:
+        return cast("tuple[Lobe, ...]", fitted.closures)
+
+
+def _stored_as(images: Mapping[str, ImageRecord], name: str) -> Storage | None:
+    return images[name].storage if name in images else None
+
+
+def _table_of(fields: Fields, images: Mapping[str, ImageRecord]) -> TableRecord:
+    """The table, of the size of its image. Raises BakeError."""
+    table = TableRecord.parse(fields.part("table"), _stored_as(images, "table"))
+    check_size(images, "table", texture_size(table.grid), fields)
+    return table
+
+
+def _residual_of(fields: Fields, images: Mapping[str, ImageRecord], table: TableRecord) -> ResidualRecord | None:
+    if not fields.has("residual"):
+        return None
+    residual = ResidualRecord.parse(fields.part("residual"), table, _stored_as(images, "residual"))
+    check_size(images, "residual", texture_size(residual.grid), fields)
+    return residual
+
+
+def _sampler_of(fields: Fields, images: Mapping[str, ImageRecord], anisotropic: bool) -> Layout:
+    """The alias tables' sizes, which both images have. Raises BakeError."""
+    layout = sampler_of(fields.part("sampler"), anisotropic)
+    bins = layout.bins if isinstance(layout, SlopeLayout) else layout.n_o
+    for name in SAMPLERS.values():
+        check_size(images, name, (layout.cells, bins), fields)
+    return layout
+
+
+def _search_of(fields: Fields) -> AlphaSearchRecord | None:
+    """None also for the account of all kinds of grid that anisotropic bundles have there: see `candidates_of`."""
+    found = fields.entries.get("search")
+    return AlphaSearchRecord.parse(fields.part("search")) if isinstance(found, dict) and "best" not in found else None
+
+
+def _numbers_of(fields: Fields, key: str) -> dict[str, float]:
+    if not fields.has(key):
+        return {}
+    part = fields.part(key)
+    return {name: part.number(name) for name in part.entries}
