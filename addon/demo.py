@@ -11,9 +11,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.alias_sampler import SamplerLayout
 from ..bake.bake_brdf import BakeResult, BakeSettings, bake_file
 from ..bake.bundle import read_bundle
+from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.source import Array
 from ..bake.sources.analytic import MetallicPaint
 from ..bake.sources.merl import write_merl

@@ -11,7 +11,6 @@ from typing import Any, Literal, get_args
 from . import VERSION
 from .accuracy import DirectionPairs, direction_pairs, table_errors
 from .albedo import albedo_facts
-from .alias_sampler import SamplerLayout, build_sampler
 from .anisotropic.bake import bake_anisotropic
 from .atlas import pack
 from .bspline_fit import fit_coefficients, sample_spline
@@ -31,6 +30,8 @@ from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid, re
 from .origin import file_origin
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
+from .sampling.cell_sampler import build_sampler
+from .sampling.half_vector_cells import SamplerLayout
 from .source import Array, BrdfSource
 from .sources import read_source
 from .storage import TABLE_STORAGES, Storage

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from . import xp_numpy
-from .alias_sampler import AliasSampler, SamplerLayout
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
 from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
@@ -17,6 +16,8 @@ from .errors import BakeError
 from .half_grid import HalfGrid
 from .log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
+from .sampling.cell_sampler import CellSampler
+from .sampling.half_vector_cells import SamplerLayout
 from .source import Array
 from .storage import TABLE_STORAGES, Storage
 from .table import BrdfTable, Grid, TableGrid
@@ -159,12 +160,12 @@ def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SamplerLayout:
     return layout
 
 
-def sampler_of(bundle: Bundle, name: str = "sampler") -> AliasSampler:
+def sampler_of(bundle: Bundle, name: str = "sampler") -> CellSampler:
     """The stored alias tables, of the whole or "residual_sampler". Raises BakeError where a number would lead out."""
     layout, texels = sampler_layout_of(bundle, name), bundle.load(name)
     if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= layout.cells).any():
         raise BakeError(bundle.image_path(name), "is no alias table", "bake it again")
-    return AliasSampler(layout, texels)
+    return CellSampler(layout, texels)
 
 
 def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:

@@ -11,7 +11,8 @@ from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import NormalGrid
 from ..bake.bundle import Bundle
 from ..bake.table_facts import log_of, offset_of, scale_of
-from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
+from .alias_sampler_group import alias_pdf_group, alias_sampler_group
+from .anisotropic_groups import anisotropic_lookup_group
 from .data_image import bundle_image
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
@@ -55,6 +56,6 @@ def anisotropic_table_groups(
     stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
     scale, offset, log = 1 / scale_of(bundle, part), offset_of(bundle, part), log_of(bundle, part)
     lookup = anisotropic_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
-    sampler = slope_sampler_group(f"MM Sampler {name}", cells, layout)
-    density = slope_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
+    sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
+    density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return AnisotropicGroups(lookup, sampler, density)

@@ -69,7 +69,7 @@ def build_material(
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them (unbiased, fewer taps)
     pack : store the textures inside the .blend
-    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser

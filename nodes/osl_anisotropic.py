@@ -8,10 +8,10 @@ from ..bake.anisotropic.atlas import SliceLayout
 from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import Grid
 from ..bake.anisotropic.lobes import AnisotropicLobe
-from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.parameterization import shape_constants
+from ..bake.sampling.slope_cells import SlopeLayout
 from ..bake.table import FILTERS
 from .osl_script import texel_constants, texture_file
 

@@ -17,9 +17,9 @@ from ..bake.atlas import AtlasLayout
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
 from ..bake.half_grid import HalfGrid
-from ..bake.light_sampling import TEXELS
 from ..bake.modes import MODES
 from ..bake.parameterization import shape_constants
+from ..bake.sampling.lamps import TEXELS
 from ..bake.shading.lobes import Lobe
 from ..bake.table import FILTERS, Grid
 from ..bake.table_facts import (
@@ -58,7 +58,7 @@ def build_osl_material(
     ----------
     material : to rebuild in place, so that objects keep it; a new one by default
     mode : of `bake.modes.MODES`; by default `nodes.material.usual_mode`
-    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
 

@@ -18,7 +18,7 @@ from measured_materials.bake.envelope import ShareLayout, part_of_light, share_c
 from measured_materials.bake.envelope.lamp_share import checked_shares
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image
-from measured_materials.bake.light_sampling import RECTANGLE, SUN, Lamp, lamp_table
+from measured_materials.bake.sampling.lamps import RECTANGLE, SUN, Lamp, lamp_table
 from measured_materials.bake.source import Array
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table_facts import envelope_of

@@ -17,6 +17,8 @@ from ..albedo import directional_albedo, white_sky_albedo
 from ..bundle import StoredImage, write_bundle
 from ..errors import BakeError
 from ..preview import preview_sphere
+from ..sampling.cell_sampler import build_sampler
+from ..sampling.slope_cells import SlopeLayout
 from ..source import Array, BrdfSource
 from ..storage import Storage
 from ..table import FILTERS, Filter
@@ -27,7 +29,6 @@ from .choice import Symmetry, choose_grid, measured_symmetry
 from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview, preview_error
 from .envelope_texture import guarded_share, pack_weights
 from .grid import Grid, HalfGrid
-from .sampler import SlopeLayout, build_slope_sampler
 from .table import AnisotropicTable, TreatedAnisotropic, pad_slices, tabulate
 from .views import ViewerGrid
 
@@ -92,7 +93,7 @@ def bake_anisotropic(
     table = kept.table
     say("sampler", 0.0)
     layout = sampler_layout(settings, grid, symmetry, search)
-    sampler = build_slope_sampler(table, layout, partial(say, "sampler"))
+    sampler = build_sampler(table, layout, partial(say, "sampler"))
     say("measuring", 0.0)
     simpler = cast("tuple[Filter, ...]", FILTERS[: FILTERS.index(settings.filter) + 1])
     facts: dict[str, Any] = {
@@ -149,7 +150,7 @@ def _envelope(
     kept = quantized(tabulate(source, table.grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
     residual = kept.table
     say(0.8)
-    sampler = build_slope_sampler(residual, layout, lambda share: say(0.8 + 0.15 * share))
+    sampler = build_sampler(residual, layout, lambda share: say(0.8 + 0.15 * share))
     say(0.95)
     together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
     errors = {

@@ -7,13 +7,14 @@ from typing import Any, cast
 
 from ..bundle import Bundle, require
 from ..errors import BakeError
+from ..sampling.cell_sampler import CellSampler
+from ..sampling.slope_cells import SlopeLayout
 from ..table import FILTERS, Filter
 from ..table_facts import decoded, log_of, warps_of
 from .atlas import SliceLayout, unpack
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
 from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
-from .sampler import SlopeLayout, SlopeSampler
 from .table import AnisotropicTable
 
 
@@ -89,12 +90,12 @@ def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SlopeLayout:
     return layout
 
 
-def sampler_of(bundle: Bundle, name: str = "sampler") -> SlopeSampler:
+def sampler_of(bundle: Bundle, name: str = "sampler") -> CellSampler:
     """The stored alias tables. Raises BakeError where a number would lead out of them."""
     layout, texels = sampler_layout_of(bundle, name), bundle.load(name)
     if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= layout.cells).any():
         raise BakeError(bundle.image_path(name), "is no alias table", "bake it again")
-    return SlopeSampler(layout, texels)
+    return CellSampler(layout, texels)
 
 
 def closures_of(bundle: Bundle, name: str = "envelope") -> AnisotropicFit:

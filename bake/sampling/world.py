@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from . import xp_numpy
-from .alias_sampler import alias_tables
-from .source import Array
+from .. import xp_numpy
+from ..source import Array
+from .alias_tables import alias_tables
 
 # A cell is as large as 1.5 sun discs. Powers of two, so that the 24 bits of a random number choose evenly; 15 are left
 # to place the draw in the cell.

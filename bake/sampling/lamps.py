@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from . import xp_numpy
-from .source import Array
+from .. import xp_numpy
+from ..source import Array
 
 RECTANGLE, ELLIPSE, SPHERE, SUN = range(4)
 TEXELS = 5
