@@ -77,4 +77,4 @@ def _closures(bundle: Bundle, name: str, part: str, pack: bool) -> AnisotropicCl
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = closures_of(bundle, part)
     image = bundle_image(bundle, part, f"{name} {part.replace('_', ' ')}", pack=pack)
-    return AnisotropicClosures(fit.closures, image, fit.grid)
+    return AnisotropicClosures(fit.closures, image, fit.viewers)

@@ -7,8 +7,8 @@ from typing import Any
 from ..bake.anisotropic.atlas import SliceLayout
 from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of
 from ..bake.anisotropic.grid import Grid
-from ..bake.anisotropic.lobes import AnisotropicLobe
 from ..bake.bundle import Bundle
+from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.errors import BakeError
 from ..bake.parameterization import shape_constants
 from ..bake.sampling.slope_cells import SlopeLayout
@@ -39,7 +39,7 @@ def anisotropic_constants(
         if mode in modes:
             fit = closures_of(bundle, image)
             constants |= {name: texture_file(bundle, image), f"{name}Closures": closure_words(fit.closures)}
-            viewers = fit.grid
+            viewers = fit.viewers
             constants |= {"NodesTheta": viewers.n_theta, "NodesPhi": viewers.n_phi, "HalfTurn": int(viewers.folded)}
     return constants
 

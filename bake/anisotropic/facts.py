@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..bundle import Bundle, require
+from ..envelope import EnvelopeFit, ViewerGrid, fit_from_image
 from ..errors import BakeError
 from ..sampling.cell_sampler import CellSampler
 from ..sampling.slope_cells import SlopeLayout
 from ..table import FILTERS, Filter
 from ..table_facts import decoded, log_of, warps_of
 from .atlas import SliceLayout, unpack
-from .envelope import AnisotropicFit
-from .envelope_texture import fit_from_image
 from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
 from .table import AnisotropicTable
 
@@ -98,11 +97,11 @@ def sampler_of(bundle: Bundle, name: str = "sampler") -> CellSampler:
     return CellSampler(layout, texels)
 
 
-def closures_of(bundle: Bundle, name: str = "envelope") -> AnisotropicFit:
+def closures_of(bundle: Bundle, name: str = "envelope") -> EnvelopeFit:
     """The stored "envelope", or the closures of mode Preview, "preview_weights". Raises BakeError."""
     where = bundle.path / "material.json"
     key = "envelope" if name == "envelope" else "preview"
-    return fit_from_image(require(bundle.material, key, dict, where), bundle.load(name), where)
+    return fit_from_image(require(bundle.material, key, dict, where), bundle.load(name), where, ViewerGrid)
 
 
 def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:

@@ -84,16 +84,20 @@ class SlopeLayout:
         after = xp.where(index > self.n_phi - 0.5, 1.0, 0.0) * xp.where(index < 2 * self.n_phi - 0.5, 1.0, 0.0)
         return 1 - 2 * after
 
-    def cell_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, HalfVector]:
-        """Cell in which the half vector lies, and that half vector with its slopes."""
+    def warped(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, HalfVector]:
+        """Warped slopes in (-1, 1) as the viewer's bin has them, and the half vector with its own slopes."""
         xs, ys, zs = xp.components(wi + wo)
         zs = xp.maximum(zs, 1e-6)
         half = xp.normalize(xp.vec(xs, ys, zs))
         x, y = xp.divide(xs, zs), xp.divide(ys, zs)
         side = self.side(xp, wo)
-        i_x = _cell_index(xp, slope_warp(xp, x * side, self.width_x), self.n_x)
-        i_y = _cell_index(xp, slope_warp(xp, y * side, self.width_y), self.n_y)
-        return i_y * self.n_x + i_x, HalfVector(half, x, y)
+        u, v = slope_warp(xp, x * side, self.width_x), slope_warp(xp, y * side, self.width_y)
+        return u, v, HalfVector(half, x, y)
+
+    def cell_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, HalfVector]:
+        """Cell in which the half vector lies, and that half vector with its slopes."""
+        u, v, half = self.warped(xp, wi, wo)
+        return _cell_index(xp, v, self.n_y) * self.n_x + _cell_index(xp, u, self.n_x), half
 
     def half_vector(self, xp: Any, wo: Any, cell: Any, u: Any, v: Any) -> HalfVector:
         """Half vector at a place of a cell, along x and along y."""

@@ -250,7 +250,7 @@ MMFrame mm_tangent_frame(vector n, vector incoming, vector along)
   return frame;
 }
 
-// bake/anisotropic/envelope_texture.py: the texel of closure k of `count` for a viewer
+// bake/envelope/texture.py: row_coordinate, the texel of closure k of `count` for a viewer
 color mm_closure_weight(string image, int n_theta, int n_phi, int folded, int k, int count, vector wo, output float alpha)
 {
   float row = mm_azimuth_index(wo[0], wo[1], n_phi, folded) + k * (n_phi + 2) + 1.5;

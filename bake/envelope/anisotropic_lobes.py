@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..envelope.closures import NARROWEST
 from ..errors import BakeError
 from ..material_json import require
 from ..source import Array
 from ..sources.analytic import ggx_lobe
+from .closures import NARROWEST
 
 WIDEST = 1.0
+_BASIS_WIDTHS = (0.01, 0.025, 0.06, 0.15, 0.4, 1.0)
 # Cycles holds the Anisotropy of Glossy BSDF at 0.99 of 1, and alpha_x / alpha_y is (1 - a)^2.
 _LARGEST_RATIO = 1e4
 _GRAZING = 1e-6
@@ -42,6 +43,19 @@ class AnisotropicLobe:
         result[above] = ggx_lobe(lit, seen, self.alpha_x, self.alpha_y)
         return result
 
+    @classmethod
+    def from_facts(cls, facts: Mapping[str, Any], where: str | Path) -> AnisotropicLobe:
+        """From what `facts` gave, read from an untrusted file. Raises BakeError."""
+        if not isinstance(facts, Mapping):
+            raise BakeError(where, "lists a closure that is no object", "bake it again")
+        name = require(facts, "name", str, where, choices=("lambert", "ggx"))
+        if name == "lambert":
+            return cls(name)
+        widths = [float(require(facts, key, float, where, NARROWEST, WIDEST)) for key in ("alpha_x", "alpha_y")]
+        if max(widths) > _LARGEST_RATIO * min(widths):
+            raise BakeError(where, "lists a closure too anisotropic for Cycles", "bake it again")
+        return cls(name, *widths)
+
     @property
     def roughness(self) -> float:
         """Of Glossy BSDF: its square is the geometric mean of the widths."""
@@ -55,7 +69,7 @@ class AnisotropicLobe:
         return float((self.alpha_y / self.alpha_x) ** 0.5 - 1)
 
     def facts(self) -> dict[str, Any]:
-        """JSON-ready; `lobe_from_facts` reads it back."""
+        """JSON-ready; `from_facts` reads it back."""
         widths = {} if self.name == "lambert" else {"alpha_x": self.alpha_x, "alpha_y": self.alpha_y}
         return {"name": self.name, **widths}
 
@@ -71,14 +85,8 @@ class AnisotropicLobe:
         return sorted(found - {self})
 
 
-def lobe_from_facts(facts: Mapping[str, Any], where: str | Path) -> AnisotropicLobe:
-    """From what `AnisotropicLobe.facts` gave, read from an untrusted file. Raises BakeError."""
-    if not isinstance(facts, Mapping):
-        raise BakeError(where, "lists a closure that is no object", "bake it again")
-    name = require(facts, "name", str, where, choices=("lambert", "ggx"))
-    if name == "lambert":
-        return AnisotropicLobe(name)
-    widths = [float(require(facts, key, float, where, NARROWEST, WIDEST)) for key in ("alpha_x", "alpha_y")]
-    if max(widths) > _LARGEST_RATIO * min(widths):
-        raise BakeError(where, "lists a closure too anisotropic for Cycles", "bake it again")
-    return AnisotropicLobe(name, *widths)
+# Lambert, and GGX of widths in steps of about 2.5.
+ANISOTROPIC_BASIS: tuple[AnisotropicLobe, ...] = (
+    AnisotropicLobe("lambert"),
+    *(AnisotropicLobe("ggx", x, y) for x in _BASIS_WIDTHS for y in _BASIS_WIDTHS),
+)
