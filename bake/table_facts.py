@@ -11,13 +11,16 @@ import numpy as np
 from . import xp_numpy
 from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
-from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
+from .envelope import Elevations, EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
+from .envelope.closures import check_basis
+from .envelope.viewers import MOST_NODES
 from .errors import BakeError
 from .half_grid import HalfGrid
 from .log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
 from .sampling.cell_sampler import CellSampler
 from .sampling.half_vector_cells import SamplerLayout
+from .shading.lobes import Lobe, lobe_from_facts
 from .source import Array
 from .storage import TABLE_STORAGES, Storage
 from .table import BrdfTable, Grid, TableGrid
@@ -133,7 +136,10 @@ def residual_table_of(bundle: Bundle) -> BrdfTable:
 def envelope_of(bundle: Bundle) -> EnvelopeFit:
     """The stored envelope. Raises BakeError."""
     where = bundle.path / "material.json"
-    return fit_from_image(require(bundle.material, "envelope", dict, where), bundle.load("envelope"), where)
+    facts = require(bundle.material, "envelope", dict, where)
+    closures, viewers = _closures(facts, 12, where)
+    measured = {key: value for key, value in facts.items() if key not in {"closures", *viewers.facts()}}
+    return fit_from_image(closures, viewers, bundle.load("envelope"), measured, where)
 
 
 def check_shares(bundle: Bundle) -> None:
@@ -144,7 +150,17 @@ def check_shares(bundle: Bundle) -> None:
 def preview_of(bundle: Bundle) -> PreviewFit:
     """The stored closures of mode Preview. Raises BakeError."""
     where = bundle.path / "material.json"
-    return preview_from_image(require(bundle.material, "preview", dict, where), bundle.load("preview_weights"), where)
+    facts = require(bundle.material, "preview", dict, where)
+    closures, viewers = _closures(facts, 3, where)
+    error = float(require(facts, "error", float, where, minimum=0))
+    return preview_from_image(closures, viewers, bundle.load("preview_weights"), error, where)
+
+
+def _closures(facts: dict[str, Any], most: int, where: Path) -> tuple[tuple[Lobe, ...], Elevations]:
+    listed = require(facts, "closures", list, where, 1, most)
+    closures = tuple(lobe_from_facts(entry, where) for entry in listed)
+    check_basis(closures)
+    return closures, Elevations(require(facts, "nodes", int, where, 4, MOST_NODES))
 
 
 def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SamplerLayout:

@@ -88,7 +88,7 @@ def test_preview_without_an_envelope_chooses_its_own_closures() -> None:
     preview = fit_preview(Sum(), ViewerGrid(6, 4, True, (0.06, 0.4)))
     assert preview.closures == lobes and preview.error < 1e-3
     np.testing.assert_allclose(preview.weights[:4], np.broadcast_to((0.3, 0.2, 0.1), (4, 4, 2, 3)), rtol=0.02)
-    back = preview_from_image(preview.facts(), pack_weights(preview), "here", ViewerGrid)
+    back = preview_from_image(preview.closures, preview.viewers, pack_weights(preview), preview.error, "here")
     np.testing.assert_array_equal(back.weights, preview.weights)
     assert back.facts() == preview.facts()
 
@@ -105,15 +105,13 @@ def test_preview_error_is_relative() -> None:
 
 def test_texture_round_trip(fit: EnvelopeFit) -> None:
     image = pack_weights(fit)
-    back = fit_from_image(fit.facts(), image, "here", ViewerGrid)
+    back = fit_from_image(fit.closures, fit.viewers, image, fit.measured, "here")
     np.testing.assert_array_equal(back.weights, fit.weights)
     np.testing.assert_array_equal(back.residual_share, guarded_share(fit))
     assert back.facts() == fit.facts()
     for spoiled in (image[1:], -image, image * np.nan):
         with pytest.raises(BakeError):
-            fit_from_image(fit.facts(), spoiled, "here", ViewerGrid)
-    with pytest.raises(BakeError):
-        fit_from_image(fit.facts(), image, "here")
+            fit_from_image(fit.closures, fit.viewers, spoiled, fit.measured, "here")
 
 
 def test_share_never_excludes_what_is_there(fit: EnvelopeFit) -> None:

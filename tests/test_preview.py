@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import PreviewFit, fit_preview, pack_weights, preview_from_image
 from measured_materials.bake.envelope.preview import non_negative
 from measured_materials.bake.envelope.views import sample_views
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import TreatedSource
+from measured_materials.bake.table_facts import preview_of
 from scipy.optimize import nnls
 
 CHORDS = np.sqrt(2) * np.sin(np.radians([3, 20, 41, 58, 77]) / 2)
@@ -79,18 +84,20 @@ def test_a_black_channel_stays_black_and_nothing_is_negative() -> None:
 
 def test_it_comes_back_from_its_image() -> None:
     fit = fit_preview(analytic.MetallicPaint())
-    again = preview_from_image(fit.facts(), pack_weights(fit))
+    again = preview_from_image(fit.closures, fit.viewers, pack_weights(fit), fit.error)
     wi, wo = spherical(np.array([0.3, 1.2]), np.array([0.1, 2.0])), spherical(np.array([0.9]), np.zeros(1))
     np.testing.assert_array_equal(again.evaluate(wi, wo), fit.evaluate(wi, wo))
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"nodes": 7}, {"closures": []}, {"error": "small"}, {"closures": [{"lobe": "mirror"}]}]
-)
-def test_foreign_facts_are_refused(wrong: dict[str, Any]) -> None:
-    fit = fit_preview(analytic.Lambert())
-    with pytest.raises(BakeError):
-        preview_from_image(fit.facts() | wrong, pack_weights(fit))
+def test_foreign_facts_are_refused(tmp_path: Path) -> None:
+    """Of a bundle's "preview", whose image is as it was."""
+    settings = BakeSettings(resolution=8, sampler=SamplerLayout(4, 4, 4), envelope=False, parameterization="uniform")
+    bundle = read_bundle(bake_source(analytic.Lambert(), tmp_path / "lambert", settings).path)
+    facts = bundle.material["preview"]
+    for wrong in ({"nodes": 7}, {"closures": []}, {"error": "small"}, {"closures": [{"lobe": "mirror"}]}):
+        bundle.material["preview"] = facts | wrong
+        with pytest.raises(BakeError):
+            preview_of(bundle)
 
 
 def test_black_and_anisotropic_sources_are_refused() -> None:

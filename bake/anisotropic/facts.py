@@ -7,6 +7,8 @@ from typing import Any, cast
 
 from ..bundle import Bundle, require
 from ..envelope import EnvelopeFit, ViewerGrid, fit_from_image
+from ..envelope.anisotropic_lobes import AnisotropicLobe
+from ..envelope.viewers import MOST_EACH_WAY
 from ..errors import BakeError
 from ..sampling.cell_sampler import CellSampler
 from ..sampling.slope_cells import SlopeLayout
@@ -101,7 +103,14 @@ def closures_of(bundle: Bundle, name: str = "envelope") -> EnvelopeFit:
     """The stored "envelope", or the closures of mode Preview, "preview_weights". Raises BakeError."""
     where = bundle.path / "material.json"
     key = "envelope" if name == "envelope" else "preview"
-    return fit_from_image(require(bundle.material, key, dict, where), bundle.load(name), where, ViewerGrid)
+    facts = require(bundle.material, key, dict, where)
+    n_theta, n_phi = (require(facts, axis, int, where, 2, MOST_EACH_WAY) for axis in ("n_theta", "n_phi"))
+    viewers = ViewerGrid(n_theta, n_phi, require(facts, "folded", bool, where))
+    closures = tuple(
+        AnisotropicLobe.from_facts(entry, where) for entry in require(facts, "closures", list, where, 1, 12)
+    )
+    measured = {key: value for key, value in facts.items() if key not in {"closures", *viewers.facts()}}
+    return fit_from_image(closures, viewers, bundle.load(name), measured, where)
 
 
 def _check_size(bundle: Bundle, name: str, size: tuple[int, int]) -> None:

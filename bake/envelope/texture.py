@@ -9,7 +9,6 @@ Non-Color, Channel Packed, linear, extended.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +17,13 @@ from numpy.typing import NDArray
 
 from ..anisotropic.grid import azimuth_index
 from ..errors import BakeError
-from ..material_json import require
 from ..source import Array
-from .closures import check_basis
 from .fitted import ClosureFit, EnvelopeFit, PreviewFit
-from .viewers import Elevations, ViewerGrid, Viewers
+from .viewers import ViewerGrid, Viewers
 
 # No part that exists is drawn more rarely than this, so that its weight never grows beyond measure.
 LEAST_SHARE = 0.02
 _NOTHING = 1e-6  # a residual below this share everywhere is rounding
-_MOST_CLOSURES = 12
-_MOST_IN_PREVIEW = 3
 
 
 def pack_weights(fit: ClosureFit) -> NDArray[np.float32]:
@@ -67,36 +62,23 @@ def unpack_weights(
 
 
 def fit_from_image(
-    facts: Mapping[str, Any],
-    image: Array,
-    where: str | Path = "envelope",
-    kind: type[Elevations] | type[ViewerGrid] = Elevations,
+    closures: tuple[Any, ...], viewers: Viewers, image: Array, measured: dict[str, Any], where: str | Path = "envelope"
 ) -> EnvelopeFit:
-    """What `EnvelopeFit.facts` and `pack_weights` gave, read from an untrusted bundle. Raises BakeError."""
-    closures, viewers, weights, share = _read(facts, image, where, kind, _MOST_CLOSURES)
-    known = {"closures", *viewers.facts()}
-    return EnvelopeFit(closures, viewers, weights, share, {k: v for k, v in facts.items() if k not in known})
+    """The fit whose weights `pack_weights` made into an image, which may be anybody's. Raises BakeError naming `where`.
+
+    Parameters
+    ----------
+    closures, viewers, measured : as the bundle describes them
+    """
+    return EnvelopeFit(closures, viewers, *unpack_weights(image, viewers, len(closures), where), measured)
 
 
 def preview_from_image(
-    facts: Mapping[str, Any],
-    image: Array,
-    where: str | Path = "preview",
-    kind: type[Elevations] | type[ViewerGrid] = Elevations,
+    closures: tuple[Any, ...], viewers: Viewers, image: Array, error: float, where: str | Path = "preview"
 ) -> PreviewFit:
-    """What `PreviewFit.facts` and `pack_weights` gave, read from an untrusted bundle. Raises BakeError."""
-    closures, viewers, weights, _ = _read(facts, image, where, kind, _MOST_IN_PREVIEW)
-    return PreviewFit(closures, viewers, weights, float(require(facts, "error", float, where, minimum=0)))
-
-
-def _read(
-    facts: Mapping[str, Any], image: Array, where: str | Path, kind: type[Elevations] | type[ViewerGrid], most: int
-) -> tuple[tuple[Any, ...], Viewers, NDArray[np.float32], NDArray[np.float32]]:
-    viewers: Viewers = kind.from_facts(facts, where)
-    listed = require(facts, "closures", list, where, 1, most)
-    closures = tuple(kind.closure_from_facts(entry, where) for entry in listed)
-    check_basis(closures)
-    return closures, viewers, *unpack_weights(image, viewers, len(closures), where)
+    """The same for mode Preview. Raises BakeError naming `where`."""
+    weights, _ = unpack_weights(image, viewers, len(closures), where)
+    return PreviewFit(closures, viewers, weights, error)
 
 
 def guarded_share(fit: EnvelopeFit) -> NDArray[np.float32]:

@@ -6,24 +6,21 @@ there, which closures serve, and how thoroughly to search and to verify.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import BakeError
-from ..material_json import require
-from ..shading.lobes import Lobe, lobe_from_facts
+from ..shading.lobes import Lobe
 from ..source import Array, BrdfSource
 from ..table import TreatedSource
 from .anisotropic_lobes import ANISOTROPIC_BASIS, AnisotropicLobe
 from .closures import BASIS, Closure, neighbours
 from .views import Sizes, Views, Widths, chord_of, gauss_chords, interpolated, sample_views, slope_views
 
-MOST_NODES = 1024
-_MOST_EACH_WAY = 256
+MOST_NODES, MOST_EACH_WAY = 1024, 256
 _AZIMUTHS = 6
 
 Source = BrdfSource | TreatedSource
@@ -141,16 +138,6 @@ class Viewers(Protocol):
         """JSON-ready."""
         ...
 
-    @classmethod
-    def from_facts(cls, facts: Mapping[str, Any], where: str | Path) -> Viewers:
-        """From what `facts` gave, read from an untrusted bundle. Raises BakeError."""
-        ...
-
-    @staticmethod
-    def closure_from_facts(facts: Mapping[str, Any], where: str | Path) -> Closure:
-        """One of the closures that go with these viewers, read from an untrusted bundle. Raises BakeError."""
-        ...
-
 
 @dataclass(frozen=True)
 class Elevations:
@@ -219,16 +206,6 @@ class Elevations:
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""
         return {"nodes": self.count}
-
-    @classmethod
-    def from_facts(cls, facts: Mapping[str, Any], where: str | Path) -> Elevations:
-        """Raises BakeError."""
-        return cls(require(facts, "nodes", int, where, 4, MOST_NODES))
-
-    @staticmethod
-    def closure_from_facts(facts: Mapping[str, Any], where: str | Path) -> Lobe:
-        """Raises BakeError."""
-        return lobe_from_facts(facts, where)
 
 
 @dataclass(frozen=True)
@@ -316,14 +293,3 @@ class ViewerGrid:
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""
         return {"n_theta": self.n_theta, "n_phi": self.n_phi, "folded": self.folded}
-
-    @classmethod
-    def from_facts(cls, facts: Mapping[str, Any], where: str | Path) -> ViewerGrid:
-        """Raises BakeError."""
-        n_theta, n_phi = (require(facts, key, int, where, 2, _MOST_EACH_WAY) for key in ("n_theta", "n_phi"))
-        return cls(n_theta, n_phi, require(facts, "folded", bool, where))
-
-    @staticmethod
-    def closure_from_facts(facts: Mapping[str, Any], where: str | Path) -> AnisotropicLobe:
-        """Raises BakeError."""
-        return AnisotropicLobe.from_facts(facts, where)
