@@ -148,9 +148,8 @@ def test_budget() -> None:
 def test_measured_noise_and_zeros(shared_data: Path) -> None:
     """A genuine satin, neither symmetric nor positive: the budget multiplies what is carried."""
     source = read_source(shared_data / "rgl" / "satin_rosaline_rgb.bsdf")
-    strict, fit = (
-        fit_envelope(source, EnvelopeSettings(budget=budget, viewers=Elevations(20))) for budget in (0.0, 1e-3)
-    )
+    viewers = Elevations(20)
+    strict, fit = (fit_envelope(source, EnvelopeSettings(budget=budget, viewers=viewers)) for budget in (0.0, 1e-3))
     assert fit.measured["overshoot"] <= 1e-3 and fit.measured["overshoot_largest"] < 2e-3
     assert strict.measured["overshoot"] < 1e-4
     assert fit.measured["share"] > strict.measured["share"] + 0.05 > 0.4
@@ -220,10 +219,8 @@ def test_evaluation_is_the_sum_at_any_azimuth(exact: tuple[Made, EnvelopeFit]) -
 def test_fewer_closures_where_they_do() -> None:
     """A diffuse material needs one; `most` holds, and more closures never carry less."""
     assert fit_envelope(analytic.Lambert(), FEW).closures == (Lobe("lambert"),)
-    paint = analytic.MetallicPaint()
-    one, three = (
-        fit_envelope(paint, EnvelopeSettings(viewers=Elevations(12), most=most, enough=1.0)) for most in (1, 3)
-    )
+    paint, few = analytic.MetallicPaint(), Elevations(12)
+    one, three = (fit_envelope(paint, EnvelopeSettings(viewers=few, most=most, enough=1.0)) for most in (1, 3))
     assert (len(one.closures), len(three.closures)) == (1, 3)
     assert one.measured["share"] + 0.05 < three.measured["share"]
 
