@@ -46,33 +46,29 @@ _Placed = tuple[Array, Array, tuple[Array, Array, Array]]
 
 
 class Shares(Protocol):
-    """Where the image has what."""
+    """Where the image has what.
+
+    Attributes
+    ----------
+    shape : slices, and rows and columns of each
+    size : width and height in texels
+
+    Methods
+    -------
+    viewers : chords and azimuths (slices,) of the middle of each slice
+    lights : a quadrature of all light, of those viewers
+    placed : directions that represent what lies around the nodes, and their places
+    image : texels (H, W, 3), top row first, of (*shape, 3)
+    """
 
     @property
-    def shape(self) -> tuple[int, int, int]:
-        """Slices, and rows and columns of each."""
-        ...
-
+    def shape(self) -> tuple[int, int, int]: ...
     @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in texels."""
-        ...
-
-    def viewers(self) -> tuple[Array, Array]:
-        """Chords and azimuths (slices,) of the middle of each slice."""
-        ...
-
-    def lights(self) -> Directions:
-        """A quadrature of all light, of those viewers."""
-        ...
-
-    def placed(self) -> _Placed:
-        """Directions that represent what lies around the nodes, and their places."""
-        ...
-
-    def image(self, channels: Array) -> Array:
-        """Texels (H, W, 3), top row first, of (*shape, 3)."""
-        ...
+    def size(self) -> tuple[int, int]: ...
+    def viewers(self) -> tuple[Array, Array]: ...
+    def lights(self) -> Directions: ...
+    def placed(self) -> _Placed: ...
+    def image(self, channels: Array) -> Array: ...
 
 
 @dataclass(frozen=True)

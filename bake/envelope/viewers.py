@@ -71,72 +71,51 @@ class Effort:
 
 
 class Viewers(Protocol):
-    """What both kinds have; arrays over the nodes have the axes of `shape`, lists of viewers one axis (V,)."""
+    """What both kinds have; arrays over the nodes have the axes of `shape`, lists of viewers one axis (V,).
+
+    A viewer is given by the chord sqrt(1 - cos theta_o) and the azimuth phi.
+
+    Attributes
+    ----------
+    effort, search : how thoroughly to look, and how closures are chosen
+    basis : closures to choose from
+    shape : nodes along each angle, elevation first
+    periodic : axes of `shape` that go all around
+
+    Methods
+    -------
+    nodes : chords and azimuths of all nodes, (V,), elevation before azimuth
+    between : the same of nodes and `effort.parts` - 1 viewers between each two
+    chosen_from : chords, azimuths and weights (V,) of the viewers that closures are chosen for
+    azimuths : (A,), of no node, from which each elevation is measured
+    angles : chords and azimuths (...) of unit vectors (..., 3)
+    interpolated : values (*shape, ...) at the nodes, linearly at viewers (...)
+    views : a source as viewers (V,) see it. Raises BakeError for values that are not finite
+    treated : the source as it is fitted. Raises BakeError where it needs another kind of viewers
+    neighbours : the same closure with other widths, by a ratio
+    facts : JSON-ready
+    """
 
     @property
-    def effort(self) -> Effort:
-        """How thoroughly to look."""
-        ...
-
+    def effort(self) -> Effort: ...
     @property
-    def search(self) -> Search:
-        """How closures are chosen."""
-        ...
-
+    def search(self) -> Search: ...
     @property
-    def basis(self) -> Sequence[Closure]:
-        """Closures to choose from."""
-        ...
-
+    def basis(self) -> Sequence[Closure]: ...
     @property
-    def periodic(self) -> tuple[int, ...]:
-        """Axes of `shape` that go all around."""
-        ...
-
+    def periodic(self) -> tuple[int, ...]: ...
     @property
-    def shape(self) -> tuple[int, ...]:
-        """Nodes along each angle, elevation first."""
-        ...
-
-    def nodes(self) -> tuple[Array, Array]:
-        """Chords sqrt(1 - cos theta_o) and azimuths of all nodes, (V,), elevation before azimuth."""
-        ...
-
-    def between(self) -> tuple[Array, Array]:
-        """The same of nodes and `effort.parts` - 1 viewers between each two."""
-        ...
-
-    def chosen_from(self) -> tuple[Array, Array, Array]:
-        """Chords, azimuths and weights (V,) of the viewers that closures are chosen for."""
-        ...
-
-    def azimuths(self) -> Array:
-        """Azimuths (A,), of no node, from which each elevation is measured."""
-        ...
-
-    def angles(self, wo: Array) -> tuple[Array, Array]:
-        """Chords and azimuths (...) of unit vectors (..., 3)."""
-        ...
-
-    def interpolated(self, values: Array, chords: Array, phi: Array) -> Array:
-        """Values (*shape, ...) at the nodes, linearly at viewers (...)."""
-        ...
-
-    def views(self, source: Source, chords: Array, phi: Array, sizes: Sizes) -> Views:
-        """A source as viewers (V,) see it. Raises BakeError for values that are not finite."""
-        ...
-
-    def treated(self, source: Source) -> Source:
-        """The source as it is fitted. Raises BakeError where it needs another kind of viewers."""
-        ...
-
-    def neighbours(self, lobe: Any, ratio: float) -> Sequence[Closure]:
-        """The same closure with other widths, by `ratio`."""
-        ...
-
-    def facts(self) -> dict[str, Any]:
-        """JSON-ready."""
-        ...
+    def shape(self) -> tuple[int, ...]: ...
+    def nodes(self) -> tuple[Array, Array]: ...
+    def between(self) -> tuple[Array, Array]: ...
+    def chosen_from(self) -> tuple[Array, Array, Array]: ...
+    def azimuths(self) -> Array: ...
+    def angles(self, wo: Array) -> tuple[Array, Array]: ...
+    def interpolated(self, values: Array, chords: Array, phi: Array) -> Array: ...
+    def views(self, source: Source, chords: Array, phi: Array, sizes: Sizes) -> Views: ...
+    def treated(self, source: Source) -> Source: ...
+    def neighbours(self, lobe: Any, ratio: float) -> Sequence[Closure]: ...
+    def facts(self) -> dict[str, Any]: ...
 
 
 @dataclass(frozen=True)

@@ -46,63 +46,44 @@ class HalfVector(NamedTuple):
 
 
 class CellLayout(Protocol):
-    """Bins of viewers and cells of half vectors; formulas take the namespace `xp`, numpy's or the shader nodes'."""
+    """Bins of viewers and cells of half vectors; formulas take the namespace `xp`, numpy's or the shader nodes'.
+
+    Attributes
+    ----------
+    shape : sizes along each axis: those of the bins, then rows and columns of the cells
+    periodic : axes of `shape` whose last entry is followed by the first
+    cells, bins : the texture's width and height
+
+    Methods
+    -------
+    bin_of : row of the texture for a viewer
+    cell_of : cell in which the half vector of a pair of directions lies, and that half vector
+    half_vector : the one at the place (u, v) in [0, 1]^2 of a cell
+    pdf : density of wi per solid angle, from what is stored of the half vector's cell
+    weight : a light direction's cosine over the density that a probability even over `areas` gives it
+    points : half vectors (rows count, columns count, 3) at count x count places of every cell
+    viewers : (bins, n, 3), over which a bin's cells are averaged
+    areas : what cells are as large as, of a shape that broadcasts to (rows, columns)
+    stored : what is stored of cells (bins, rows, columns) drawn with these probabilities
+    """
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """Sizes along each axis: those of the bins, then rows and columns of the cells."""
-        ...
-
+    def shape(self) -> tuple[int, ...]: ...
     @property
-    def periodic(self) -> tuple[int, ...]:
-        """Axes of `shape` whose last entry is followed by the first."""
-        ...
-
+    def periodic(self) -> tuple[int, ...]: ...
     @property
-    def cells(self) -> int:
-        """Cells per bin, the texture's width."""
-        ...
-
+    def cells(self) -> int: ...
     @property
-    def bins(self) -> int:
-        """The texture's height."""
-        ...
-
-    def bin_of(self, xp: Any, wo: Any) -> Any:
-        """Row of the texture for a viewer."""
-        ...
-
-    def cell_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, HalfVector]:
-        """Cell in which the half vector of a pair of directions lies, and that half vector."""
-        ...
-
-    def half_vector(self, xp: Any, wo: Any, cell: Any, u: Any, v: Any) -> HalfVector:
-        """Half vector at the place (u, v) in [0, 1]^2 of a cell."""
-        ...
-
-    def pdf(self, xp: Any, value: Any, half: HalfVector, wo_half: Any) -> Any:
-        """Density of wi per solid angle, from what is stored of the half vector's cell."""
-        ...
-
-    def weight(self, cosine: Array, half: HalfVector, wo_half: Array) -> Array:
-        """A light direction's cosine over the density that a probability even over `areas` gives it."""
-        ...
-
-    def points(self, count: int) -> HalfVector:
-        """Half vectors at count x count places of every cell: (rows count, columns count, 3)."""
-        ...
-
-    def viewers(self) -> Array:
-        """Viewers (bins, n, 3) over which a bin's cells are averaged."""
-        ...
-
-    def areas(self) -> Array:
-        """What cells are as large as, of a shape that broadcasts to (rows, columns)."""
-        ...
-
-    def stored(self, probability: Array) -> Array:
-        """What is stored of cells (bins, rows, columns) drawn with these probabilities."""
-        ...
+    def bins(self) -> int: ...
+    def bin_of(self, xp: Any, wo: Any) -> Any: ...
+    def cell_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, HalfVector]: ...
+    def half_vector(self, xp: Any, wo: Any, cell: Any, u: Any, v: Any) -> HalfVector: ...
+    def pdf(self, xp: Any, value: Any, half: HalfVector, wo_half: Any) -> Any: ...
+    def weight(self, cosine: Array, half: HalfVector, wo_half: Array) -> Array: ...
+    def points(self, count: int) -> HalfVector: ...
+    def viewers(self) -> Array: ...
+    def areas(self) -> Array: ...
+    def stored(self, probability: Array) -> Array: ...
 
 
 @dataclass(frozen=True)

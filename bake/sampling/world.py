@@ -1,4 +1,4 @@
-"""Directions towards the bright parts of a world, and the density of drawing them: for aimed sampling (DESIGN.md 5).
+"""Directions towards the bright parts of a world, and the density of drawing them: for aimed sampling.
 
 The sphere is cut into cells of equal solid angle: columns even in azimuth, rows even in z, row 0 at the nadir (the
 cylindrical projection of Archimedes and Lambert, in the order of Blender's pixels). So jitter inside a cell is even in
