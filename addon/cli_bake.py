@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from ..bake.alias_sampler import SamplerLayout
 from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import SUFFIX, read_bundle
@@ -15,6 +14,7 @@ from ..bake.errors import BakeError
 from ..bake.grid_search import BASES
 from ..bake.origin import Origin, file_origin, model_origin
 from ..bake.parameterization import PARAMETERIZATIONS
+from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
 from ..bake.storage import TABLE_STORAGES, Storage

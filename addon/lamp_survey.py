@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..bake.light_sampling import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
+from ..bake.sampling.lamps import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
 from ..nodes import compat
 from ..nodes.aimed_light_group import MAX_SLOTS
 from ..nodes.group import is_measured_tree

@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..bake.light_sampling import TEXELS, lamp_table
+from ..bake.sampling.lamps import TEXELS, lamp_table
 from ..nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aim_by, aimed_light_group, can_switch
 from ..nodes.light_images import new_table, world_table
 from . import fresh_tables, world_light
@@ -87,7 +87,7 @@ def make_ready() -> None:
 
 
 def table_of(report: LampReport) -> np.ndarray:
-    """`bake.light_sampling.lamp_table` of what is to be aimed at."""
+    """`bake.sampling.lamps.lamp_table` of what is to be aimed at."""
     structure = report.world.structure if report.world.aimed else None
     world = (structure.toward, structure.flux) if structure is not None else None
     return lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE, world)

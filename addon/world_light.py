@@ -20,8 +20,8 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
+from ..bake.sampling.world import COLUMNS, ROWS, WorldStructure, cell_light, world_structure, world_texels
 from ..bake.source import Array
-from ..bake.world_sampling import COLUMNS, ROWS, WorldStructure, cell_light, world_structure, world_texels
 from ..nodes import compat
 from ..nodes.group import content_hash
 from ..nodes.light_images import WORLD as IMAGE

@@ -13,7 +13,7 @@ from .directions import normalize, spherical
 from .source import Array, BrdfSource
 from .table import Filter, Grid, TreatedSource
 
-# Exponent of the half-vector warp m = u^4: it resolves peaks of 0.02 degrees, see alias_sampler.
+# Exponent of the half-vector warp m = u^4: it resolves peaks of 0.02 degrees, see `sampling.half_vector_cells`.
 _WARP = 4.0
 
 

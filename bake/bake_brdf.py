@@ -11,7 +11,6 @@ from typing import Any, Literal, get_args
 from . import VERSION
 from .accuracy import DirectionPairs, direction_pairs, table_errors
 from .albedo import albedo_facts
-from .alias_sampler import SamplerLayout, build_sampler
 from .anisotropic.bake import bake_anisotropic
 from .atlas import pack
 from .brdf.grids import MAX_RESOLUTION
@@ -19,19 +18,20 @@ from .bspline_fit import fit_coefficients, sample_spline
 from .bundle import Kind, StoredImage, write_bundle
 from .envelope import (
     EnvelopeFit,
+    ResidualSource,
     fit_envelope,
     fit_preview,
     lamp_shares,
     pack_weights,
     reconstruction_errors,
-    residual_source,
-    residual_table,
 )
 from .errors import BakeError
 from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid, refit_grid
 from .origin import file_origin
 from .parameterization import PARAMETERIZATIONS, Parameterization
 from .preview import preview_sphere
+from .sampling.cell_sampler import build_sampler
+from .sampling.half_vector_cells import SamplerLayout
 from .source import Array, BrdfSource
 from .sources import read_source
 from .storage import TABLE_STORAGES, Storage
@@ -210,7 +210,7 @@ def bake_source(
     }
     preview = fit_preview(treated)
     facts["preview"] = preview.facts()
-    images["preview_weights"] = StoredImage(preview.packed(), Storage.FLOAT32)
+    images["preview_weights"] = StoredImage(pack_weights(preview), Storage.FLOAT32)
     if settings.envelope:
         say("envelope", 0.0)
         extra, images_of_envelope = _envelope(treated, stored, settings, pairs, say)
@@ -245,8 +245,8 @@ def _envelope(
     fit = fit_envelope(treated, progress=lambda share: say("envelope", 0.4 * share))
     grid = _residual_grid(treated, fit, table.grid, settings)
     say("envelope", 0.7)
-    rest = residual_source(treated, fit).evaluate(pairs.wi, pairs.wo)
-    kept = _quantized(residual_table(treated, fit, grid), settings, pairs, rest)
+    source = ResidualSource(treated, fit)
+    kept = _quantized(tabulate(source, grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
     residual = kept.table
     sampler = build_sampler(TableSource(residual, "trilinear"), settings.sampler)
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
@@ -264,7 +264,7 @@ def _residual_grid(treated: TreatedSource, fit: EnvelopeFit, grid: Grid, setting
     """Of the residual's table: what the envelope leaves of a highlight has another width, and no reciprocity."""
     if settings.bases == ("normal",) and settings.spacing != "auto":
         return grid
-    return refit_grid(residual_source(treated, fit), grid, settings.resolution)
+    return refit_grid(ResidualSource(treated, fit), grid, settings.resolution)
 
 
 def _sampled(table: BrdfTable, filter: Filter) -> BrdfSource:

@@ -14,8 +14,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.light_sampling import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
-from ..bake.world_sampling import choose_cell, draw_in_world, expected_world_light, world_coordinates
+from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
+from ..bake.sampling.world import choose_cell, draw_in_world, expected_world_light, world_coordinates
 from . import expr
 from .group import FAMILY_KEY, HASH_KEY, SWITCHED_KEY, active_output, call, content_hash, node_group, nodes_before
 from .light_images import WORLD, world_table
@@ -44,9 +44,9 @@ def aimed_light_group(
 
     Parameters
     ----------
-    lamps : the table of `bake.light_sampling.lamp_table`, one lamp a row from the top
+    lamps : the table of `bake.sampling.lamps.lamp_table`, one lamp a row from the top
     slots : lamps to aim at, the first of the table; by default as many as the group does already, a new one at none
-    world : the table of `bake.world_sampling.world_texels` to aim at too; by default as the group does already, a new
+    world : the table of `bake.sampling.world.world_texels` to aim at too; by default as the group does already, a new
         one not, with the file's own table
     """
     columns, rows = lamps.size[0], lamps.size[1]

@@ -7,10 +7,9 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.envelope_texture import row_coordinate
-from ..bake.anisotropic.lobes import AnisotropicLobe
-from ..bake.anisotropic.views import ViewerGrid
-from ..bake.envelope import texture_coordinate
+from ..bake.envelope import ViewerGrid, texture_coordinate
+from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
+from ..bake.envelope.texture import row_coordinate
 from . import expr
 from .group import call
 from .native_closure import add_closures
@@ -35,7 +34,7 @@ def anisotropic_native_closure(lobe: AnisotropicLobe, weight: Any, normal: Any, 
 
 @dataclass(frozen=True)
 class AnisotropicClosures:
-    """Closures, and their weights as a texture of `bake.anisotropic.envelope_texture`; as `WeightedClosures`.
+    """Closures, and their weights as a texture of `bake.envelope.texture`; as `WeightedClosures`.
 
     `tangent` is the surface's, in world space.
     """

@@ -1,4 +1,4 @@
-"""Node groups of a four-dimensional table: its lookup, its sampler, and that sampler's density."""
+"""Node group of a four-dimensional table's lookup."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import bpy
 
 from ..bake.anisotropic.atlas import SliceLayout, slice_uv
 from ..bake.anisotropic.grid import Grid
-from ..bake.anisotropic.sampler import SlopeLayout, find_texel, reflect_from_cell, viewer_bin
 from ..bake.log_storage import LogCodes
 from ..bake.table import bspline_weights
 from . import expr
@@ -100,35 +99,3 @@ def _chosen(weights: tuple[Any, ...], random: Any) -> tuple[Any, Any]:
     # Rounding may lead past the last one, or to one of no weight.
     rest = expr.minimum(expr.maximum(expr.divide(random - start, share), 0.0), 1.0)
     return place, rest
-
-
-def slope_sampler_group(name: str, image: bpy.types.Image, layout: SlopeLayout) -> bpy.types.ShaderNodeTree:
-    """(wo, four random numbers) to (wi, pdf), local.
-
-    Parameters
-    ----------
-    image : the alias tables, one row per viewer bin from the top, one column per cell; RGBA as in `SlopeSampler`
-    """
-
-    def sample(wo: Any, u_cell: Any, u_alias: Any, u_x: Any, u_y: Any) -> tuple[Any, Any]:
-        cell = expr.minimum(expr.floor(u_cell * layout.cells), layout.cells - 1.0)
-        texel, alias_weight = _texel(image, layout, viewer_bin(expr, layout, wo), cell)
-        return reflect_from_cell(expr, layout, wo, cell, texel, alias_weight, u_alias, u_x, u_y)
-
-    numbers = dict.fromkeys(("Random Cell", "Random Alias", "Random X", "Random Y"), "float")
-    return node_group(name, {"wo": "vector", **numbers}, {"wi": "vector", "pdf": "float"}, sample)
-
-
-def slope_pdf_group(name: str, image: bpy.types.Image, layout: SlopeLayout) -> bpy.types.ShaderNodeTree:
-    """(wi, wo) to the density with which `slope_sampler_group` draws wi."""
-
-    def density(wi: Any, wo: Any) -> Any:
-        bin_index, cell, factor = find_texel(expr, layout, wi, wo)
-        return expr.components(_texel(image, layout, bin_index, cell)[0])[2] * factor
-
-    return node_group(name, {"wi": "vector", "wo": "vector"}, {"pdf": "float"}, density)
-
-
-def _texel(image: bpy.types.Image, layout: SlopeLayout, bin_index: Any, cell: Any) -> tuple[Any, Any]:
-    u, v = (cell + 0.5) * (1 / layout.cells), 1 - (bin_index + 0.5) * (1 / layout.bins)
-    return expr.image_tap(image, u, v, "Closest")

@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.envelope import AnisotropicFit
 from ..bake.brdf.record import BrdfRecord
 from .anisotropic_closures import AnisotropicClosures
 from .anisotropic_table import AnisotropicGroups, anisotropic_table_groups
@@ -76,6 +75,5 @@ def _traced(
 def _closures(record: BrdfRecord, name: str, part: str, pack: bool) -> AnisotropicClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    assert isinstance(fit, AnisotropicFit)
     image = bundle_image(record.files(), part, f"{name} {part.replace('_', ' ')}", pack=pack)
-    return AnisotropicClosures(fit.closures, image, fit.grid)
+    return AnisotropicClosures(fit.closures, image, fit.viewers)

@@ -8,10 +8,11 @@ from typing import Any
 import bpy
 
 from ..bake.anisotropic.grid import NormalGrid
-from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import AnisotropicGrid
-from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
+from ..bake.sampling.slope_cells import SlopeLayout
+from .alias_sampler_group import alias_pdf_group, alias_sampler_group
+from .anisotropic_groups import anisotropic_lookup_group
 from .data_image import bundle_image
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
@@ -57,6 +58,6 @@ def anisotropic_table_groups(
     lookup = anisotropic_lookup_group(
         f"MM Lookup {name}", atlas, grid, filter, 1 / stored.scale, stochastic, stored.offset, stored.log
     )
-    sampler = slope_sampler_group(f"MM Sampler {name}", cells, layout)
-    density = slope_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
+    sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
+    density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
     return AnisotropicGroups(lookup, sampler, density)

@@ -61,7 +61,7 @@ def highlight_group(name: str, lamps: bpy.types.Image | None = None) -> bpy.type
     Parameters
     ----------
     name : one of `bake.cosine_lobes.COSINE_LOBES`
-    lamps : table of lamps to aim at, see `bake.light_sampling`
+    lamps : table of lamps to aim at, see `bake.sampling.lamps`
     """
     phong = next(lobe for lobe, curve in PHONG.items() if curve == name)
 

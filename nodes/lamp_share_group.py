@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..bake.envelope import part_of_light, share_coordinates
-from ..bake.light_sampling import TEXELS
+from ..bake.sampling.lamps import TEXELS
 from . import expr
 from .group import node_group
 
@@ -18,7 +18,7 @@ def lamp_share_group(shares: bpy.types.Image, lamps: bpy.types.Image) -> bpy.typ
     Parameters
     ----------
     shares : of `bake.envelope.lamp_shares`
-    lamps : the table of `bake.light_sampling.lamp_table`
+    lamps : the table of `bake.sampling.lamps.lamp_table`
     """
 
     def build(wo: Any, normal: Any, usual: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..bake.world_sampling import COLUMNS, ROWS
+from ..bake.sampling.world import COLUMNS, ROWS
 
 WORLD = "MM World"
 

@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.alias_sampler import SamplerLayout
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.common import Colour
 from ..bake.brdf.grids import IsotropicGrid
@@ -18,6 +17,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import Bundle
 from ..bake.envelope import EnvelopeFit, PreviewFit
 from ..bake.errors import BakeError
+from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.shading.record import ShadingMapRecord
 from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
@@ -63,7 +63,7 @@ def build_material(
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them (unbiased, fewer taps)
     pack : store the textures inside the .blend
-    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from ..bake.anisotropic.atlas import SliceLayout
-from ..bake.anisotropic.envelope import AnisotropicFit
 from ..bake.anisotropic.grid import Grid
-from ..bake.anisotropic.lobes import AnisotropicLobe
-from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.brdf.grids import AnisotropicGrid
 from ..bake.brdf.record import BrdfRecord
+from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.errors import BakeError
 from ..bake.parameterization import shape_constants
+from ..bake.sampling.slope_cells import SlopeLayout
 from ..bake.table import FILTERS
 from .osl_script import texel_constants, texture_file
 
@@ -42,9 +41,8 @@ def anisotropic_constants(
     ):
         if mode in modes:
             fit = record.load_envelope() if image == "envelope" else record.load_preview()
-            assert isinstance(fit, AnisotropicFit)
             constants |= {name: texture_file(bundle, image), f"{name}Closures": closure_words(fit.closures)}
-            viewers = fit.grid
+            viewers = fit.viewers
             constants |= {"NodesTheta": viewers.n_theta, "NodesPhi": viewers.n_phi, "HalfTurn": int(viewers.folded)}
     return constants
 

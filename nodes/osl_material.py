@@ -12,7 +12,6 @@ from typing import Any
 
 import bpy
 
-from ..bake.alias_sampler import SamplerLayout
 from ..bake.atlas import AtlasLayout
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.common import kind_of
@@ -22,9 +21,10 @@ from ..bake.bundle import MATERIAL, Bundle
 from ..bake.envelope import EnvelopeFit, PreviewFit
 from ..bake.errors import BakeError
 from ..bake.half_grid import HalfGrid
-from ..bake.light_sampling import TEXELS
 from ..bake.modes import MODES
 from ..bake.parameterization import shape_constants
+from ..bake.sampling.half_vector_cells import SamplerLayout
+from ..bake.sampling.lamps import TEXELS
 from ..bake.shading.lobes import Lobe
 from ..bake.table import FILTERS, Grid
 from . import expr
@@ -56,7 +56,7 @@ def build_osl_material(
     source : the bundle's record, or the bundle, which is then read
     material : to rebuild in place, so that objects keep it; a new one by default
     mode : of `bake.modes.MODES`; by default `nodes.material.usual_mode`
-    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
 

@@ -45,7 +45,7 @@ class Lighting:
     peak : f_r reaches beyond a_max from some viewer
     level_by_cosine : for technique "angular"
     measured : in place of the settings' lobe
-    lamps : table of lamps to aim at, see `bake.light_sampling`
+    lamps : table of lamps to aim at, see `bake.sampling.lamps`
     """
 
     settings: RenderSettings

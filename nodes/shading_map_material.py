@@ -43,7 +43,7 @@ def build_shading_map(
     material : to rebuild in place, so that objects keep it; a new one by default
     settings : how it is lit; by default as the bundle says
     pack : store the textures inside the .blend
-    lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
+    lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     reduce : texels across that Cycles sees as their mean, for a swatch far away; for model "slices" only
 
     Raises

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from measured_materials.bake import alpha_search, bake_brdf, grid_race, grid_search
 from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, trilinear_estimate
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic import bake as anisotropic_bake
 from measured_materials.bake.anisotropic import choice
 from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
 from measured_materials.bake.anisotropic.choice import Symmetry
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import TableGrid

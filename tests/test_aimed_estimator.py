@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.light_sampling import ELLIPSE, SUN, Lamp, lamp_table
+from measured_materials.bake.sampling.lamps import ELLIPSE, SUN, Lamp, lamp_table
 from measured_materials.nodes.aimed_light_group import aimed_light_group
 from measured_materials.nodes.group import call
 from numpy.typing import NDArray

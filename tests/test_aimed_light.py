@@ -15,11 +15,11 @@ from mathutils import Matrix, Vector
 from measured_materials.addon import lamps
 from measured_materials.addon.lamps import CAPACITY, TABLE, lamp_image, survey, update_scene
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.light_sampling import (
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.lamps import (
     aim_numpy,
     density_towards,
     draw_towards,

@@ -15,15 +15,15 @@ from measured_materials.addon import lamps, studio, world_light
 from measured_materials.addon.lamps import lamp_image, pack_tables, survey, update_scene
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import normalize, spherical
-from measured_materials.bake.light_sampling import (
+from measured_materials.bake.sampling.lamps import (
     aim_numpy,
     density_towards,
     draw_towards,
     expected_light,
     lamp_table,
 )
+from measured_materials.bake.sampling.world import cell_directions, cell_light, expected_world_light, world_texels
 from measured_materials.bake.shading.render_settings import RenderSettings
-from measured_materials.bake.world_sampling import cell_directions, cell_light, expected_world_light, world_texels
 from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import aimed_light_group
 from measured_materials.nodes.group import call

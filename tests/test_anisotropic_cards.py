@@ -7,17 +7,15 @@ import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.anisotropic.atlas import pack
 from measured_materials.bake.anisotropic.grid import Grid, HalfGrid, NormalGrid
-from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler, viewer_bin
 from measured_materials.bake.anisotropic.table import AnisotropicTable
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.sampling.cell_sampler import build_sampler
+from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS
-from measured_materials.nodes.anisotropic_groups import (
-    anisotropic_lookup_group,
-    slope_pdf_group,
-    slope_sampler_group,
-)
+from measured_materials.nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
+from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.group import call
 from measured_materials.nodes.tangent_frame_group import tangent_frame_group
 from support.cards import card, data_image
@@ -106,9 +104,9 @@ def group_call(group: object) -> object:
 def test_sampler(folded: bool) -> None:
     """Directions and densities of draws equal numpy's, random numbers of exactly 0 and 1 included."""
     layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, folded)
-    sampler = build_slope_sampler(BRUSHED, layout)
+    sampler = build_sampler(BRUSHED, layout)
     image = data_image("slopes", sampler.texels)
-    draw, ask = (make(f"card slopes {folded}", image, layout) for make in (slope_sampler_group, slope_pdf_group))
+    draw, ask = (make(f"card slopes {folded}", image, layout) for make in (alias_sampler_group, alias_pdf_group))
     rng = np.random.default_rng(5)
     count = 6000
     theta = np.concatenate([[0, 1e-4, np.pi / 2 - 1e-3], np.arccos(rng.random(count - 3))])
@@ -134,12 +132,10 @@ def test_sampler(folded: bool) -> None:
 def away_from_borders(sampler: object, wo: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Draws whose bin, cell and acceptance are decided by more than float32's last bits."""
     layout = sampler.layout
-    near = [
-        viewer_bin(xp_numpy, layout, normalize(wo.astype(float) + d)) for d in 1e-5 * np.vstack([np.eye(3), -np.eye(3)])
-    ]
+    near = [layout.bin_of(xp_numpy, normalize(wo.astype(float) + d)) for d in 1e-5 * np.vstack([np.eye(3), -np.eye(3)])]
     same = np.ptp(near, 0) == 0
     cell = u[:, 0].astype(float) * layout.cells
-    row = viewer_bin(xp_numpy, layout, wo.astype(float)).astype(int)
+    row = layout.bin_of(xp_numpy, wo.astype(float)).astype(int)
     acceptance = sampler.texels[row, np.minimum(cell, layout.cells - 1).astype(int), 0]
     edge = (u[:, 0] == 0) | (u[:, 0] == 1)
     return same & (np.abs(u[:, 1] - acceptance) > 1e-5) & (edge | (np.abs(cell - np.round(cell)) > 1e-3))

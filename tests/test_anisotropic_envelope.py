@@ -8,18 +8,24 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.bake.anisotropic.accuracy import turned_pairs
-from measured_materials.bake.anisotropic.envelope import (
-    AnisotropicFit,
-    AnisotropicResidual,
-    fit_anisotropic_envelope,
-    fit_anisotropic_preview,
-    preview_error,
-)
-from measured_materials.bake.anisotropic.envelope_texture import fit_from_image, guarded_share, pack_weights
-from measured_materials.bake.anisotropic.lobes import AnisotropicLobe
-from measured_materials.bake.anisotropic.views import ViewerGrid, slope_views
 from measured_materials.bake.brdf.closures import anisotropic_lobe_of
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.envelope import (
+    EnvelopeFit,
+    EnvelopeSettings,
+    PreviewFit,
+    ResidualSource,
+    ViewerGrid,
+    fit_envelope,
+    fit_from_image,
+    fit_preview,
+    guarded_share,
+    pack_weights,
+    preview_error,
+    preview_from_image,
+)
+from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
+from measured_materials.bake.envelope.views import slope_views
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.material_json import Fields
 from measured_materials.bake.sources import analytic
@@ -42,11 +48,11 @@ def clean_blend() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def fit() -> AnisotropicFit:
-    return fit_anisotropic_envelope(SATIN, ViewerGrid(10, 4, folded=True), WIDTHS)
+def fit() -> EnvelopeFit:
+    return fit_envelope(SATIN, EnvelopeSettings(viewers=ViewerGrid(10, 4, True, WIDTHS)))
 
 
-def test_envelope_carries_most_within_its_budget(fit: AnisotropicFit) -> None:
+def test_envelope_carries_most_within_its_budget(fit: EnvelopeFit) -> None:
     facts = fit.facts()
     # A Gaussian lobe ends where a GGX goes on: the isotropic envelope of such a Ward carries 0.54.
     assert facts["share"] > 0.45
@@ -55,13 +61,13 @@ def test_envelope_carries_most_within_its_budget(fit: AnisotropicFit) -> None:
     pairs = turned_pairs(30_000, offset=0.3)
     truth, envelope = SATIN.evaluate(pairs.wi, pairs.wo), fit.evaluate(pairs.wi, pairs.wo)
     assert pairs.relative_error(np.maximum(envelope - truth, 0), truth) < 1.5e-3
-    rest = AnisotropicResidual(SATIN, fit).evaluate(pairs.wi, pairs.wo)
+    rest = ResidualSource(SATIN, fit).evaluate(pairs.wi, pairs.wo)
     np.testing.assert_allclose(np.minimum(envelope, truth) + rest, truth, rtol=1e-9)
 
 
-def test_preview_reflects_the_albedo(fit: AnisotropicFit) -> None:
-    chords, phi = fit.grid.nodes()
-    weights = fit_anisotropic_preview(SATIN, fit, WIDTHS).reshape(len(chords), -1, 3)
+def test_preview_reflects_the_albedo(fit: EnvelopeFit) -> None:
+    chords, phi = fit.viewers.nodes()
+    weights = fit_preview(SATIN, fit.viewers, fit.closures).weights.reshape(len(chords), -1, 3)
     views = slope_views(SATIN, chords, phi, WIDTHS, (64, 60))
     albedo = np.stack([lobe.value(views.wi, views.wo) for lobe in fit.closures], -1) * views.wi[..., 2:]
     reflected = np.einsum("vp,vpk,vkc->vc", views.areas, albedo, weights)
@@ -70,35 +76,55 @@ def test_preview_reflects_the_albedo(fit: AnisotropicFit) -> None:
     np.testing.assert_allclose(reflected[low], views.energy[low], rtol=0.02)
 
 
+def test_preview_without_an_envelope_chooses_its_own_closures() -> None:
+    """A sum of two closures is found in the basis, all else by the same fit; and it comes back from its image."""
+    lobes = AnisotropicLobe("lambert"), AnisotropicLobe("ggx", 0.06, 0.4)
+
+    class Sum:
+        isotropic = bilateral = False
+        name, facts = "sum", {}
+
+        def evaluate(self, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+            return sum(lobe.value(wi, wo)[..., None] * (0.3, 0.2, 0.1) for lobe in lobes)
+
+    preview = fit_preview(Sum(), ViewerGrid(6, 4, True, (0.06, 0.4)))
+    assert preview.closures == lobes and preview.error < 1e-3
+    np.testing.assert_allclose(preview.weights[:4], np.broadcast_to((0.3, 0.2, 0.1), (4, 4, 2, 3)), rtol=0.02)
+    back = preview_from_image(preview.closures, preview.viewers, pack_weights(preview), preview.error, "here")
+    np.testing.assert_array_equal(back.weights, preview.weights)
+    assert back.facts() == preview.facts()
+
+
 def test_preview_error_is_relative() -> None:
     """Of weights that a material was made of it is 0, of half of them a half, and of none 1."""
-    grid, lobe = ViewerGrid(4, 4, folded=True), AnisotropicLobe("ggx", *WIDTHS)
+    grid, lobe = ViewerGrid(4, 4, True, WIDTHS), AnisotropicLobe("ggx", *WIDTHS)
     weights = np.ones((4, 4, 1, 3), np.float32)
     brushed = analytic.Ggx(alpha=WIDTHS[0], alpha_y=WIDTHS[1], f0=1)
     for share, error in ((1, 0), (0.5, 0.5), (0, 1)):
-        made = AnisotropicFit((lobe,), grid, weights * np.float32(share), np.zeros((4, 4), np.float32), {})
-        assert preview_error(brushed, made, WIDTHS) == pytest.approx(error, abs=1e-6)
+        made = PreviewFit((lobe,), grid, weights * np.float32(share), 0.0)
+        assert preview_error(brushed, made) == pytest.approx(error, abs=1e-6)
 
 
-def test_texture_round_trip(fit: AnisotropicFit) -> None:
-    back = fit_from_image(fit.closures, fit.grid, pack_weights(fit.weights, fit.share), fit.measured, "here")
+def test_texture_round_trip(fit: EnvelopeFit) -> None:
+    image = pack_weights(fit)
+    back = fit_from_image(fit.closures, fit.viewers, image, fit.measured, "here")
     np.testing.assert_array_equal(back.weights, fit.weights)
-    np.testing.assert_array_equal(back.share, fit.share)
+    np.testing.assert_array_equal(back.residual_share, guarded_share(fit))
     assert back.facts() == fit.facts()
-    for spoiled in (pack_weights(fit.weights)[1:], -pack_weights(fit.weights), pack_weights(fit.weights) * np.nan):
+    for spoiled in (image[1:], -image, image * np.nan):
         with pytest.raises(BakeError):
-            fit_from_image(fit.closures, fit.grid, spoiled, fit.measured, "here")
+            fit_from_image(fit.closures, fit.viewers, spoiled, fit.measured, "here")
 
 
-def test_share_never_excludes_what_is_there(fit: AnisotropicFit) -> None:
+def test_share_never_excludes_what_is_there(fit: EnvelopeFit) -> None:
     share = guarded_share(fit)
     assert share.min() >= 0.02 and share[(fit.weights > 0).any((2, 3))].max() <= 0.98
 
 
-def test_weights_on_cards(fit: AnisotropicFit) -> None:
+def test_weights_on_cards(fit: EnvelopeFit) -> None:
     """The texture's taps against numpy, across the azimuth's seam."""
-    image = data_image("anisotropic weights", pack_weights(fit.weights, fit.share))
-    closures = AnisotropicClosures(fit.closures, image, fit.grid)
+    image = data_image("anisotropic weights", pack_weights(fit))
+    closures = AnisotropicClosures(fit.closures, image, fit.viewers)
     rng = np.random.default_rng(3)
     theta, phi = np.arccos(rng.uniform(0, 1, 3000)), rng.uniform(-np.pi, np.pi, 3000)
     phi[:40], phi[40:80] = np.linspace(-1e-3, 1e-3, 40), np.pi - np.linspace(0, 1e-3, 40)

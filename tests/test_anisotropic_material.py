@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.addon.tangent_rows import tangent_nodes
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.atlas import pack
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.anisotropic.grid import Grid
-from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
 from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
+from measured_materials.bake.sampling.cell_sampler import build_sampler
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS
@@ -61,7 +62,7 @@ def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
 @pytest.mark.parametrize("folded", [False, True])
 def test_sampler(tmp_path: Path, folded: bool) -> None:
     layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, folded)
-    sampler, file = build_slope_sampler(BRUSHED, layout), tmp_path / "slopes.exr"
+    sampler, file = build_sampler(BRUSHED, layout), tmp_path / "slopes.exr"
     write_image(file, sampler.texels, Storage.FLOAT32)
     facts = f'"{file}", 6, 8, 14, 12, 0.1, 0.4, {int(folded)}'
     body = f"""

@@ -8,12 +8,12 @@ import bpy
 import pytest
 from measured_materials.addon.brdf_build import build_brdf, usual_choices
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.modes import MODES
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from measured_materials.nodes.material import assemble, build_material

@@ -11,11 +11,12 @@ from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, 
 from measured_materials.bake.anisotropic.atlas import SliceLayout, pack, unpack
 from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry, total_intensity
 from measured_materials.bake.anisotropic.grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid, slope_unwarp
-from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler, find_texel, turned, viewer_bin
 from measured_materials.bake.anisotropic.table import AnisotropicTable, tabulate
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.sampling.cell_sampler import build_sampler, find_texel
+from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS
 from scipy import stats
@@ -196,7 +197,7 @@ LAYOUTS = {
 def test_density_integrates_to_one(name: str) -> None:
     """Over all slopes, hence over all directions with those below the horizon."""
     layout = LAYOUTS[name]
-    sampler = build_slope_sampler(BRUSHED, layout)
+    sampler = build_sampler(BRUSHED, layout)
     u = ((np.arange(600) + 0.5) / 300) - 1
     x, y = layout.width_x * u / (1 - np.abs(u)), layout.width_y * u / (1 - np.abs(u))
     x, y = np.meshgrid(x, y)
@@ -211,10 +212,9 @@ def test_density_integrates_to_one(name: str) -> None:
         area *= (layout.width_y + np.abs(y)) ** 2 / layout.width_y
         # Half vectors that see the viewer from behind have no light direction: their share by the cells themselves.
         front = wo_half > 1e-6
-        bin_index, cell, density = find_texel(xp_numpy, layout, wi[front], np.broadcast_to(wo, wi[front].shape))
-        pdf = sampler.texels[bin_index.astype(int), cell.astype(int), 2] * density
+        pdf = sampler.pdf(wi[front], np.broadcast_to(wo, wi[front].shape))
         inside = (pdf * (jacobian * area)[front]).sum()
-        row = sampler.texels[int(viewer_bin(xp_numpy, layout, wo)), :, 2].reshape(layout.n_y, layout.n_x)
+        row = sampler.texels[int(layout.bin_of(xp_numpy, wo)), :, 2].reshape(layout.n_y, layout.n_x)
         side = -1 if layout.folded and np.pi - np.pi / 8 < phi_o % (2 * np.pi) < 2 * np.pi - np.pi / 8 else 1
         i_y, i_x = (
             np.minimum((1 + side * g) * n / 2, n - 1).astype(int)
@@ -229,7 +229,7 @@ def test_density_integrates_to_one(name: str) -> None:
 def test_draws_follow_the_density(name: str) -> None:
     """Chi-square over cells of slopes, for viewers on either side; and `pdf` is what `sample` says."""
     layout = LAYOUTS[name]
-    sampler = build_slope_sampler(BRUSHED, layout)
+    sampler = build_sampler(BRUSHED, layout)
     rng = np.random.default_rng(4)
     count = 200_000
     for theta_o, phi_o in ((0.05, 2.0), (0.8, 3.0), (0.8, -0.2), (1.3, 4.0)):
@@ -255,7 +255,7 @@ def test_draws_follow_the_density(name: str) -> None:
 
 def in_front(layout: SlopeLayout, wo: np.ndarray) -> np.ndarray:
     """Cells (C,) of which every corner sees the viewer from the front: wo . (x, y, 1) > 0 is a half plane of slopes."""
-    side = float(np.asarray(turned(xp_numpy, layout, wo)))
+    side = float(np.asarray(layout.side(xp_numpy, wo)))
     edges = [
         np.asarray(slope_unwarp(xp_numpy, np.clip(np.linspace(-1, 1, n + 1), -1 + 1e-6, 1 - 1e-6), width)) * side
         for n, width in ((layout.n_x, layout.width_x), (layout.n_y, layout.width_y))
@@ -266,7 +266,7 @@ def in_front(layout: SlopeLayout, wo: np.ndarray) -> np.ndarray:
 
 def test_sampler_lowers_the_variance() -> None:
     """Against the cosine: of a brushed metal seen at 45 degrees it needs a fiftieth of the samples."""
-    sampler = build_slope_sampler(BRUSHED, SlopeLayout(8, 8, 24, 24, 0.1, 0.4))
+    sampler = build_sampler(BRUSHED, SlopeLayout(8, 8, 24, 24, 0.1, 0.4))
     rng = np.random.default_rng(8)
     u = rng.random((40_000, 4))
     wo = np.broadcast_to(spherical(0.8, 1.1), (len(u), 3))

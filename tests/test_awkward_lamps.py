@@ -13,7 +13,7 @@ from mathutils import Euler, Matrix, Vector
 from measured_materials.addon.lamp_survey import CAPACITY, survey_scene
 from measured_materials.addon.lamps import table_of
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.light_sampling import (
+from measured_materials.bake.sampling.lamps import (
     ELLIPSE,
     RECTANGLE,
     SPHERE,

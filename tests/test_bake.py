@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.log_storage import MOST_RANGE
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import TABLE_STORAGES

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from measured_materials.addon.describe import table_rows
 from measured_materials.bake.accuracy import direction_pairs, trilinear_estimate
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.atlas import AtlasLayout, pack, unpack
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -19,6 +18,7 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.grid_search import choose_grid, fit_warps, half_sizes
 from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.parameterization import PARAMETERIZATIONS, LogWarp
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, tabulate
 

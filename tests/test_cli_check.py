@@ -18,7 +18,7 @@ import sys
 from pathlib import Path
 import bpy
 from measured_materials.addon import lamps
-from measured_materials.bake.alias_sampler import SamplerLayout
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.sources import analytic

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake import bake_brdf
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.envelope import EnvelopeFit, fit_envelope, lamp_shares
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage

@@ -14,16 +14,16 @@ from measured_materials.bake.bake_brdf import TableSource
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import (
     BASIS,
+    Elevations,
     EnvelopeFit,
     EnvelopeSettings,
+    ResidualSource,
     fit_envelope,
     fit_from_image,
     guarded_share,
     mirror_probability,
     pack_weights,
     reconstruction_errors,
-    residual_source,
-    residual_table,
     texture_coordinate,
     unpack_weights,
 )
@@ -36,7 +36,7 @@ from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.sources import analytic, read_source
 from measured_materials.bake.table import TableGrid, TreatedSource, tabulate
 
-FEW = EnvelopeSettings(nodes=24)
+FEW = EnvelopeSettings(viewers=Elevations(24))
 
 
 class Made:
@@ -110,7 +110,7 @@ def smooth_sources(seed: int) -> list[analytic.Analytic]:
 @pytest.mark.parametrize("source", smooth_sources(1), ids=lambda s: s.name)
 def test_without_a_budget_the_envelope_lies_under(source: analytic.Analytic) -> None:
     """At 30 000 pairs that the fit has not seen, half of them round the mirror direction."""
-    fit = fit_envelope(source, EnvelopeSettings(budget=0.0, nodes=24))
+    fit = fit_envelope(source, EnvelopeSettings(budget=0.0, viewers=Elevations(24)))
     pairs = direction_pairs(30_000, offset=0.3)
     truth, envelope = source.evaluate(pairs.wi, pairs.wo), fit.evaluate(pairs.wi, pairs.wo)
     assert (envelope >= 0).all() and np.isfinite(envelope).all()
@@ -135,7 +135,7 @@ def test_budget() -> None:
     source = Made(lambda wi, wo: 0.5 / np.pi * (1 + 1.1 * noise(wi, wo)))
     shares = []
     for budget in (0.0, 1e-3, 1e-2):
-        fit = fit_envelope(source, EnvelopeSettings(budget=budget, price=0.0, nodes=12, basis=BASIS[:8]))
+        fit = fit_envelope(source, EnvelopeSettings(budget=budget, price=0.0, viewers=Elevations(12), basis=BASIS[:8]))
         # White noise falls between any two sets of directions: a twentieth on top at a single viewer.
         assert fit.measured["overshoot"] <= budget
         assert fit.measured["overshoot_largest"] <= 1.05 * budget
@@ -148,7 +148,8 @@ def test_budget() -> None:
 def test_measured_noise_and_zeros(shared_data: Path) -> None:
     """A genuine satin, neither symmetric nor positive: the budget multiplies what is carried."""
     source = read_source(shared_data / "rgl" / "satin_rosaline_rgb.bsdf")
-    strict, fit = (fit_envelope(source, EnvelopeSettings(budget=budget, nodes=20)) for budget in (0.0, 1e-3))
+    viewers = Elevations(20)
+    strict, fit = (fit_envelope(source, EnvelopeSettings(budget=budget, viewers=viewers)) for budget in (0.0, 1e-3))
     assert fit.measured["overshoot"] <= 1e-3 and fit.measured["overshoot_largest"] < 2e-3
     assert strict.measured["overshoot"] < 1e-4
     assert fit.measured["share"] > strict.measured["share"] + 0.05 > 0.4
@@ -157,7 +158,7 @@ def test_measured_noise_and_zeros(shared_data: Path) -> None:
 def test_of_a_table() -> None:
     """What is rendered may be fitted instead of what was measured: a trilinear table, with its creases."""
     table = tabulate(analytic.Ggx(alpha=0.2, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.1, 0.2)), TableGrid(24, "bezier"))
-    fit = fit_envelope(TableSource(table, "trilinear"), EnvelopeSettings(nodes=12))
+    fit = fit_envelope(TableSource(table, "trilinear"), EnvelopeSettings(viewers=Elevations(12)))
     pairs = direction_pairs(10_000, offset=0.7)
     truth = table.evaluate(pairs.wi, pairs.wo)
     over = np.maximum(fit.evaluate(pairs.wi, pairs.wo) - truth, 0)
@@ -197,7 +198,7 @@ def test_grazing_directions_stay_finite(exact: tuple[Made, EnvelopeFit]) -> None
     source, fit = exact
     z = 10 ** np.linspace(-9, -1, 40)
     wi, wo = spherical(np.arccos(z), np.pi)[:, None], spherical(np.arccos(z), 0.0)[None]
-    for value in (fit.evaluate(wi, wo), residual_source(source, fit).evaluate(wi, wo)):
+    for value in (fit.evaluate(wi, wo), ResidualSource(source, fit).evaluate(wi, wo)):
         assert np.isfinite(value).all() and (value >= 0).all()
     below = spherical(np.pi / 2 + 0.1, 0.0)
     assert (fit.evaluate(below, wo) == 0).all() and (fit.evaluate(wi, below) == 0).all()
@@ -211,15 +212,15 @@ def test_evaluation_is_the_sum_at_any_azimuth(exact: tuple[Made, EnvelopeFit]) -
     wo = spherical(2 * np.arcsin(node / 23 / np.sqrt(2)), 2 * np.pi * rng.random(200))
     expected = sum(lobe.value(wi, wo)[:, None] * fit.weights[node, k] for k, lobe in enumerate(fit.closures))
     assert np.allclose(fit.evaluate(wi, wo), expected, rtol=1e-9)
-    between = fit.weights_at(np.array([(node + 0.25) / 23]))[0]
+    between = fit.weights_at(spherical(2 * np.arcsin((node + 0.25) / 23 / np.sqrt(2)), 0.3))
     assert np.allclose(between, 0.75 * fit.weights[node] + 0.25 * fit.weights[node + 1], rtol=1e-6)
 
 
 def test_fewer_closures_where_they_do() -> None:
     """A diffuse material needs one; `most` holds, and more closures never carry less."""
     assert fit_envelope(analytic.Lambert(), FEW).closures == (Lobe("lambert"),)
-    paint = analytic.MetallicPaint()
-    one, three = (fit_envelope(paint, EnvelopeSettings(nodes=12, most=most, enough=1.0)) for most in (1, 3))
+    paint, few = analytic.MetallicPaint(), Elevations(12)
+    one, three = (fit_envelope(paint, EnvelopeSettings(viewers=few, most=most, enough=1.0)) for most in (1, 3))
     assert (len(one.closures), len(three.closures)) == (1, 3)
     assert one.measured["share"] + 0.05 < three.measured["share"]
 
@@ -227,7 +228,7 @@ def test_fewer_closures_where_they_do() -> None:
 def test_widths_are_refined_between_those_of_the_basis() -> None:
     """GGX of alpha 0.145, not in the basis: under it fit 0.71 of alpha 0.12 or 0.75 of 0.17."""
     source = sum_of([Lobe("ggx", 0.145)], np.full((2, 1, 3), 0.5))
-    fit = fit_envelope(source, EnvelopeSettings(nodes=12, most=1))
+    fit = fit_envelope(source, EnvelopeSettings(viewers=Elevations(12), most=1))
     assert fit.closures[0].p1 == pytest.approx(0.145, rel=0.02)
     assert fit.measured["share"] > 0.97
     assert neighbours(Lobe("lambert"), 1.2) == [] and neighbours(Lobe("ggx", 1.0), 1.25) == [Lobe("ggx", 0.8)]
@@ -255,8 +256,6 @@ def test_unfit_sources_are_refused(source: Made, cause: str) -> None:
         {"price": -1.0},
         {"most": 0},
         {"most": 2.5},
-        {"nodes": 3},
-        {"nodes": True},
         {"enough": 0.0},
         {"enough": "much"},
         {"basis": ()},
@@ -269,6 +268,12 @@ def test_settings_are_checked(settings: dict[str, Any]) -> None:
         EnvelopeSettings(**settings)
 
 
+@pytest.mark.parametrize("count", [3, True, 2000, 5.0])
+def test_numbers_of_nodes_are_checked(count: Any) -> None:
+    with pytest.raises(BakeError):
+        Elevations(count)
+
+
 # --- residual -------------------------------------------------------------------------------------------
 
 
@@ -278,7 +283,7 @@ def test_envelope_and_residual_are_the_material() -> None:
     fit = fit_envelope(source, FEW)
     chords = np.linspace(0, 1, 24)[[0, 7, 15, 21]]
     wi, wo, areas = light_directions(chords, 60, 40)
-    rest = residual_source(source, fit).evaluate(wi, wo)
+    rest = ResidualSource(source, fit).evaluate(wi, wo)
     envelope, truth = fit.evaluate(wi, wo), source.evaluate(wi, wo)
     assert (rest >= 0).all()
     assert np.allclose(envelope + rest, np.maximum(truth, envelope), rtol=1e-6, atol=1e-12)
@@ -295,7 +300,7 @@ def test_residual_table_leaves_less_to_interpolation() -> None:
     source = analytic.Ggx(alpha=0.03, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.1, 0.2))
     fit = fit_envelope(source, FEW)
     grid = TableGrid(24, "bezier", 0.5, 0.5)
-    rest, whole = residual_table(source, fit, grid), tabulate(source, grid)
+    rest, whole = tabulate(ResidualSource(source, fit), grid), tabulate(source, grid)
     assert (rest.values >= 0).all() and (rest.values <= whole.values + 1e-6).all()
     found = reconstruction_errors(source, fit, rest, whole, direction_pairs(8000))
     assert found["closer"] == "envelope_and_residual" and found["rms_ratio"] < 0.5
@@ -311,9 +316,9 @@ def test_image_keeps_the_envelope(exact: tuple[Made, EnvelopeFit]) -> None:
     _, fit = exact
     image = pack_weights(fit)
     assert image.shape == (len(fit.closures), 24, 4) and image.dtype == np.float32
-    weights, share = unpack_weights(image)
+    weights, share = unpack_weights(image, fit.viewers, len(fit.closures))
     assert (weights == fit.weights).all() and (share == guarded_share(fit)).all()
-    back = fit_from_image(fit.closures, 24, image, fit.measured)
+    back = fit_from_image(fit.closures, fit.viewers, image, fit.measured)
     pairs = direction_pairs(500)
     assert back.closures == fit.closures
     assert (back.evaluate(pairs.wi, pairs.wo) == fit.evaluate(pairs.wi, pairs.wo)).all()
@@ -335,7 +340,7 @@ def test_image_keeps_the_envelope(exact: tuple[Made, EnvelopeFit]) -> None:
 )
 def test_damaged_images_are_refused(image: np.ndarray) -> None:
     with pytest.raises(BakeError):
-        unpack_weights(image)
+        unpack_weights(image, Elevations(24), 2)
 
 
 def test_facts_and_image_must_agree(exact: tuple[Made, EnvelopeFit]) -> None:
@@ -343,7 +348,7 @@ def test_facts_and_image_must_agree(exact: tuple[Made, EnvelopeFit]) -> None:
     image = pack_weights(fit)
     for closures, nodes in ((fit.closures, 25), (fit.closures[:1], 24), ((), 24)):
         with pytest.raises(BakeError):
-            fit_from_image(closures, nodes, image, fit.measured)
+            fit_from_image(closures, Elevations(nodes), image, fit.measured)
 
 
 def test_texture_coordinate_is_that_of_a_linear_tap() -> None:
@@ -371,9 +376,9 @@ def test_no_part_that_carries_light_is_left_out() -> None:
     weights = np.zeros((6, 1, 3), np.float32)
     weights[2] = 0.4
     share = np.array([1, 1, 0.0, 1, 1, 0.0], np.float32)
-    guarded = guarded_share(EnvelopeFit(closures, weights, share, {}))
+    guarded = guarded_share(EnvelopeFit(closures, Elevations(6), weights, share, {}))
     assert guarded == pytest.approx([1, 0.98, 0.02, 0.98, 1, 0.02])
-    whole = EnvelopeFit(closures, np.ones((6, 1, 3), np.float32), np.zeros(6, np.float32), {})
+    whole = EnvelopeFit(closures, Elevations(6), np.ones((6, 1, 3), np.float32), np.zeros(6, np.float32), {})
     assert (guarded_share(whole) == 0).all()
 
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.envelope import EnvelopeFit
+from measured_materials.bake.envelope import Elevations, EnvelopeFit
 from measured_materials.bake.envelope.closures import NARROWEST
-from measured_materials.bake.envelope.views import chord_of
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.nodes import expr
 from measured_materials.nodes.native_closure import native_closure
@@ -36,9 +35,9 @@ def test_a_sum_of_closures_is_the_envelope() -> None:
     """Weights of a viewer between two nodes, added up by shader nodes, against `EnvelopeFit.evaluate`."""
     closures = (Lobe("lambert"), Lobe("ggx", 0.06), Lobe("sheen", 0.7))
     weights = np.random.default_rng(1).random((8, 3, 3)).astype(np.float32)
-    fit = EnvelopeFit(closures, weights, np.zeros(8, np.float32), {})
+    fit = EnvelopeFit(closures, Elevations(8), weights, np.zeros(8, np.float32), {})
     wo = spherical(0.9, 0.0)
-    colours = fit.weights_at(chord_of(wo))
+    colours = fit.weights_at(wo)
 
     def added(_: Any, normal: Any) -> Any:
         total = None

@@ -8,10 +8,10 @@ import pytest
 from measured_materials.addon.expectation import expectation
 from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.measured_material import material_from
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.modes import MODES
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from support.records import brdf_record
 from test_addon import registered  # noqa: F401

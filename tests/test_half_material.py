@@ -12,11 +12,11 @@ from pathlib import Path
 import bpy
 import pytest
 from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.half_grid import HalfGrid
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material

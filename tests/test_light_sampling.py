@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import normalize, spherical
-from measured_materials.bake.light_sampling import (
+from measured_materials.bake.sampling.lamps import (
     ELLIPSE,
     RECTANGLE,
     SPHERE,

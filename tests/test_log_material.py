@@ -11,10 +11,10 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.cli import main
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.table import BrdfTable
 from measured_materials.nodes.material import build_material
 from support.bundles import ANALYTIC

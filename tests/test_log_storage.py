@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
@@ -23,6 +22,7 @@ from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.image_io import read_image
 from measured_materials.bake.log_storage import LEAST_PEAK, MOST_PEAK, MOST_RANGE, LogCodes
 from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import IMAGE_STORAGES, Storage
 from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, pad_slices, tabulate

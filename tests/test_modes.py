@@ -18,10 +18,10 @@ from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.scene_check import check_scene, mend
 from measured_materials.addon.scene_check_subject import measured_trees
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import brdf_group, compat, expr
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY

@@ -10,9 +10,9 @@ from typing import Any
 import bpy
 import pytest
 from measured_materials.addon import measured_material
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.compat import longest_name
 from measured_materials.nodes.material import build_material, part_name, safe_name

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.alias_sampler import SamplerLayout, build_sampler
 from measured_materials.bake.atlas import pack
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.sampling.cell_sampler import build_sampler
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, bspline_weights
 from measured_materials.nodes import expr

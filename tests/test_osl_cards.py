@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.alias_sampler import AliasSampler, SamplerLayout, build_sampler
 from measured_materials.bake.atlas import pack
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import mirror_probability, texture_coordinate
 from measured_materials.bake.image_io import write_image
-from measured_materials.bake.light_sampling import (
+from measured_materials.bake.sampling.cell_sampler import CellSampler, build_sampler
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.lamps import (
     ELLIPSE,
     RECTANGLE,
     SPHERE,
@@ -124,7 +125,7 @@ def test_stochastic_slice_averages_to_the_blend(tmp_path: Path, filter: str) -> 
     assert np.abs(mean - table.evaluate(wi.astype(float), wo.astype(float), filter)).max() < 3 * 0.5 / steps
 
 
-def draws(sampler: AliasSampler, count: int = 3000) -> tuple[np.ndarray, np.ndarray]:
+def draws(sampler: CellSampler, count: int = 3000) -> tuple[np.ndarray, np.ndarray]:
     """Viewers and random numbers, 0 and 1 included, that float32 cannot take for those of another cell."""
     rng, layout = np.random.default_rng(5), sampler.layout
     wo = spherical(np.concatenate([[0, 1e-4, np.pi / 2 - 1e-3], np.arccos(rng.random(count - 3))]), 0.0)

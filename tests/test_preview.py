@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from measured_materials.bake.brdf.parts import PreviewRecord
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.envelope import fit_preview, preview_from_image
-from measured_materials.bake.envelope.preview import PreviewFit, non_negative
+from measured_materials.bake.envelope import PreviewFit, fit_preview, pack_weights, preview_from_image
+from measured_materials.bake.envelope.preview import non_negative
 from measured_materials.bake.envelope.views import sample_views
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.material_json import Fields
@@ -39,7 +39,7 @@ class Sum:
 def energy_error(source: Any, fit: PreviewFit) -> Array:
     """Largest relative difference of albedo over views that no node of the fit was at, and the shape's."""
     views = sample_views(TreatedSource(source), CHORDS, 61, 37)
-    shown = fit.evaluate(views.wi, views.wo)
+    shown = fit.evaluate(views.wi, views.wo) * views.wi[..., 2:]
     return np.einsum("vp,vpc->vc", views.areas, shown) / views.energy - 1
 
 
@@ -81,7 +81,7 @@ def test_a_black_channel_stays_black_and_nothing_is_negative() -> None:
 
 def test_it_comes_back_from_its_image() -> None:
     fit = fit_preview(analytic.MetallicPaint())
-    again = preview_from_image(fit.closures, len(fit.weights), fit.packed(), fit.error)
+    again = preview_from_image(fit.closures, fit.viewers, pack_weights(fit), fit.error)
     wi, wo = spherical(np.array([0.3, 1.2]), np.array([0.1, 2.0])), spherical(np.array([0.9]), np.zeros(1))
     np.testing.assert_array_equal(again.evaluate(wi, wo), fit.evaluate(wi, wo))
 
@@ -93,7 +93,7 @@ def test_foreign_facts_are_refused(wrong: dict[str, Any]) -> None:
     fit = fit_preview(analytic.Lambert())
     with pytest.raises(BakeError):
         found = PreviewRecord.parse(Fields(fit.facts() | wrong, "here"), anisotropic=False)
-        preview_from_image(found.closures, found.viewers, fit.packed(), fit.error)  # type: ignore[arg-type]
+        preview_from_image(found.closures, found.viewers, pack_weights(fit), fit.error or 0)
 
 
 def test_black_and_anisotropic_sources_are_refused() -> None:

@@ -17,10 +17,10 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
@@ -55,7 +55,7 @@ DELIBERATE: dict[str, str] = {
     POLAR: AN_AIMED_DRAW_OR_THE_MATERIALS,
     OF_PHONG: "the same, and a draw follows Phong's lobe or its diffuse part",
     SHARE: "below the share it is even from 0 to the share, and decides about the world's alias",
-    "Random Phi x2": "its half chooses the side, and within a half it is even: the place",
+    "Random V x2": "its half chooses the side, and within a half it is even: the place",
     "Slices: Random x3": "three channels, each unbiased by itself; they enter the picture one by one",
     "Lookup: Random x3": "one choice among four slices, by three comparisons with running sums",
     "Lookup: Random x2": "what choosing along one axis leaves of it is even again, and chooses along the other",
@@ -71,10 +71,10 @@ KINDS = {
 TABLE = [
     CELL,
     ALIAS,
-    "Random Theta",
-    "Random Phi x2",
+    "Random U",
+    "Random V x2",
 ]
-SLOPES = [*TABLE[:2], "Random X", "Random Y"]
+SLOPES = [*TABLE[:2], "Random U", "Random V"]
 AIM = [
     "Aim: Random Lamp",
     SHARE,

@@ -9,19 +9,19 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.grid import HalfGrid as SlopeGrid
 from measured_materials.bake.anisotropic.grid import NormalGrid
-from measured_materials.bake.anisotropic.lobes import AnisotropicLobe
-from measured_materials.bake.anisotropic.sampler import SlopeLayout
-from measured_materials.bake.anisotropic.views import ViewerGrid
 from measured_materials.bake.brdf.grids import grid_of, is_anisotropic, texture_size
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
+from measured_materials.bake.envelope.viewers import Elevations, ViewerGrid
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.log_storage import LogCodes
 from measured_materials.bake.material_json import Fields
 from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import RenderSettings
@@ -60,10 +60,10 @@ def test_isotropic() -> None:
         ("half", "fitted", 0.03),
     ]
     assert found.envelope is not None and found.envelope.closures == (Lobe("lambert"), Lobe("ggx", 0.3))
-    assert (found.envelope.viewers, found.envelope.share, found.envelope.overshoot) == (64, 0.8, 1e-4)
+    assert (found.envelope.viewers, found.envelope.share, found.envelope.overshoot) == (Elevations(64), 0.8, 1e-4)
     assert found.envelope.by_theta_o_deg == ((0, 0.8), (45, 0.8), (80, 0.8))
     assert found.preview is not None and found.preview.closures == (Lobe("sheen", 0.5),)
-    assert (found.preview.viewers, found.preview.error) == (32, 0.2)
+    assert (found.preview.viewers, found.preview.error) == (Elevations(32), 0.2)
     assert found.has("table") and not found.has("slices") and found.images["residual"].size == (40, 60)
     assert found.images["table"].render_bytes(packed=False) == 40 * 60 * 8
 

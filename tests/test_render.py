@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from measured_materials.bake import table_storage
 from measured_materials.bake.albedo import directional_albedo
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes import compat, expr

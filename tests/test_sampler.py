@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from measured_materials.bake.accuracy import estimator_variance
-from measured_materials.bake.alias_sampler import AliasSampler, SamplerLayout, alias_tables, build_sampler
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.sampling.alias_tables import alias_tables
+from measured_materials.bake.sampling.cell_sampler import CellSampler, build_sampler
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from scipy import integrate, stats
 
@@ -34,7 +36,7 @@ def test_alias_tables_return_the_probabilities() -> None:
         assert np.allclose(mass / 300, p[row], atol=1e-12)
 
 
-def chi_square(sampler: AliasSampler, theta_o: float, count: int = 200_000, seed: int = 1) -> float:
+def chi_square(sampler: CellSampler, theta_o: float, count: int = 200_000, seed: int = 1) -> float:
     """p-value of the histogram of drawn directions over (cos theta, phi) against the integral of the pdf."""
     n_z, n_phi = 12, 16
     wo = spherical(theta_o, 0.0)
@@ -53,11 +55,11 @@ def chi_square(sampler: AliasSampler, theta_o: float, count: int = 200_000, seed
     return float(stats.chi2.sf(statistic, keep.sum() - 1))
 
 
-def _bin_masses(sampler: AliasSampler, wo: np.ndarray, n_z: int, n_phi: int) -> np.ndarray:
+def _bin_masses(sampler: CellSampler, wo: np.ndarray, n_z: int, n_phi: int) -> np.ndarray:
     """Integral of the pdf over each bin, from the half-vector cells: their mass is known, their image is not.
 
     Each cell is cut into points of equal solid angle, which are reflected and counted with the cell's mass: this
-    uses neither `sample`'s inversion nor its jitter. The cells' mass itself comes from `cell_pdf`.
+    uses neither `sample`'s inversion nor its jitter. The cells' mass itself is what is stored.
     """
     layout = sampler.layout
     k = 24
@@ -67,7 +69,7 @@ def _bin_masses(sampler: AliasSampler, wo: np.ndarray, n_z: int, n_phi: int) -> 
     phi = (np.arange(layout.n_phi * k) + 0.5) * np.pi / (layout.n_phi * k)
     sine = np.sqrt(m * (2 - m))[:, None]
     chord = np.linalg.norm(wo - [0, 0, 1]) / np.sqrt(2)
-    pdf = sampler.cell_pdf()[min(int(chord * layout.n_o), layout.n_o - 1)]
+    pdf = sampler.texels[min(int(chord * layout.n_o), layout.n_o - 1), :, 2].reshape(layout.n_h, layout.n_phi)
     mass = pdf * np.diff(edges)[:, None] * (2 * np.pi / layout.n_phi)
     mass = np.repeat(np.repeat(mass, k, 0), k, 1) / k**2 / 2
     total = np.zeros(n_z * n_phi)
@@ -98,7 +100,7 @@ def test_chi_square(name: str) -> None:
 def test_chi_square_finds_a_wrong_sampler() -> None:
     """Tables read one row off (the next bin's) are found out."""
     sampler = build_sampler(SOURCES["rough"], SamplerLayout(n_o=8, n_h=32, n_phi=16))
-    wrong = AliasSampler(sampler.layout, np.roll(sampler.texels, 1, 0))
+    wrong = CellSampler(sampler.layout, np.roll(sampler.texels, 1, 0))
     honest_masses = _bin_masses(sampler, spherical(0.9, 0.0), 12, 16)
     wi, _ = wrong.sample(
         np.broadcast_to(spherical(0.9, 0.0), (200_000, 3)), np.random.default_rng(1).random((200_000, 4))
@@ -132,7 +134,7 @@ def test_pdf_integrates_to_one_by_quadrature(theta_o: float) -> None:
     assert total + lost == pytest.approx(1, abs=0.01)
 
 
-def _share_facing_away(sampler: AliasSampler, wo: np.ndarray) -> float:
+def _share_facing_away(sampler: CellSampler, wo: np.ndarray) -> float:
     """Probability of half vectors that the viewer sees from behind."""
     random = np.random.default_rng(3).random((100_000, 4))
     wi, _ = sampler.sample(np.broadcast_to(wo, (100_000, 3)), random)

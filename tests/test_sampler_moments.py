@@ -13,11 +13,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.alias_sampler import SamplerLayout, build_sampler
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.light_sampling import ELLIPSE, SUN, Lamp, aim_numpy, expected_light, lamp_table
+from measured_materials.bake.sampling.cell_sampler import build_sampler
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.lamps import ELLIPSE, SUN, Lamp, aim_numpy, expected_light, lamp_table
+from measured_materials.bake.sampling.world import expected_world_light, world_texels
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.world_sampling import expected_world_light, world_texels
 from measured_materials.nodes.aimed_light_group import aimed_light_group
 from measured_materials.nodes.group import call
 from numpy.typing import NDArray

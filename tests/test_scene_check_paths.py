@@ -11,9 +11,9 @@ from mathutils import Matrix
 from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.addon.scene_check import mend
 from measured_materials.addon.scene_check_light_nodes import emission_outputs
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material
 from support.light_paths import KINDS, TELLING, darken, emitter, light_of, outputs

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.scene_check import mend_scene
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material
 from support.scene_check_cases import clear_blend, material_of, mixed_under_a_sun, paint_bundle, rules, spoiler

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.photographs.stack import PhotoStack
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.record import ShadingMapRecord

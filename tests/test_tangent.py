@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.tangent_rows import draw_tangent, tangent_nodes
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import expr
 from measured_materials.nodes.material import build_material, measured_nodes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import normalize
-from measured_materials.bake.world_sampling import (
+from measured_materials.bake.sampling.world import (
     CellLight,
     cell_directions,
     cell_light,

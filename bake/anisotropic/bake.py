@@ -15,8 +15,11 @@ from .. import VERSION
 from ..accuracy import DirectionPairs, table_errors
 from ..albedo import directional_albedo, white_sky_albedo
 from ..bundle import StoredImage, write_bundle
+from ..envelope import EnvelopeSettings, ResidualSource, ViewerGrid, fit_envelope, fit_preview, pack_weights
 from ..errors import BakeError
 from ..preview import preview_sphere
+from ..sampling.cell_sampler import build_sampler
+from ..sampling.slope_cells import SlopeLayout
 from ..source import Array, BrdfSource
 from ..storage import Storage
 from ..table import FILTERS, Filter
@@ -24,12 +27,8 @@ from ..table_storage import StoredTable, store_table
 from .accuracy import turned_pairs
 from .atlas import SliceLayout, pack
 from .choice import Symmetry, choose_grid, measured_symmetry
-from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview, preview_error
-from .envelope_texture import guarded_share, pack_weights
 from .grid import Grid, HalfGrid
-from .sampler import SlopeLayout, build_slope_sampler
 from .table import AnisotropicTable, TreatedAnisotropic, pad_slices, tabulate
-from .views import ViewerGrid
 
 if TYPE_CHECKING:
     from ..bake_brdf import BakeResult, BakeSettings, Progress
@@ -92,7 +91,7 @@ def bake_anisotropic(
     table = kept.table
     say("sampler", 0.0)
     layout = sampler_layout(settings, grid, symmetry, search)
-    sampler = build_slope_sampler(table, layout, partial(say, "sampler"))
+    sampler = build_sampler(table, layout, partial(say, "sampler"))
     say("measuring", 0.0)
     simpler = cast("tuple[Filter, ...]", FILTERS[: FILTERS.index(settings.filter) + 1])
     facts: dict[str, Any] = {
@@ -140,32 +139,30 @@ def _envelope(
     say: Callable[[float], None],
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope, of the residual, whose table has the grid of the whole one, and of Preview."""
-    nodes = ViewerGrid(viewers[0], viewers[1] * (1 if layout.folded else 2), layout.folded)
     widths = layout.width_x, layout.width_y
-    fit = fit_anisotropic_envelope(treated, nodes, widths, lambda share: say(0.6 * share))
-    preview = fit_anisotropic_preview(treated, fit, widths)
+    nodes = ViewerGrid(viewers[0], viewers[1] * (1 if layout.folded else 2), layout.folded, widths)
+    fit = fit_envelope(treated, EnvelopeSettings(viewers=nodes), lambda share: say(0.6 * share))
+    preview = fit_preview(treated, nodes, fit.closures)
     say(0.7)
-    source = AnisotropicResidual(treated, fit)
+    source = ResidualSource(treated, fit)
     kept = quantized(tabulate(source, table.grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
     residual = kept.table
     say(0.8)
-    sampler = build_slope_sampler(residual, layout, lambda share: say(0.8 + 0.15 * share))
+    sampler = build_sampler(residual, layout, lambda share: say(0.8 + 0.15 * share))
     say(0.95)
     together = fit.evaluate(pairs.wi, pairs.wo) + residual.evaluate(pairs.wi, pairs.wo)
     errors = {
         "rms": pairs.rms(together - truth),
         "relative": pairs.relative_error(together - truth, truth),
     }
-    plain = {key: fit.facts()[key] for key in ("closures", "n_theta", "n_phi", "folded")}
-    plain["error"] = round(preview_error(treated, replace(fit, weights=preview), widths), 6)
     facts = {**kept.facts(), "errors": {"envelope_and_residual": errors}}
     images = {
-        "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
+        "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
         "residual": kept.image(pack(residual.grid, residual.values)),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
     }
-    return {"envelope": fit.facts(), "preview": plain, "residual": facts}, images
+    return {"envelope": fit.facts(), "preview": preview.facts(), "residual": facts}, images
 
 
 def _named(progress: Progress | None) -> Progress:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..alias_sampler import AliasSampler, SamplerLayout
 from ..anisotropic.grid import HalfGrid as SlopeGrid
 from ..anisotropic.grid import NormalGrid
-from ..anisotropic.sampler import SlopeLayout, SlopeSampler
 from ..anisotropic.table import AnisotropicTable
 from ..bundle import Bundle
 from ..errors import BakeError
+from ..sampling.cell_sampler import CellSampler
+from ..sampling.half_vector_cells import SamplerLayout
+from ..sampling.slope_cells import SlopeLayout
 from ..table import BrdfTable, Filter
 from .grids import unpacked
 from .parts import StoredTableRecord
 
 Table = BrdfTable | AnisotropicTable
 Layout = SamplerLayout | SlopeLayout
-Sampler = AliasSampler | SlopeSampler
 SAMPLERS = {"table": "sampler", "residual": "residual_sampler"}
 
 
@@ -53,11 +53,9 @@ class BakedTable:
             return AnisotropicTable(grid, values, self.filter, log)
         return BrdfTable(grid, values, log)
 
-    def load_sampler(self) -> Sampler:
+    def load_sampler(self) -> CellSampler:
         """The stored alias tables. Raises BakeError where a number would lead out of them."""
         texels = self.bundle.load(self.sampler)
         if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= self.layout.cells).any():
             raise BakeError(self.bundle.image_path(self.sampler), "is no alias table", "bake it again")
-        if isinstance(self.layout, SlopeLayout):
-            return SlopeSampler(self.layout, texels)
-        return AliasSampler(self.layout, texels)
+        return CellSampler(self.layout, texels)

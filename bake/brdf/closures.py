@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..anisotropic.lobes import LARGEST_RATIO, WIDEST, AnisotropicLobe
+from ..envelope.anisotropic_lobes import LARGEST_RATIO, WIDEST, AnisotropicLobe
 from ..envelope.closures import NARROWEST, check_basis
 from ..errors import BakeError
 from ..material_json import Fields

@@ -9,14 +9,13 @@ from typing import Any, cast
 import numpy as np
 
 from .. import xp_numpy
-from ..alias_sampler import SamplerLayout
-from ..anisotropic.lobes import AnisotropicLobe
-from ..anisotropic.sampler import SlopeLayout
-from ..anisotropic.views import ViewerGrid
-from ..envelope.fit import MOST_NODES
+from ..envelope.anisotropic_lobes import AnisotropicLobe
+from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
 from ..log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from ..material_json import Fields
+from ..sampling.half_vector_cells import SamplerLayout
+from ..sampling.slope_cells import SlopeLayout
 from ..shading.lobes import Lobe
 from ..source import Array
 from ..storage import TABLE_STORAGES, Storage
@@ -24,7 +23,6 @@ from ..table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
 from .grids import Grid, grid_of, is_anisotropic
 
-_MOST_VIEWERS = 256  # of an anisotropic fit, in elevation and in azimuth
 _MOST_PREVIEW = 3  # closures of an isotropic preview
 _MOST_CANDIDATES = 100
 _SPLINES = ("none", "plain", "fitted")
@@ -73,7 +71,7 @@ class SettingsRecord:
             spline=spline,
             sampler=_cells(fields.part("sampler")) if fields.has("sampler") else None,
             envelope=fields.flag("envelope") if fields.has("envelope") else None,
-            viewers=fields.wholes("viewers", (2, 2), 2, _MOST_VIEWERS) if fields.has("viewers") else None,
+            viewers=fields.wholes("viewers", (2, 2), 2, MOST_EACH_WAY) if fields.has("viewers") else None,
         )
 
 
@@ -260,13 +258,13 @@ class ClosuresRecord:
     """Native closures, and where their weights are given: at n elevations of the viewer, or all around."""
 
     closures: tuple[Lobe, ...] | tuple[AnisotropicLobe, ...]
-    viewers: int | ViewerGrid
+    viewers: Elevations | ViewerGrid
 
 
 def _fitted(fields: Fields, anisotropic: bool, most: int, nodes: tuple[int, int]) -> ClosuresRecord:
     if not anisotropic:
-        return ClosuresRecord(closures_of(fields, most), fields.whole("nodes", *nodes))
-    n_theta, n_phi = (fields.whole(key, 2, _MOST_VIEWERS) for key in ("n_theta", "n_phi"))
+        return ClosuresRecord(closures_of(fields, most), Elevations(fields.whole("nodes", *nodes)))
+    n_theta, n_phi = (fields.whole(key, 2, MOST_EACH_WAY) for key in ("n_theta", "n_phi"))
     return ClosuresRecord(anisotropic_closures_of(fields), ViewerGrid(n_theta, n_phi, fields.flag("folded")))
 
 

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from ..anisotropic import envelope_texture as anisotropic_texture
-from ..anisotropic.envelope import AnisotropicFit
-from ..anisotropic.sampler import SlopeLayout
-from ..anisotropic.views import ViewerGrid
 from ..bundle import MATERIAL, Bundle
 from ..envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from ..errors import BakeError
 from ..material_json import Fields
-from ..shading.lobes import Lobe
+from ..sampling.cell_sampler import CellSampler
 from ..storage import Storage
-from .baked_table import SAMPLERS, BakedTable, Layout, Sampler, Table
+from .baked_table import SAMPLERS, BakedTable, Layout, Table
 from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
 from .grids import is_anisotropic, texture_size
 from .parts import (
@@ -151,38 +147,28 @@ class BrdfRecord:
         """The stored values of the "table" or the "residual". Raises BakeError."""
         return self.baked(part).load()
 
-    def load_sampler(self, part: str = "table") -> Sampler:
+    def load_sampler(self, part: str = "table") -> CellSampler:
         """The stored alias tables of the "table" or the "residual". Raises BakeError where a number would lead out."""
         return self.baked(part).load_sampler()
 
-    def load_envelope(self) -> EnvelopeFit | AnisotropicFit:
+    def load_envelope(self) -> EnvelopeFit:
         """The stored envelope. Raises BakeError."""
         if self.envelope is None:
             raise BakeError(self.where, "'envelope' is missing", "bake it again")
         image, viewers, measured = self.files().load("envelope"), self.envelope.viewers, dict(self.envelope.measured)
-        if isinstance(viewers, ViewerGrid):
-            closures = self.envelope.closures
-            return anisotropic_texture.fit_from_image(closures, viewers, image, measured, self.where)  # type: ignore[arg-type]
-        return fit_from_image(self._lobes(self.envelope), viewers, image, measured, self.where)
+        return fit_from_image(self.envelope.closures, viewers, image, measured, self.where)
 
-    def load_preview(self) -> PreviewFit | AnisotropicFit:
+    def load_preview(self) -> PreviewFit:
         """The stored closures of mode Preview. Raises BakeError."""
         if self.preview is None:
             raise BakeError(self.where, "'preview' is missing", "bake it again")
         image, viewers = self.files().load("preview_weights"), self.preview.viewers
-        if isinstance(viewers, ViewerGrid):
-            closures = self.preview.closures
-            return anisotropic_texture.fit_from_image(closures, viewers, image, {}, self.where)  # type: ignore[arg-type]
-        return preview_from_image(self._lobes(self.preview), viewers, image, self.preview.error or 0.0, self.where)
+        return preview_from_image(self.preview.closures, viewers, image, self.preview.error or 0.0, self.where)
 
     def check_shares(self) -> None:
         """Raise BakeError where the image "residual_share" is not what `bake.envelope.lamp_shares` gives."""
         bundle = self.files()
         checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"))
-
-    @staticmethod
-    def _lobes(fitted: EnvelopeRecord | PreviewRecord) -> tuple[Lobe, ...]:
-        return cast("tuple[Lobe, ...]", fitted.closures)
 
 
 def _stored_as(images: Mapping[str, ImageRecord], name: str) -> Storage | None:
@@ -207,9 +193,8 @@ def _residual_of(fields: Fields, images: Mapping[str, ImageRecord], table: Table
 def _sampler_of(fields: Fields, images: Mapping[str, ImageRecord], anisotropic: bool) -> Layout:
     """The alias tables' sizes, which both images have. Raises BakeError."""
     layout = sampler_of(fields.part("sampler"), anisotropic)
-    bins = layout.bins if isinstance(layout, SlopeLayout) else layout.n_o
     for name in SAMPLERS.values():
-        check_size(images, name, (layout.cells, bins), fields)
+        check_size(images, name, (layout.cells, layout.bins), fields)
     return layout
 
 

@@ -1,25 +1,40 @@
-"""Envelopes: native Cycles closures under a measured BRDF, and what they leave (DESIGN.md section 5)."""
+"""Envelopes: native Cycles closures under a measured BRDF, and what they leave."""
 
 from .closures import BASIS, closure_values
-from .fit import EnvelopeFit, EnvelopeSettings, fit_envelope
+from .fit import EnvelopeSettings, fit_envelope
+from .fitted import ClosureFit, EnvelopeFit, PreviewFit
 from .lamp_share import (
     ShareLayout,
+    SlopeShareLayout,
     checked_shares,
     lamp_shares,
     part_of_light,
     share_coordinates,
 )
-from .preview import PreviewFit, fit_preview, preview_from_image
-from .residual import ResidualSource, reconstruction_errors, residual_source, residual_table
-from .texture import fit_from_image, guarded_share, mirror_probability, pack_weights, texture_coordinate, unpack_weights
+from .preview import fit_preview, preview_error
+from .residual import ResidualSource, reconstruction_errors
+from .texture import (
+    fit_from_image,
+    guarded_share,
+    mirror_probability,
+    pack_weights,
+    preview_from_image,
+    texture_coordinate,
+    unpack_weights,
+)
+from .viewers import Elevations, ViewerGrid
 
 __all__ = [
     "BASIS",
+    "ClosureFit",
+    "Elevations",
     "EnvelopeFit",
     "EnvelopeSettings",
     "PreviewFit",
     "ResidualSource",
     "ShareLayout",
+    "SlopeShareLayout",
+    "ViewerGrid",
     "checked_shares",
     "closure_values",
     "fit_envelope",
@@ -30,10 +45,9 @@ __all__ = [
     "mirror_probability",
     "pack_weights",
     "part_of_light",
+    "preview_error",
     "preview_from_image",
     "reconstruction_errors",
-    "residual_source",
-    "residual_table",
     "share_coordinates",
     "texture_coordinate",
     "unpack_weights",

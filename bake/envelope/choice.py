@@ -7,53 +7,55 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..shading.lobes import Lobe
-from ..source import Array, BrdfSource
-from ..table import TreatedSource
-from .closures import closure_values, neighbours
+from ..errors import BakeError
+from ..source import Array
+from .closures import Closure, closure_values
 from .linear_program import solve
-from .views import gauss_chords, sample_views
+from .viewers import Source, Viewers
 
-# The choice needs no more: trials at twice the size chose the same or changed the share carried by less than 0.01.
-_VIEWS, _N_H, _N_PHI = 12, 24, 12
 _TOLERANCE = 1e-3
-_GAIN = 1.002  # what a change must bring to be made
-_FIRST_RATIO, _LAST_RATIO = 1.25, 1.02
+
+Set = tuple[Closure, ...]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Closures, the share of all energy they carry, and what the whole basis would; both estimates, a little high."""
+    """Closures, the share of all energy they carry, and what the whole basis would; both estimates, a little high.
 
-    closures: tuple[Lobe, ...]
+    Where the search does not ask what the whole basis carries, the last is the share itself.
+    """
+
+    closures: Set
     share: float
     reach: float
 
 
 class Trial:
-    """A source seen from a few elevations, its channels summed, against any set of closures.
+    """A source seen by a few viewers, its channels summed, against any set of closures.
 
     What one envelope of the sum carries is at least what one per channel carry together, and usually about the same.
     """
 
-    def __init__(self, source: BrdfSource | TreatedSource, budget: float, price: float) -> None:
-        chords, weights = gauss_chords(_VIEWS)
-        self.views = sample_views(source, chords, _N_H, _N_PHI)
+    def __init__(self, source: Source, viewers: Viewers, budget: float, price: float) -> None:
+        chords, phi, weights = viewers.chosen_from()
+        self.views = viewers.views(source, chords, phi, viewers.effort.choice)
         values = self.views.values.sum(-1)
         energy = (self.views.areas * values).sum(-1)
+        if not energy.any():
+            raise BakeError(source.name, "reflects nothing", "check the file")
         self.importance = weights * energy / max(float((weights * energy).sum()), 1e-300)
         self.energy = np.where(energy > 0, energy, 1.0)[:, None]
         self.bounds = values / self.energy
         self.budget, self.price = budget, price
-        self._columns: dict[Lobe, Array] = {}
+        self._columns: dict[Closure, Array] = {}
 
-    def column(self, lobe: Lobe) -> Array:
+    def column(self, lobe: Closure) -> Array:
         """A closure in parts of the energy, (V, P)."""
         if lobe not in self._columns:
             self._columns[lobe] = closure_values([lobe], self.views.wi, self.views.wo)[..., 0] / self.energy
         return self._columns[lobe]
 
-    def shares(self, sets: Sequence[Sequence[Lobe]]) -> Array:
+    def shares(self, sets: Sequence[Sequence[Closure]]) -> Array:
         """What each of several equally large sets carries, less the price of its overshoot."""
         values = np.concatenate([np.stack([self.column(lobe) for lobe in members], -1) for members in sets])
         areas, bounds = (np.tile(a, (len(sets), 1)) for a in (self.views.areas, self.bounds))
@@ -63,68 +65,79 @@ class Trial:
 
 
 def choose(
-    source: BrdfSource | TreatedSource,
-    basis: Sequence[Lobe],
+    source: Source,
+    viewers: Viewers,
+    basis: Sequence[Closure],
     most: int,
     enough: float,
     budget: float,
     price: float,
     progress: Callable[[float], None] | None = None,
 ) -> Choice:
-    """The fewest closures, at most `most`, that carry the share `enough` of what the whole basis does.
+    """The fewest closures, at most `most`, that carry the share `enough` of what the whole basis does, or of all.
 
-    Each step adds the closure that brings most, lets every earlier one be exchanged for a better, and moves the widths
-    of all between those of the basis.
+    Each step adds the closure that brings most, may let every earlier one be exchanged for a better, and moves the
+    widths of all between those of the basis.
+
+    Raises
+    ------
+    BakeError : the source is black or not finite
     """
-    trial = Trial(source, budget, price)
-    reach = float(trial.shares([basis])[0])
-    chosen: tuple[Lobe, ...] = ()
+    trial, search = Trial(source, viewers, budget, price), viewers.search
+    reach = float(trial.shares([basis])[0]) if search.of_basis else 1.0
+    chosen: Set = ()
     share = 0.0
     for k in range(min(most, len(basis))):
         longer, gained = _best(trial, [(*chosen, lobe) for lobe in basis if lobe not in chosen])
-        if chosen and gained < share * _GAIN:
+        if chosen and gained < share * search.gain:
             break
-        longer, gained = _exchanged(trial, longer, gained, basis)
-        chosen, share = _refined(trial, longer, gained)
+        if search.exchanged:
+            longer, gained = _exchanged(trial, longer, gained, basis, search.gain)
+        chosen, share = _refined(trial, longer, gained, viewers)
         if progress:
             progress((k + 1) / most)
         if share >= enough * reach:
             break
-    return Choice(tuple(sorted(chosen, key=lambda lobe: (lobe.name != "lambert", lobe.name, lobe.p1))), share, reach)
+    return Choice(tuple(sorted(chosen, key=_order)), share, reach if search.of_basis else share)
 
 
-def _best(trial: Trial, sets: list[tuple[Lobe, ...]]) -> tuple[tuple[Lobe, ...], float]:
+def _order(lobe: Closure) -> tuple[object, ...]:
+    """Lambert first, then by name and parameters."""
+    return lobe.name != "lambert", *lobe.facts().values()
+
+
+def _best(trial: Trial, sets: list[Set]) -> tuple[Set, float]:
+    if not sets:
+        return (), 0.0
     shares = trial.shares(sets)
     best = int(np.argmax(shares))
     return sets[best], float(shares[best])
 
 
-def _exchanged(
-    trial: Trial, chosen: tuple[Lobe, ...], share: float, basis: Sequence[Lobe]
-) -> tuple[tuple[Lobe, ...], float]:
+def _exchanged(trial: Trial, chosen: Set, share: float, basis: Sequence[Closure], gain: float) -> tuple[Set, float]:
     """Exchange each closure but the last, which has just been chosen, once for whatever serves better."""
     for k in range(len(chosen) - 1):
         others = [(*chosen[:k], lobe, *chosen[k + 1 :]) for lobe in basis if lobe not in chosen]
-        if others:
-            changed, found = _best(trial, others)
-            if found > share * _GAIN:
-                chosen, share = changed, found
+        changed, found = _best(trial, others)
+        if found > share * gain:
+            chosen, share = changed, found
     return chosen, share
 
 
-def _refined(trial: Trial, chosen: tuple[Lobe, ...], share: float) -> tuple[tuple[Lobe, ...], float]:
-    """Pattern search over the widths, in steps of a ratio that is halved where nothing improves."""
-    ratio = _FIRST_RATIO
-    while ratio > _LAST_RATIO:
-        moves = [
-            (*chosen[:k], lobe, *chosen[k + 1 :])
-            for k, member in enumerate(chosen)
-            for lobe in neighbours(member, ratio)
-            if lobe not in chosen
-        ]
-        changed, found = _best(trial, moves) if moves else (chosen, 0.0)
-        if found > share * _GAIN:
-            chosen, share = changed, found
-        else:
-            ratio = ratio**0.5
+def _refined(trial: Trial, chosen: Set, share: float, viewers: Viewers) -> tuple[Set, float]:
+    """Pattern search over the widths, in smaller and smaller steps."""
+    for ratio in viewers.search.ratios:
+        improves = True
+        while improves:
+            moves = [
+                (*chosen[:k], lobe, *chosen[k + 1 :])
+                for k, member in enumerate(chosen)
+                for lobe in viewers.neighbours(member, ratio)
+                if lobe not in chosen
+            ]
+            changed, found = _best(trial, moves)
+            better = found > share * viewers.search.gain
+            if better:
+                chosen, share = changed, found
+            improves = better and viewers.search.repeated
     return chosen, share

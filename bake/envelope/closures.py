@@ -14,7 +14,7 @@ part of a graph. Neither is in the basis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,11 +23,20 @@ from ..shading.lobes import PARAMETERS, Lobe
 from ..source import Array
 
 
-class HasValue(Protocol):
-    """A closure, isotropic or not."""
+class Closure(Protocol):
+    """A closure native to Cycles: a `Lobe`, or an `AnisotropicLobe`."""
+
+    @property
+    def name(self) -> str:
+        """Of its formula."""
+        ...
 
     def value(self, wi: Array, wo: Array) -> Array:
         """BRDF (...) in 1/sr without the cosine."""
+        ...
+
+    def facts(self) -> dict[str, Any]:
+        """Name and parameters, JSON-ready."""
         ...
 
 
@@ -42,7 +51,7 @@ BASIS: tuple[Lobe, ...] = (
 NATIVE: tuple[str, ...] = ("lambert", "oren_nayar", "ggx", "sheen")
 
 
-def check_basis(basis: Sequence[Lobe]) -> None:
+def check_basis(basis: Sequence[Closure]) -> None:
     """Raises BakeError where a lobe has no closure of its own, or there is none at all, or one twice."""
     for lobe in basis:
         if lobe.name not in NATIVE:
@@ -51,13 +60,13 @@ def check_basis(basis: Sequence[Lobe]) -> None:
         raise BakeError("envelope basis", "is empty or holds a closure twice", "list every closure once")
 
 
-def closure_values(closures: Sequence[Lobe], wi: Array, wo: Array) -> Array:
+def closure_values(closures: Sequence[Closure], wi: Array, wo: Array) -> Array:
     """f cos(theta_i) of each closure in 1/sr, (..., K), at unit directions that broadcast to (..., 3)."""
     wi, wo = np.broadcast_arrays(wi, wo)
     return np.stack([lobe.value(wi, wo) for lobe in closures], -1) * np.maximum(wi[..., 2:], 0)
 
 
-def closure_sum(closures: Sequence[HasValue], weights: Array, wi: Array, wo: Array) -> Array:
+def closure_sum(closures: Sequence[Closure], weights: Array, wi: Array, wo: Array) -> Array:
     """Sum over k of weights (..., K, 3) times closures, without the cosine, in 1/sr; 0 for a viewer below the horizon.
 
     Finite at grazing light, since no closure is ever divided by the cosine.

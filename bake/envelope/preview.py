@@ -1,92 +1,81 @@
-"""A measured BRDF as native closures alone: close to it rather than under it (DESIGN.md section 5, mode Preview).
+"""A measured BRDF as native closures alone: close to it rather than under it, for mode Preview.
 
-    f cos(theta_i) ~ E = sum_k w_k(theta_o) c_k,   w >= 0,   and the albedo of E is the measured one at every theta_o.
+    f cos(theta_i) ~ E = sum_k w_k(viewer) c_k,   w >= 0,   and the albedo of E is the measured one for every viewer.
 
 The weights minimise the squared difference in parts of f cos + what a Lambertian surface of the same albedo reflects: a
-plain difference would see the highlight and nothing else. They are linear between nodes evenly spaced in
-sqrt(1 - cos theta_o), as an envelope's.
+plain difference would see the highlight and nothing else. They are linear between nodes of viewers, as an envelope's.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..shading.lobes import Lobe
-from ..source import Array, BrdfSource
-from ..table import TreatedSource
-from .closures import BASIS, closure_values
-from .texture import unpack_weights
-from .views import Views, chord_of, gauss_chords, interpolated, sample_views
+from ..source import Array
+from .closures import Closure, closure_values
+from .fitted import ClosureFit, PreviewFit
+from .verification import parts_of
+from .viewers import Elevations, Source, Viewers
+from .views import Views, gauss_chords
 
 _MOST = 3
-_NODES = 32
-_VIEWS, _N_H, _N_PHI = 12, 28, 14
+_NODES = Elevations(32)
 _GAIN = 0.97  # of the error with one closure less: above it, the further closure is not worth its nodes
 
 
-@dataclass(frozen=True, eq=False)
-class PreviewFit:
-    """K native closures, their weights (n, K, 3) >= 0 over theta_o, and the relative error left, a number."""
+def fit_preview(
+    source: Source, viewers: Viewers = _NODES, closures: Sequence[Closure] | None = None, most: int = _MOST
+) -> PreviewFit:
+    """Choose at most `most` closures that go with the viewers, or take those given, and fit their weights.
 
-    closures: tuple[Lobe, ...]
-    weights: NDArray[np.float32]
-    error: float
-
-    def evaluate(self, wi: Array, wo: Array) -> Array:
-        """E (..., 3) in 1/sr with its cosine, of unit directions that broadcast."""
-        wi, wo = np.broadcast_arrays(np.asarray(wi, np.float64), np.asarray(wo, np.float64))
-        values = closure_values(self.closures, wi, wo)
-        return np.einsum("...k,...kc->...c", values, interpolated(self.weights, chord_of(wo)))
-
-    def facts(self) -> dict[str, Any]:
-        """JSON-ready."""
-        closures = [lobe.facts() for lobe in self.closures]
-        return {"closures": closures, "nodes": len(self.weights), "error": round(self.error, 6)}
-
-    def packed(self) -> NDArray[np.float32]:
-        """(K, n, 4): row k holds the colour of closure k at the nodes, alpha 0."""
-        image = np.zeros((*self.weights.shape[1::-1], 4), np.float32)
-        image[..., :3] = np.moveaxis(self.weights, 1, 0)
-        return image
-
-
-def fit_preview(source: BrdfSource | TreatedSource, most: int = _MOST, nodes: int = _NODES) -> PreviewFit:
-    """Choose at most `most` closures of `BASIS` and fit their weights.
+    The error of closures that were chosen is that of their best weights for the viewers that chose; the error of those
+    given is `preview_error`.
 
     Raises
     ------
-    BakeError : the source is anisotropic, black or not finite
+    BakeError : the source is black, not finite, or anisotropic while the viewers are elevations alone
     """
-    treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
-    if not treated.source.isotropic:
-        raise BakeError(treated.name, "is anisotropic, and this fit is isotropic", "fit an isotropic material")
-    chords, importance = gauss_chords(_VIEWS)
-    closures, error = _chosen(sample_views(treated, chords, _N_H, _N_PHI), importance, most)
-    views = sample_views(treated, np.linspace(0, 1, nodes), _N_H, _N_PHI)
-    if not views.values.any():
+    treated, effort = viewers.treated(source), viewers.effort
+    error = None
+    if closures is None:
+        chords, phi, importance = viewers.chosen_from()
+        views = viewers.views(treated, chords, phi, effort.preview)
+        closures, error = _chosen(views, viewers.basis, importance, most)
+    chords, phi = viewers.nodes()
+    found, black = [], True
+    for part in parts_of(len(chords)):
+        views = viewers.views(treated, chords[part], phi[part], effort.preview)
+        black = black and not views.values.any()
+        found.append(albedo_weights(views, closures))
+    if black:
         raise BakeError(treated.name, "reflects nothing", "check the file")
-    return PreviewFit(closures, albedo_weights(views, closures).astype(np.float32), error)
+    weights = np.concatenate(found).reshape(*viewers.shape, len(closures), 3).astype(np.float32)
+    fit = PreviewFit(tuple(closures), viewers, weights, 0.0 if error is None else error)
+    return fit if error is not None else PreviewFit(fit.closures, viewers, weights, preview_error(treated, fit))
 
 
-def preview_from_image(
-    closures: tuple[Lobe, ...], nodes: int, image: Array, error: float, where: str | Path = "preview"
-) -> PreviewFit:
-    """The fit whose weights `PreviewFit.packed` made into an image, which may be anybody's. Raises BakeError."""
-    weights, _ = unpack_weights(image, where)
-    if weights.shape[:2] != (nodes, len(closures)):
-        raise BakeError(where, "does not hold the weights of its closures", "bake it again")
-    return PreviewFit(closures, weights, error)
+def preview_error(source: Source, fit: ClosureFit) -> float:
+    """Error of weights in parts of the source, by the measure that they minimise, at viewers and directions of no fit.
+
+    It is 0 of weights that are the source, and 1 of none.
+    """
+    viewers = fit.viewers
+    elevations, importance = gauss_chords(viewers.effort.measured)
+    azimuths = viewers.azimuths()
+    count = len(azimuths)
+    chords, phi = np.repeat(elevations, count), np.tile(azimuths, len(elevations))
+    views = viewers.views(source, chords, phi, viewers.effort.independent)
+    matrices, sides, squares = normal_equations(views, fit.closures, views.values.sum(-1, keepdims=True))
+    weights = viewers.interpolated(fit.weights, chords, phi).sum(-1)
+    left = squares[:, 0] - 2 * (weights * sides[..., 0]).sum(-1) + np.einsum("vk,vkl,vl->v", weights, matrices, weights)
+    shares = np.divide(left, squares[:, 0], out=np.zeros(len(left)), where=squares[:, 0] > 0)
+    return float(np.sqrt(max(np.repeat(importance, count) @ shares, 0) / (count * importance.sum())))
 
 
-def normal_equations(views: Views, closures: Sequence[Lobe], values: Array) -> tuple[Array, Array, Array]:
+def normal_equations(views: Views, closures: Sequence[Closure], values: Array) -> tuple[Array, Array, Array]:
     """Matrices (V, K, K), right sides (V, K, C) and squares (V, C) of the relative problem for values (V, P, C)."""
     energy = np.einsum("vp,vpc->vc", views.areas, values)
     matte = (energy / np.pi)[:, None] * views.wi[..., 2:]
@@ -100,16 +89,16 @@ def normal_equations(views: Views, closures: Sequence[Lobe], values: Array) -> t
     return matrices, sides, np.einsum("vp,vpc->vc", weight, values * values)
 
 
-def _chosen(views: Views, importance: Array, most: int) -> tuple[tuple[Lobe, ...], float]:
+def _chosen(views: Views, basis: Sequence[Closure], importance: Array, most: int) -> tuple[tuple[Closure, ...], float]:
     """The closures of least error among all sets of one, then two ... as long as one more pays; and the error."""
     values = views.values.sum(-1, keepdims=True)
     if not values.any():
-        return BASIS[:1], 0.0
-    matrices, sides, squares = normal_equations(views, BASIS, values)
+        return tuple(basis[:1]), 0.0
+    matrices, sides, squares = normal_equations(views, basis, values)
     worth = importance * np.divide(1.0, squares[:, 0], out=np.zeros(len(squares)), where=squares[:, 0] > 0)
     found: tuple[tuple[int, ...], float] = ((0,), np.inf)
     for count in range(1, most + 1):
-        sets = np.array(list(itertools.combinations(range(len(BASIS)), count)))
+        sets = np.array(list(itertools.combinations(range(len(basis)), count)))
         gram = matrices[:, sets[:, :, None], sets[:, None, :]]
         side = sides[:, sets, 0]
         weights = non_negative(gram, side)
@@ -120,10 +109,10 @@ def _chosen(views: Views, importance: Array, most: int) -> tuple[tuple[Lobe, ...
         if errors[best] > _GAIN * found[1] or found[1] < 1e-6:
             break
         found = tuple(int(i) for i in sets[best]), float(errors[best])
-    return tuple(BASIS[i] for i in found[0]), found[1]
+    return tuple(basis[i] for i in found[0]), found[1]
 
 
-def albedo_weights(views: Views, closures: Sequence[Lobe]) -> Array:
+def albedo_weights(views: Views, closures: Sequence[Closure]) -> Array:
     """Weights (V, K, 3) that fit each channel and reflect its albedo; a channel that is black stays so."""
     matrices, sides, _ = normal_equations(views, closures, views.values)
     weights = np.stack([non_negative(matrices, sides[..., c]) for c in range(3)], -1)

@@ -1,4 +1,4 @@
-"""What an envelope leaves: a non-negative BRDF of its own, baked as its own table (DESIGN.md section 5).
+"""What an envelope leaves: a non-negative BRDF of its own, baked as its own table.
 
 The shader adds E, which it evaluates exactly, and the residual's table R; it neither subtracts nor clamps. So E + R is
 free of the table's interpolation error wherever E carries the light, and one stochastic tap of R is unbiased.
@@ -6,54 +6,38 @@ free of the table's interpolation error wherever E carries the light, and one st
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ..accuracy import DirectionPairs
-from ..source import Array, BrdfSource
-from ..table import BrdfTable, Filter, Grid, TreatedSource, tabulate
-from .fit import EnvelopeFit
+from ..accuracy import DirectionPairs, Reconstructed
+from ..source import Array
+from ..table import Filter
+from .fitted import EnvelopeFit
+from .viewers import Elevations, Source
 
 
 class ResidualSource:
-    """max(f - E / cos(theta_i), 0) as a source; the treatment of negative values and asymmetry is the table's."""
+    """max(f - E / cos(theta_i), 0) as a source, of f as the envelope was fitted to it; the table treats it alike."""
 
-    isotropic = bilateral = True
-
-    def __init__(self, source: BrdfSource | TreatedSource, fit: EnvelopeFit) -> None:
-        self.treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
-        self.fit, self.name = fit, f"{self.treated.name} residual"
+    def __init__(self, source: Source, fit: EnvelopeFit) -> None:
+        self.source, self.fit = fit.viewers.treated(source), fit
+        self.name = f"{source.name} residual"
+        self.isotropic = self.bilateral = isinstance(fit.viewers, Elevations)
         self.facts: dict[str, Any] = {}
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF (..., 3) >= 0 in 1/sr, finite up to the horizon."""
         wi, wo = np.broadcast_arrays(wi, wo)
-        rest: Array = np.maximum(self.treated.evaluate(wi, wo) - self.fit.evaluate(wi, wo), 0)
+        rest: Array = np.maximum(self.source.evaluate(wi, wo) - self.fit.evaluate(wi, wo), 0)
         return rest
 
 
-def residual_source(source: BrdfSource | TreatedSource, fit: EnvelopeFit) -> BrdfSource:
-    """What is left of a source above an envelope."""
-    return ResidualSource(source, fit)
-
-
-def residual_table(
-    source: BrdfSource | TreatedSource,
-    fit: EnvelopeFit,
-    grid: Grid,
-    progress: Callable[[float], None] | None = None,
-) -> BrdfTable:
-    """The residual on a grid; `progress` is called with the share done."""
-    return tabulate(residual_source(source, fit), grid, progress)
-
-
 def reconstruction_errors(
-    source: BrdfSource | TreatedSource,
+    source: Source,
     fit: EnvelopeFit,
-    residual: BrdfTable,
-    whole: BrdfTable,
+    residual: Reconstructed,
+    whole: Reconstructed,
     pairs: DirectionPairs,
     filter: Filter = "trilinear",
 ) -> dict[str, Any]:
@@ -68,8 +52,7 @@ def reconstruction_errors(
     energy-relative error of `bake.accuracy`; "closer": which of the first two has the smaller RMS; and "rms_ratio",
     that of the first over the second
     """
-    treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
-    truth = treated.evaluate(pairs.wi, pairs.wo)
+    truth = fit.viewers.treated(source).evaluate(pairs.wi, pairs.wo)
     envelope = fit.evaluate(pairs.wi, pairs.wo)
     together = envelope + residual.evaluate(pairs.wi, pairs.wo, filter)
     found = {

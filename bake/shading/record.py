@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..alias_sampler import SamplerLayout
 from ..brdf.baked_table import BakedTable
 from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
 from ..brdf.grids import is_anisotropic, texture_size
@@ -17,6 +16,7 @@ from ..brdf.parts import TableRecord, sampler_of
 from ..bundle import MATERIAL, Bundle
 from ..errors import BakeError
 from ..material_json import Fields
+from ..sampling.half_vector_cells import SamplerLayout
 from . import power_law, slice_basis
 from .record_parts import (
     LitAlbedoRecord,

@@ -6,7 +6,7 @@
 #include "measured_materials.h"
 
 #define MM_LEAST_SUM 1e-3       // bake/anisotropic/grid.py
-#define MM_CELL_EDGE 0.999999   // bake/anisotropic/sampler.py
+#define MM_CELL_EDGE 0.999999   // bake/sampling/slope_cells.py
 
 // A four-dimensional table: the atlas of bake/anisotropic/atlas.py, its grid's sizes [a, b, r, c], and the shapes of
 // two kinds of axes: in the half basis the slope widths along x and y, first of each; in the normal one what mm_forward
@@ -28,7 +28,7 @@ struct MMTable4 {
   int stochastic;
 };
 
-// Alias tables of bake/anisotropic/sampler.py.
+// Alias tables of bake/sampling/slope_cells.py.
 struct MMSlopes {
   string image;
   int n_theta;
@@ -164,7 +164,7 @@ color mm_lookup4(MMTable4 table, vector wi, vector wo, float random)
   return (value - table.offset) * (table.scale / factor);
 }
 
-// viewer_bin
+// SlopeLayout.bin_of
 float mm_viewer_bin(MMSlopes slopes, vector wo)
 {
   float azimuth = floor(mm_azimuth_index(wo[0], wo[1], slopes.n_phi, slopes.folded) + 0.5);
@@ -173,7 +173,7 @@ float mm_viewer_bin(MMSlopes slopes, vector wo)
   return mm_index(mm_chord(wo, vector(0, 0, 1)), slopes.n_theta) * slopes.n_phi + azimuth;
 }
 
-// turned
+// SlopeLayout.side
 float mm_turned(MMSlopes slopes, vector wo)
 {
   if (!slopes.folded)
@@ -250,7 +250,7 @@ MMFrame mm_tangent_frame(vector n, vector incoming, vector along)
   return frame;
 }
 
-// bake/anisotropic/envelope_texture.py: the texel of closure k of `count` for a viewer
+// bake/envelope/texture.py: row_coordinate, the texel of closure k of `count` for a viewer
 color mm_closure_weight(string image, int n_theta, int n_phi, int folded, int k, int count, vector wo, output float alpha)
 {
   float row = mm_azimuth_index(wo[0], wo[1], n_phi, folded) + k * (n_phi + 2) + 1.5;

@@ -1,4 +1,4 @@
-// Aiming at the scene's lamps: twin of bake/light_sampling.py and nodes/aimed_light_group.py, which say why.
+// Aiming at the scene's lamps: twin of bake/sampling/lamps.py and nodes/aimed_light_group.py, which say why.
 
 #ifndef MEASURED_LAMPS_H
 #define MEASURED_LAMPS_H
@@ -118,7 +118,7 @@ float mm_expected_light(MMAim aim, vector n, float power)
   return reaches * height * facing * falloff * power;
 }
 
-// bake/world_sampling.py: expected_world_light
+// bake/sampling/world.py: expected_world_light
 float mm_expected_world_light(vector toward, float flux, vector n)
 {
   return max(dot(toward, n) + flux, 0.1 * flux);

@@ -41,7 +41,7 @@ struct MMGrid {
   int reciprocal;
 };
 
-// Alias tables of bake/alias_sampler.py.
+// Alias tables of bake/sampling/half_vector_cells.py.
 struct MMSampler {
   string image;
   int bins;
@@ -236,7 +236,7 @@ float mm_cell_edge(MMSampler sampler, float index)
   return edge;
 }
 
-// bake/alias_sampler.py: choose_texel and reflect_from_cell; local wi and its density
+// bake/sampling/cell_sampler.py: reflect_from_cell, with half_vector_cells.py; local wi and its density
 vector mm_draw(
     MMSampler sampler, vector wo, float u_cell, float u_alias, float u_theta, float u_phi, output float pdf)
 {
@@ -261,7 +261,7 @@ vector mm_draw(
   return 2 * wo_half * h - wo;
 }
 
-// bake/alias_sampler.py: the density with which mm_draw gives wi
+// bake/sampling/half_vector_cells.py: the density with which mm_draw gives wi
 float mm_density(MMSampler sampler, vector wi, vector wo)
 {
   vector h = normalize(wi + wo);

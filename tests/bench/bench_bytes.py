@@ -15,7 +15,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from materials import merl_sources, rgl_files
 from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, estimator_variance
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.atlas import pack
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -23,6 +22,7 @@ from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.grid_search import choose_grid
 from measured_materials.bake.image_io import write_image
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.storage import TABLE_STORAGES, Storage

@@ -17,10 +17,10 @@ from measured_materials.bake.envelope import (
     BASIS,
     EnvelopeFit,
     EnvelopeSettings,
+    ResidualSource,
     closure_values,
     fit_envelope,
     reconstruction_errors,
-    residual_table,
 )
 from measured_materials.bake.envelope.linear_program import solve
 from measured_materials.bake.envelope.views import gauss_chords, sample_views
@@ -78,7 +78,7 @@ def _row(source: BrdfSource) -> dict[str, Any]:
             seconds = time.process_time() - started
     fewer = [fit_envelope(source, EnvelopeSettings(most=most, enough=1.0)) for most in (1, 2)]
     fit = fits[1e-3]
-    whole, rest = tabulate(TreatedSource(source), GRID), residual_table(source, fit, GRID)
+    whole, rest = tabulate(TreatedSource(source), GRID), tabulate(ResidualSource(source, fit), GRID)
     errors = reconstruction_errors(source, fit, rest, whole, direction_pairs(16384))
     return {
         "material": source.name,

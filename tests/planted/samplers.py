@@ -13,7 +13,7 @@ BOUND = f"{MOMENTS}::test_light_that_the_table_does_not_foresee_stays_bounded"
 MISTAKES = (
     Mistake(
         "cosine-floor-of-a-thousandth",
-        "bake/alias_sampler.py",
+        "bake/sampling/cell_sampler.py",
         "COSINE_FLOOR = 0.05",
         "COSINE_FLOOR = 0.001",
         (BOUND,),
@@ -21,7 +21,7 @@ MISTAKES = (
     ),
     Mistake(
         "cosine-floor-of-a-third",
-        "bake/alias_sampler.py",
+        "bake/sampling/cell_sampler.py",
         "COSINE_FLOOR = 0.05",
         "COSINE_FLOOR = 0.33",
         (BOUND, NOISE),
@@ -29,31 +29,31 @@ MISTAKES = (
     ),
     Mistake(
         "cells-without-the-jacobian",
-        "bake/alias_sampler.py",
-        "np.maximum(wi[..., 2], 0) * 4 * np.maximum(wo_half, 0), 0)",
-        "np.maximum(wi[..., 2], 0), 0)",
+        "bake/sampling/half_vector_cells.py",
+        "return cosine * 4 * wo_half",
+        "return cosine",
         (NOISE,),
         "cells are drawn by the light of a half vector instead of a direction: more noise at grazing viewers",
     ),
     Mistake(
         "slopes-without-the-jacobian",
-        "bake/anisotropic/sampler.py",
-        "(hz * hz * hz) * wo_half",
+        "bake/sampling/slope_cells.py",
+        "(hz * hz * hz) * xp.maximum(wo_half, 1e-6)",
         "(hz * hz * hz)",
         ("tests/test_anisotropic_table.py::test_density_integrates_to_one",),
         "brushed materials are too bright or too dark by the viewer's cosine to the half vector",
     ),
     Mistake(
         "cells-by-their-mean",
-        "bake/alias_sampler.py",
-        "return np.sqrt(material / _ELEVATIONS), np.sqrt(cosine / _ELEVATIONS)",
-        "return material / _ELEVATIONS, np.sqrt(cosine / _ELEVATIONS)",
+        "bake/sampling/cell_sampler.py",
+        "return np.sqrt(material / count), np.sqrt(matte / count)",
+        "return material / count, np.sqrt(matte / count)",
         (NOISE,),
         "cells are drawn by the square of their light: the dim ones hardly ever",
     ),
     Mistake(
         "sun-drawn-in-its-middle",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "lean = aim.m * u1 * 0.99999",
         "lean = aim.m * u1 * u1 * 0.99999",
         (EVEN,),
@@ -61,7 +61,7 @@ MISTAKES = (
     ),
     Mistake(
         "sun-half-drawn",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "lean = aim.m * u1 * 0.99999",
         "lean = aim.m * u1 * 0.5",
         (EVEN,),
@@ -69,7 +69,7 @@ MISTAKES = (
     ),
     Mistake(
         "disk-drawn-in-its-middle",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "radius = xp.sqrt(u1) * 0.5",
         "radius = u1 * 0.5",
         (EVEN,),
@@ -77,7 +77,7 @@ MISTAKES = (
     ),
     Mistake(
         "rectangle-drawn-along-its-diagonal",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "radius * sine, u2 - 0.5)",
         "radius * sine, u1 - 0.5)",
         (EVEN,),
@@ -101,7 +101,7 @@ MISTAKES = (
     ),
     Mistake(
         "lamps-edge-expected-dark",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "xp.where(is_cone, leaning, along * inverse), 0.05)",
         "xp.where(is_cone, leaning, along * inverse), 0.001)",
         (f"{MOMENTS}::test_no_lamp_is_expected_to_bring_far_less_than_it_does",),
@@ -109,7 +109,7 @@ MISTAKES = (
     ),
     Mistake(
         "world-behind-expected-dark",
-        "bake/world_sampling.py",
+        "bake/sampling/world.py",
         "_LEAST = 0.1",
         "_LEAST = 0.0001",
         (f"{MOMENTS}::test_no_world_is_expected_to_bring_far_less_than_it_does",),
@@ -117,7 +117,7 @@ MISTAKES = (
     ),
     Mistake(
         "world-rows-upside-down",
-        "bake/world_sampling.py",
+        "bake/sampling/world.py",
         "z * 0.5 + 0.5",
         "0.5 - z * 0.5",
         ("tests/test_world_sampling.py::test_draws_follow_the_density_and_carry_it",),
@@ -125,7 +125,7 @@ MISTAKES = (
     ),
     Mistake(
         "sphere-density-of-a-disk",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "sphere_m = xp.where(ratio < 1.0, ratio / (1 + xp.sqrt(1 - ratio)), 2.0)",
         "sphere_m = xp.where(ratio < 1.0, ratio * 0.5, 2.0)",
         (f"{MOMENTS}::test_draws_towards_a_lamp_are_even_over_it[sphere]",),
@@ -149,7 +149,7 @@ MISTAKES = (
     ),
     Mistake(
         "cone-density-of-both-sides",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "in_cone * (1 / (2 * math.pi))",
         "in_cone * (1 / (4 * math.pi))",
         ("tests/test_light_sampling.py::test_density_integrates_to_one",),
@@ -157,7 +157,7 @@ MISTAKES = (
     ),
     Mistake(
         "lamp-plane-without-its-cosine",
-        "bake/light_sampling.py",
+        "bake/sampling/lamps.py",
         "xp.divide(distance * distance * aim.fourth, xp.maximum(-facing, 1e-12))",
         "distance * distance * aim.fourth",
         ("tests/test_aimed_estimator.py::test_estimator_of_nodes",),
@@ -165,7 +165,7 @@ MISTAKES = (
     ),
     Mistake(
         "alias-swapped",
-        "bake/alias_sampler.py",
+        "bake/sampling/cell_sampler.py",
         "chosen = xp.where(keep, cell, alias)",
         "chosen = xp.where(keep, alias, cell)",
         ("tests/test_sampler.py::test_chi_square[rough]",),

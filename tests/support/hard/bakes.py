@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, TableSource, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading import power_law
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.map_store import store_map

@@ -9,20 +9,21 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.alias_sampler import SamplerLayout, build_sampler
 from measured_materials.bake.anisotropic.atlas import pack as pack_slopes
-from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
 from measured_materials.bake.anisotropic.table import AnisotropicTable
 from measured_materials.bake.atlas import pack
 from measured_materials.bake.bake_brdf import TableSource
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
+from measured_materials.bake.sampling.cell_sampler import build_sampler
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import BrdfTable, tabulate
 from measured_materials.nodes import expr
 from measured_materials.nodes.alias_sampler_group import alias_sampler_group
-from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group, slope_sampler_group
+from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.group import call
 from measured_materials.nodes.osl_material import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
@@ -270,7 +271,7 @@ def _alias() -> Case:
 
 def _slopes() -> Case:
     layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, True)
-    sampler = build_slope_sampler(analytic.Ggx(alpha=0.01, alpha_y=0.4), layout)
+    sampler = build_sampler(analytic.Ggx(alpha=0.01, alpha_y=0.4), layout)
 
     def osl(folder: Path) -> Osl:
         file = folder / "slopes.exr"
@@ -283,6 +284,6 @@ def _slopes() -> Case:
         "alias tables of slopes, anisotropic",
         _ENDS + "GGX of alpha 0.01 and 0.4",
         sampler.sample,
-        lambda: slope_sampler_group("hard slopes", data_image("hard slopes", sampler.texels), layout),
+        lambda: alias_sampler_group("hard slopes", data_image("hard slopes", sampler.texels), layout),
         osl,
     )

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..envelope.closures import NARROWEST
 from ..source import Array
 from ..sources.analytic import ggx_lobe
+from .closures import NARROWEST
 
 WIDEST = 1.0
+_BASIS_WIDTHS = (0.01, 0.025, 0.06, 0.15, 0.4, 1.0)
 # Cycles holds the Anisotropy of Glossy BSDF at 0.99 of 1, and alpha_x / alpha_y is (1 - a)^2.
 LARGEST_RATIO = 1e4
 _GRAZING = 1e-6
@@ -65,3 +66,10 @@ class AnisotropicLobe:
             widths = (float(f"{np.clip(a, NARROWEST, WIDEST):.3g}") for a in (self.alpha_x * x, self.alpha_y * y))
             found.add(AnisotropicLobe("ggx", *widths))
         return sorted(found - {self})
+
+
+# Lambert, and GGX of widths in steps of about 2.5.
+ANISOTROPIC_BASIS: tuple[AnisotropicLobe, ...] = (
+    AnisotropicLobe("lambert"),
+    *(AnisotropicLobe("ggx", x, y) for x in _BASIS_WIDTHS for y in _BASIS_WIDTHS),
+)

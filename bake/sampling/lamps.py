@@ -1,8 +1,8 @@
-"""Directions towards the lamps of a scene, and the density of drawing them: for aimed sampling (DESIGN.md section 5).
+"""Directions towards the lamps of a scene, and the density of drawing them: for aimed sampling.
 
 A sample is aimed at one lamp, chosen by how much light each is expected to bring to this point, or it is not aimed. Its
 density is that of the whole mixture: of every lamp aimed at and of the material's own sampler. (With the drawn lamp's
-density alone, as DESIGN.md has it, the other lamps are found by chance only, and shine as fireflies.)
+density alone the other lamps are found by chance only, and shine as fireflies.)
 
 A lamp is five RGBA texels, one row of the table:
     centre, kind          kinds: rectangle 0, ellipse 1, sphere 2, sun 3
@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from . import xp_numpy
-from .source import Array
+from .. import xp_numpy
+from ..source import Array
 
 RECTANGLE, ELLIPSE, SPHERE, SUN = range(4)
 TEXELS = 5

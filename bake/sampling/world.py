@@ -1,4 +1,4 @@
-"""Directions towards the bright parts of a world, and the density of drawing them: for aimed sampling (DESIGN.md 5).
+"""Directions towards the bright parts of a world, and the density of drawing them: for aimed sampling.
 
 The sphere is cut into cells of equal solid angle: columns even in azimuth, rows even in z, row 0 at the nadir (the
 cylindrical projection of Archimedes and Lambert, in the order of Blender's pixels). So jitter inside a cell is even in
@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from . import xp_numpy
-from .alias_sampler import alias_tables
-from .source import Array
+from .. import xp_numpy
+from ..source import Array
+from .alias_tables import alias_tables
 
 # A cell is as large as 1.5 sun discs. Powers of two, so that the 24 bits of a random number choose evenly; 15 are left
 # to place the draw in the cell.
