@@ -10,9 +10,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.bake_brdf import BakeResult, Progress
 from ..bake.bundle import read_bundle, require
 from ..bake.errors import BakeError
+from ..bake.result import BakeResult, Progress
 from ..bake.shading.bake_arc import ArcSettings, bake_arc
 from ..bake.shading.map_facts import render_of, shading_map_of
 from ..nodes.shading_map_material import build_shading_map

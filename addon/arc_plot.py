@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..bake.atomic import replacing_file
-from ..bake.bake_brdf import BakeResult
 from ..bake.bundle import Bundle, read_bundle
 from ..bake.errors import BakeError
+from ..bake.result import BakeResult
 from ..bake.shading.map_facts import map_facts_of, shading_map_of
 from ..bake.shading.slice_atlas import unpack_slices
 from ..bake.source import Array

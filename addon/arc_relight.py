@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..bake.bake_brdf import TableSource
 from ..bake.bundle import MATERIAL, Bundle, require
 from ..bake.errors import BakeError
 from ..bake.shading.map_albedo import map_albedo_facts
@@ -20,8 +20,8 @@ from ..bake.shading.map_facts import map_facts_of
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.shading.render_settings import render_settings_of as settings_from_facts
 from ..bake.shading.shading_map import ShadingMap
-from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
+from ..bake.tables.table import FILTERS
 from .arc_build import build_map
 from .cli_bake_arc import is_bundle
 from .cli_result import one_line
@@ -98,5 +98,5 @@ def _albedo(bundle: Bundle, settings: RenderSettings) -> dict[str, Any]:
     if settings.lobe is None:
         table = require(bundle.material, "table", dict, where)
         filter: Any = require(table, "filter", str, where, choices=FILTERS)
-        f_r = TableSource(table_of(bundle), filter)
+        f_r = replace(table_of(bundle), filter=filter)
     return map_albedo_facts(ShadingMap(means), settings, found.a_max, f_r)

@@ -12,8 +12,10 @@ import bpy
 import numpy as np
 
 from ..bake.alias_sampler import SamplerLayout
-from ..bake.bake_brdf import BakeResult, BakeSettings, bake_file
+from ..bake.brdf.bake import bake_file
+from ..bake.brdf.settings import BakeSettings
 from ..bake.bundle import read_bundle
+from ..bake.result import BakeResult
 from ..bake.source import Array
 from ..bake.sources.analytic import MetallicPaint
 from ..bake.sources.merl import write_merl

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..bake.bundle import require
 from ..bake.errors import BakeError
-from ..bake.table import FILTERS
+from ..bake.tables.table import FILTERS
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"
 # Light that may be left out unasked: as much as the envelope's own stated bias.
@@ -32,7 +32,7 @@ class Choices:
     ----------
     mode : of `bake.modes.MODES`; a shading map's is with its lighting
     aim, residual, detail : "auto", "always" or "never"
-    filter : "auto" or one of `bake.table.FILTERS`
+    filter : "auto" or one of `bake.tables.table.FILTERS`
     """
 
     mode: str = "exact"

@@ -18,7 +18,7 @@ def expectation(facts: Mapping[str, Any], mode: str, filter: str) -> str:
     ----------
     facts : the bundle's, as kept with the material; may come from anywhere
     mode : of `bake.modes.MODES`
-    filter : of `bake.table.FILTERS`
+    filter : of `bake.tables.table.FILTERS`
     """
     traced = mode != "preview"
     factor = MODE_TIME.get(mode, 1.0) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..bake.modes import MODES
-from ..bake.table import FILTERS
+from ..bake.tables.table import FILTERS
 from .effects import Choices
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.

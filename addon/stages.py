@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..bake.anisotropic.bake import KIND_OF_STAGE
-from ..bake.bake_brdf import BakeSettings
+from ..bake.brdf.settings import BakeSettings
 from ..bake.shading.bake_arc import ArcSettings
 
 # Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds

@@ -22,7 +22,7 @@ import numpy as np
 from . import xp_numpy
 from .directions import spherical
 from .source import Array, BrdfSource
-from .table import TreatedSource
+from .tables.treated_source import TreatedSource
 
 # Share of draws that follow the cosine instead of the material, so that pdf > 0 wherever light can come from.
 COSINE_FLOOR = 0.05

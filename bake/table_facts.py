@@ -10,18 +10,19 @@ import numpy as np
 
 from . import xp_numpy
 from .alias_sampler import AliasSampler, SamplerLayout
-from .atlas import AtlasLayout, unpack
 from .bundle import Bundle, require
 from .envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from .errors import BakeError
-from .half_grid import HalfGrid
-from .log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from .parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
 from .source import Array
 from .storage import TABLE_STORAGES, Storage
-from .table import BrdfTable, Grid, TableGrid
+from .tables.atlas import AtlasLayout, unpack
+from .tables.grid import Grid
+from .tables.half_vector_grid import HalfVectorGrid
+from .tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
+from .tables.normal_grid import MAX_RESOLUTION, NormalVectorGrid
+from .tables.table import Table
 
-MAX_RESOLUTION = 256
 # Along one axis of a table in the half-vector basis, which has four times as many elevations of h.
 _MAX_SAMPLES = 4 * MAX_RESOLUTION
 
@@ -52,10 +53,10 @@ def _grid(facts: dict[str, Any], where: Path) -> Grid:
     if basis == "normal":
         n = require(facts, "n", int, where, minimum=4, maximum=MAX_RESOLUTION)
         theta, phi = (float(require(facts, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
-        grid = TableGrid(n, kind, theta, phi, horizon)
+        grid = NormalVectorGrid(n, kind, theta, phi, horizon)
         return replace(grid, warps=warps) if warps else grid
     sizes: Any = tuple(_numbers(facts, "sizes", 3, int, 4, _MAX_SAMPLES, where))
-    half = HalfGrid(sizes, kind, reciprocal=require(facts, "reciprocal", bool, where), horizon_share=horizon)
+    half = HalfVectorGrid(sizes, kind, reciprocal=require(facts, "reciprocal", bool, where), horizon_share=horizon)
     if kind == "bezier":
         alphas: Any = tuple(_numbers(facts, "alphas", 3, float, 0, 1, where))
         half = replace(half, alphas=alphas)
@@ -116,17 +117,17 @@ def decoded(bundle: Bundle, part: str, texels: Array) -> Array:
     return values
 
 
-def table_of(bundle: Bundle) -> BrdfTable:
+def table_of(bundle: Bundle) -> Table:
     """The stored values, unscaled."""
     grid = grid_of(bundle)
-    return BrdfTable(grid, decoded(bundle, "table", unpack(bundle.load("table"), grid.shape)), log_of(bundle))
+    return Table(grid, decoded(bundle, "table", unpack(grid, bundle.load("table"))), log_of(bundle))
 
 
-def residual_table_of(bundle: Bundle) -> BrdfTable:
+def residual_table_of(bundle: Bundle) -> Table:
     """The stored values of the residual, unscaled."""
     grid = residual_grid_of(bundle)
-    values = decoded(bundle, "residual", unpack(bundle.load("residual"), grid.shape))
-    return BrdfTable(grid, values, log_of(bundle, "residual"))
+    values = decoded(bundle, "residual", unpack(grid, bundle.load("residual")))
+    return Table(grid, values, log_of(bundle, "residual"))
 
 
 def envelope_of(bundle: Bundle) -> EnvelopeFit:

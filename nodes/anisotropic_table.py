@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 
 from ..bake.anisotropic.facts import filter_of, grid_of, sampler_of
-from ..bake.anisotropic.grid import NormalGrid
 from ..bake.bundle import Bundle
 from ..bake.table_facts import log_of, offset_of, scale_of
+from ..bake.tables.anisotropic_grids import AnisotropicNormalGrid
 from .anisotropic_groups import anisotropic_lookup_group, slope_pdf_group, slope_sampler_group
 from .data_image import bundle_image
 from .drawn_direction import DrawnDirection, drawn_direction
@@ -52,7 +52,7 @@ def anisotropic_table_groups(
     atlas = bundle_image(bundle, part, f"{name} {part}", pack=pack)
     cells = bundle_image(bundle, stored, f"{name} {stored.replace('_', ' ')}", pack=pack)
     filter = filter or filter_of(bundle)
-    stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
+    stochastic = stochastic or filter == "bspline" or isinstance(grid, AnisotropicNormalGrid)
     scale, offset, log = 1 / scale_of(bundle, part), offset_of(bundle, part), log_of(bundle, part)
     lookup = anisotropic_lookup_group(f"MM Lookup {name}", atlas, grid, filter, scale, stochastic, offset, log)
     sampler = slope_sampler_group(f"MM Sampler {name}", cells, layout)

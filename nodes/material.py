@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ..bake.anisotropic.facts import is_anisotropic
 from ..bake.bundle import Bundle, require
 from ..bake.errors import BakeError
-from ..bake.table import FILTERS
 from ..bake.table_facts import (
     check_shares,
     envelope_of,
@@ -26,6 +25,7 @@ from ..bake.table_facts import (
     sampler_of,
     scale_of,
 )
+from ..bake.tables.table import FILTERS
 from . import compat
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .anisotropic_material import anisotropic_group

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bake.anisotropic.atlas import SliceLayout
 from ..bake.anisotropic.facts import closures_of, filter_of, grid_of, sampler_of
-from ..bake.anisotropic.grid import Grid
 from ..bake.anisotropic.lobes import AnisotropicLobe
 from ..bake.anisotropic.sampler import SlopeLayout
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
-from ..bake.parameterization import shape_constants
-from ..bake.table import FILTERS
-from .osl_script import texel_constants, texture_file
+from ..bake.tables.table import FILTERS
+from .osl_script import grid_constants, texel_constants, texture_file
 
 
 def anisotropic_constants(
@@ -42,21 +39,6 @@ def anisotropic_constants(
             viewers = fit.grid
             constants |= {"NodesTheta": viewers.n_theta, "NodesPhi": viewers.n_phi, "HalfTurn": int(viewers.folded)}
     return constants
-
-
-def grid_constants(grid: Grid) -> dict[str, Any]:
-    """Of a table's grid and its atlas."""
-    layout = SliceLayout.of(grid)
-    sizes = {f"Size{name}": size for name, size in zip("ABRC", grid.shape)}
-    return {
-        "Basis": grid.basis,
-        **sizes,
-        "Columns": layout.columns,
-        "Rows": layout.rows,
-        "Parameterization": grid.parameterization,
-        **{f"Shape{k}": shape_constants(shape) for k, shape in zip((1, 2), grid.axis_shapes)},
-        "Folded": int(grid.folded),
-    }
 
 
 def slope_constants(layout: SlopeLayout) -> dict[str, Any]:

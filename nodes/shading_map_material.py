@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 
 from ..bake import xp_numpy
-from ..bake.bake_brdf import TableSource
 from ..bake.bundle import MATERIAL, Bundle, require
 from ..bake.directions import spherical
 from ..bake.errors import BakeError
@@ -17,8 +16,8 @@ from ..bake.shading.map_albedo import resolved_scale
 from ..bake.shading.map_facts import MapFacts, map_facts_of, render_of
 from ..bake.shading.reduced_map import reduced_slices
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.table import FILTERS
 from ..bake.table_facts import table_of
+from ..bake.tables.table import FILTERS
 from .data_image import bundle_image
 from .map_models import basis_group, power_group
 from .material import build_from, new_data_image, table_groups
@@ -66,7 +65,7 @@ def lighting_of(bundle: Bundle, facts: MapFacts, settings: RenderSettings) -> Li
     measured = None
     if settings.lobe is None:
         filter = require(bundle.material["table"], "filter", str, bundle.path / MATERIAL, choices=FILTERS)
-        measured = TableSource(table_of(bundle), filter)  # type: ignore[arg-type]
+        measured = replace(table_of(bundle), filter=filter)
     sigma, a_max = resolved_scale(settings, facts.a_max, measured)
     return Lighting(settings, sigma, a_max, _reaches_beyond(settings, sigma, a_max), facts.level_by_cosine)
 

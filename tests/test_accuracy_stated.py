@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake import alpha_search, bake_brdf, grid_race, grid_search
-from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, trilinear_estimate
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic import bake as anisotropic_bake
-from measured_materials.bake.anisotropic import choice
-from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
-from measured_materials.bake.anisotropic.choice import Symmetry
+from measured_materials.bake.brdf import bake as bake_brdf
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import TableGrid
+from measured_materials.bake.tables import alpha_search, grid_race, grid_search
+from measured_materials.bake.tables import anisotropic_search as choice
+from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
+from measured_materials.bake.tables.anisotropic_search import Symmetry
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 
 SOURCES: dict[str, analytic.Analytic] = {
     "matte": analytic.OrenNayar((0.5, 0.4, 0.3), 0.5),
@@ -31,11 +31,11 @@ SETS, SIZE = 32, 2048
 @cache
 def stated_and_true(name: str, independent: bool) -> float:
     """Stated uncertainty over the spread of the RMS, both as shares of it, over sets of directions."""
-    source, grid = SOURCES[name], TableGrid(24, "bezier", 0.5, 0.1)
+    source, grid = SOURCES[name], NormalVectorGrid(24, "bezier", 0.5, 0.1)
     rms, stated = [], []
     if independent:
         pool = direction_pairs(SETS * SIZE)
-        difference = trilinear_estimate(source, grid, pool) - source.evaluate(pool.wi, pool.wo)
+        difference = linear_estimate(source, grid, pool) - source.evaluate(pool.wi, pool.wo)
         order = np.random.default_rng(7).permutation(len(pool.wi))
         for k in range(SETS):
             chosen = order[k::SETS]
@@ -45,7 +45,7 @@ def stated_and_true(name: str, independent: bool) -> float:
     else:
         for offset in np.random.default_rng(7).random(SETS):
             pairs = direction_pairs(SIZE, float(offset))
-            difference = trilinear_estimate(source, grid, pairs) - source.evaluate(pairs.wi, pairs.wo)
+            difference = linear_estimate(source, grid, pairs) - source.evaluate(pairs.wi, pairs.wo)
             rms.append(pairs.rms(difference))
             stated.append(pairs.rms_uncertainty(difference))
     return float(np.mean(stated) / (np.std(rms, ddof=1) / np.mean(rms)))
@@ -103,8 +103,9 @@ def test_no_isotropic_grid_is_chosen_at_directions_that_fitted_it(
     sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
     settings = bake_brdf.BakeSettings(resolution=8, sampler=sampler, envelope=False, basis="half")
     bake_brdf.bake_source(analytic.ModifiedPhong(exponent=5), tmp_path / "ggx", settings)
-    assert set(found) == {"bake.grid_search", "bake.grid_race", "bake.bake_brdf"}
-    fitting, ranking, stating = (directions_of(found[f"bake.{k}"]) for k in ("grid_search", "grid_race", "bake_brdf"))
+    names = ("tables.grid_search", "tables.grid_race", "brdf.bake")
+    assert set(found) == {f"bake.{name}" for name in names}
+    fitting, ranking, stating = (directions_of(found[f"bake.{name}"]) for name in names)
     assert min(len(fitting), len(ranking), len(stating)) > 1000
     assert not fitting & ranking and not fitting & stating and not ranking & stating
 
@@ -120,7 +121,7 @@ def test_the_choice_is_the_races(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen.grid == best.grid
 
     def squares(pairs: DirectionPairs) -> Array:
-        return pairs.rms(trilinear_estimate(source, best.grid, pairs) - source.evaluate(pairs.wi, pairs.wo)) ** 2
+        return pairs.rms(linear_estimate(source, best.grid, pairs) - source.evaluate(pairs.wi, pairs.wo)) ** 2
 
     counts = [len(pairs.wi) for pairs in sets]
     assert best.rms**2 == pytest.approx(np.average([squares(pairs) for pairs in sets], weights=counts), rel=1e-6)
@@ -128,17 +129,17 @@ def test_the_choice_is_the_races(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_anisotropic_grid_is_chosen_at_directions_that_fitted_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second set ranks, and its errors are those of the account."""
-    found = record(monkeypatch, (choice, anisotropic_bake), "turned_pairs")
+    found = record(monkeypatch, (choice, anisotropic_bake), "direction_pairs")
     source = analytic.Ggx(alpha=0.2, alpha_y=0.4)
     chosen, account = choice.choose_grid(source, 8, Symmetry(0.0, 0.0), "auto")
     (sets,) = found.values()
     assert len(sets) == 2
     fitting, ranking = sets
     assert not directions_of([fitting]) & directions_of([ranking])
-    assert not directions_of([turned_pairs(anisotropic_bake._ERROR_PAIRS)]) & directions_of(sets)
+    assert not directions_of([direction_pairs(anisotropic_bake._ERROR_PAIRS, turned=True)]) & directions_of(sets)
 
     def rms(pairs: DirectionPairs) -> float:
-        difference = quadrilinear_estimate(source, chosen, pairs) - source.evaluate(pairs.wi, pairs.wo)
+        difference = linear_estimate(source, chosen, pairs) - source.evaluate(pairs.wi, pairs.wo)
         return pairs.rms(difference)
 
     least = min(entry["rms"] for entry in account["best"].values())

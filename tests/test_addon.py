@@ -11,7 +11,8 @@ import measured_materials
 import pytest
 from measured_materials.addon import bake_operator, import_operator, measured_material, panel
 from measured_materials.addon.bake_properties import settings_of, show_settings
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources import READERS

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.anisotropic.atlas import pack
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.anisotropic.grid import Grid
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl

@@ -10,7 +10,7 @@ from measured_materials.addon.brdf_build import build_brdf, usual_choices
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sources import analytic

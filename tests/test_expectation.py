@@ -10,7 +10,8 @@ from measured_materials.addon.measured_material import material_from
 from measured_materials.addon.panel import _expected
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sources import analytic
 from test_addon import registered  # noqa: F401

@@ -12,7 +12,8 @@ from measured_materials.addon.progress import Progress, readable_time
 from measured_materials.addon.stages import bake_stages, share_done
 from measured_materials.bake.alias_sampler import SamplerLayout
 from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from support.stacks import write_stack

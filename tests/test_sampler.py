@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from measured_materials.bake.accuracy import estimator_variance
 from measured_materials.bake.alias_sampler import AliasSampler, SamplerLayout, alias_tables, build_sampler
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sources import analytic
+from measured_materials.bake.tables.accuracy import estimator_variance
 from scipy import integrate, stats
 
 SOURCES = {

@@ -12,27 +12,28 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from .. import VERSION
-from ..accuracy import DirectionPairs, table_errors
 from ..albedo import directional_albedo, white_sky_albedo
 from ..bundle import StoredImage, write_bundle
 from ..errors import BakeError
 from ..preview import preview_sphere
 from ..source import Array, BrdfSource
 from ..storage import Storage
-from ..table import FILTERS, Filter
-from ..table_storage import StoredTable, store_table
-from .accuracy import turned_pairs
-from .atlas import SliceLayout, pack
-from .choice import Symmetry, choose_grid, measured_symmetry
+from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
+from ..tables.anisotropic_grids import AnisotropicHalfGrid
+from ..tables.anisotropic_search import Symmetry, choose_grid, measured_symmetry
+from ..tables.atlas import AtlasLayout
+from ..tables.grid import Grid
+from ..tables.stored_table import StoredTable, store_table
+from ..tables.table import FILTERS, Filter, Table, tabulate
+from ..tables.treated_source import TreatedSource
 from .envelope import AnisotropicResidual, fit_anisotropic_envelope, fit_anisotropic_preview, preview_error
 from .envelope_texture import guarded_share, pack_weights
-from .grid import Grid, HalfGrid
 from .sampler import SlopeLayout, build_slope_sampler
-from .table import AnisotropicTable, TreatedAnisotropic, pad_slices, tabulate
 from .views import ViewerGrid
 
 if TYPE_CHECKING:
-    from ..bake_brdf import BakeResult, BakeSettings, Progress
+    from ..brdf.settings import BakeSettings
+    from ..result import BakeResult, Progress
 
 # Behind the name of each stage.
 KIND_OF_STAGE = ", anisotropic"
@@ -67,12 +68,12 @@ def bake_anisotropic(
     ------
     BakeError : the source is all zero or not finite, its table would be too large, or the bundle cannot be written
     """
-    from ..bake_brdf import BakeResult
+    from ..result import BakeResult
 
     say = _named(progress)
     started = time.perf_counter()
-    treated = TreatedAnisotropic(source)
-    pairs = turned_pairs(_ERROR_PAIRS)
+    treated = TreatedSource(source)
+    pairs = direction_pairs(_ERROR_PAIRS, turned=True)
     truth = treated.evaluate(pairs.wi, pairs.wo)
     treatment = treated.treatment()
     if not truth.any():
@@ -87,7 +88,7 @@ def bake_anisotropic(
         parameterization=settings.spacing,
         alpha=settings.alpha,
     )
-    SliceLayout.of(grid)
+    AtlasLayout.of(grid)
     kept = quantized(tabulate(treated, grid, lambda share: say("tabulating", share)), settings, pairs, truth)
     table = kept.table
     say("sampler", 0.0)
@@ -115,7 +116,7 @@ def bake_anisotropic(
         "albedo": mean_albedo(treated),
     }
     images = {
-        "table": kept.image(pack(grid, table.values)),
+        "table": kept.image(),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     if settings.envelope:
@@ -124,14 +125,14 @@ def bake_anisotropic(
         extra, further = _envelope(treated, table, layout, viewers, settings, pairs, truth, fitted)
         facts, images = facts | extra, images | further
     say("writing", 0.0)
-    path = write_bundle(out, facts, images, preview_sphere(table, settings.filter))  # type: ignore[arg-type]
+    path = write_bundle(out, facts, images, preview_sphere(table))
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
 
 
 def _envelope(
-    treated: TreatedAnisotropic,
-    table: AnisotropicTable,
+    treated: TreatedSource,
+    table: Table,
     layout: SlopeLayout,
     viewers: tuple[int, int],
     settings: BakeSettings,
@@ -161,7 +162,7 @@ def _envelope(
     facts = {**kept.facts(), "errors": {"envelope_and_residual": errors}}
     images = {
         "envelope": StoredImage(pack_weights(fit.weights, guarded_share(fit)), Storage.FLOAT32),
-        "residual": kept.image(pack(residual.grid, residual.values)),
+        "residual": kept.image(),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "preview_weights": StoredImage(pack_weights(preview), Storage.FLOAT32),
     }
@@ -179,7 +180,7 @@ def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, searc
     """Bins and cells of the sizes that the settings have for isotropic materials, shared between two axes each."""
     wanted = settings.sampler
     bins, cells = max(4, wanted.n_o // 4), max(8, round((wanted.n_h * wanted.n_phi) ** 0.5) * 2 // 3)
-    if isinstance(grid, HalfGrid):
+    if isinstance(grid, AnisotropicHalfGrid):
         widths = grid.width_x, grid.width_y
     else:
         # The normal basis knows no slopes.
@@ -187,12 +188,10 @@ def sampler_layout(settings: BakeSettings, grid: Grid, symmetry: Symmetry, searc
     return SlopeLayout(bins, bins, cells, cells, _CELL_WIDTH * widths[0], _CELL_WIDTH * widths[1], symmetry.half_turn)
 
 
-def quantized(
-    table: AnisotropicTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array
-) -> StoredTable[AnisotropicTable]:
+def quantized(table: Table, settings: BakeSettings, pairs: DirectionPairs, truth: Array) -> StoredTable:
     """The table as it will come back from the file, with the filter chosen."""
     table = replace(table, filter=settings.filter)
-    return store_table(table, pad_slices(table.grid, table.values), settings.storage, settings.filter, pairs, truth)
+    return store_table(table, settings.storage, pairs, truth)
 
 
 def mean_albedo(source: BrdfSource) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from ..envelope.texture import LEAST_SHARE
 from ..errors import BakeError
 from ..material_json import require
 from ..source import Array
+from ..tables.anisotropic_grids import azimuth_index
 from .envelope import AnisotropicFit
-from .grid import azimuth_index
 from .lobes import lobe_from_facts
 from .views import ViewerGrid
 

@@ -7,14 +7,14 @@ from typing import Any, cast
 
 from ..bundle import Bundle, require
 from ..errors import BakeError
-from ..table import FILTERS, Filter
 from ..table_facts import decoded, log_of, warps_of
-from .atlas import SliceLayout, unpack
+from ..tables.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
+from ..tables.atlas import AtlasLayout, unpack
+from ..tables.grid import Grid
+from ..tables.table import FILTERS, Filter, Table
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
-from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
 from .sampler import SlopeLayout, SlopeSampler
-from .table import AnisotropicTable
 
 
 def is_anisotropic(bundle: Bundle) -> bool:
@@ -36,28 +36,30 @@ def grid_of(bundle: Bundle, name: str = "table") -> Grid:
     grid: Grid
     if basis == "half":
         x, y = (float(require(table, f"width_{k}", float, where, minimum=1e-4, maximum=1e3)) for k in "xy")
-        grid = HalfGrid(shape, x, y, folded)
+        grid = AnisotropicHalfGrid(shape, x, y, folded)
     else:
         grid = _normal_grid(table, shape, folded, where)
         # Beyond the pole azimuths go on half a turn further, which has to be a sample.
         if shape[3] % 2 or (not folded and shape[0] % 2):
             raise BakeError(where, "'table.shape' has an odd azimuth", "bake it again")
-    _check_size(bundle, name, SliceLayout.of(grid).size)
+    _check_size(bundle, name, AtlasLayout.of(grid).size)
     return grid
 
 
-def _normal_grid(table: dict[str, Any], shape: tuple[int, int, int, int], folded: bool, where: Path) -> NormalGrid:
+def _normal_grid(
+    table: dict[str, Any], shape: tuple[int, int, int, int], folded: bool, where: Path
+) -> AnisotropicNormalGrid:
     """Bundles of before version 2 do not name their parameterisation: it is Bezier."""
     kind = "bezier"
     if "parameterization" in table:
         kind = require(table, "parameterization", str, where, choices=NORMAL_KINDS)
     if kind == "fitted":
         near, far = warps_of(table, 2, where)
-        return NormalGrid(shape, folded=folded, parameterization=kind, warps=(near, far))
+        return AnisotropicNormalGrid(shape, folded=folded, parameterization=kind, warps=(near, far))
     if kind != "bezier":
-        return NormalGrid(shape, folded=folded, parameterization=kind)
+        return AnisotropicNormalGrid(shape, folded=folded, parameterization=kind)
     theta, phi = (float(require(table, f"alpha_{g}", float, where, minimum=0, maximum=1)) for g in ("theta", "phi"))
-    return NormalGrid(shape, theta, phi, folded)
+    return AnisotropicNormalGrid(shape, theta, phi, folded)
 
 
 def filter_of(bundle: Bundle) -> Filter:
@@ -67,11 +69,11 @@ def filter_of(bundle: Bundle) -> Filter:
     return cast(Filter, require(table, "filter", str, where, choices=FILTERS))
 
 
-def table_of(bundle: Bundle, name: str = "table") -> AnisotropicTable:
+def table_of(bundle: Bundle, name: str = "table") -> Table:
     """The stored values of "table" or "residual", unscaled."""
     grid = grid_of(bundle, name)
     values = decoded(bundle, name, unpack(grid, bundle.load(name)))
-    return AnisotropicTable(grid, values, filter_of(bundle), log_of(bundle, name))
+    return Table(grid, values, log_of(bundle, name), filter_of(bundle))
 
 
 def sampler_layout_of(bundle: Bundle, name: str = "sampler") -> SlopeLayout:

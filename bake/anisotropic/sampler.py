@@ -1,8 +1,8 @@
 """Sampling an anisotropic table's directions: per viewer an alias table over cells of the half vector's slopes.
 
 Bins are (theta_o, phi_o); phi_o covers half a turn where the material looks the same after half a turn, and the cells
-then turn with the viewer. A cell is a rectangle in the warped slopes u = x / (width + |x|) of h (see `grid.HalfGrid`):
-a polar cell would cut across the ridge that brushing makes. Inside a cell (u, v) is even, hence
+then turn with the viewer. A cell is a rectangle in the warped slopes u = x / (width + |x|) of h, see
+`AnisotropicHalfGrid`: a polar cell would cut across the ridge that brushing makes. Inside a cell (u, v) is even, hence
 
     pdf_h = p_cell cells / 4  du/dx dv/dy / h_z^3,   pdf(wi) = pdf_h / (4 wo . h),
 
@@ -21,8 +21,8 @@ from .. import xp_numpy
 from ..alias_sampler import COSINE_FLOOR, alias_tables
 from ..directions import spherical
 from ..source import Array, BrdfSource
-from .grid import azimuth_index, slope_unwarp, slope_warp
-from .table import AnisotropicTable
+from ..tables.anisotropic_grids import azimuth_index, slope_unwarp, slope_warp
+from ..tables.table import Table
 
 # Quadrature points per cell side, and viewers per bin side: the estimate need not be exact, the pdf is.
 _POINTS = 2
@@ -176,7 +176,7 @@ def _density(xp: Any, layout: SlopeLayout, x: Any, y: Any, half: Any, wo_half: A
 
 
 def cell_moments(
-    source: BrdfSource | AnisotropicTable, layout: SlopeLayout, progress: Callable[[float], None] | None = None
+    source: BrdfSource | Table, layout: SlopeLayout, progress: Callable[[float], None] | None = None
 ) -> tuple[Array, Array]:
     """Root mean square over each cell and bin of f cos(theta_i) / density, for the material and for a Lambertian one.
 
@@ -219,7 +219,7 @@ def _cell_mean(values: Array, layout: SlopeLayout) -> Array:
 
 
 def build_slope_sampler(
-    source: BrdfSource | AnisotropicTable, layout: SlopeLayout, progress: Callable[[float], None] | None = None
+    source: BrdfSource | Table, layout: SlopeLayout, progress: Callable[[float], None] | None = None
 ) -> SlopeSampler:
     """Alias tables for a source, a Lambertian floor included: every direction above the horizon may be drawn."""
     material, matte = cell_moments(source, layout, progress)

@@ -11,7 +11,7 @@ from ..directions import spherical
 from ..envelope.views import Views
 from ..errors import BakeError
 from ..source import Array, BrdfSource
-from .grid import slope_unwarp
+from ..tables.anisotropic_grids import slope_unwarp
 
 _CHORDS = 1e-5, np.sqrt(1 - 1e-3)
 _CHUNK = 1 << 17
@@ -52,9 +52,10 @@ class ViewerGrid:
 def slope_views(
     source: BrdfSource, chords: Array, phi: Array, widths: tuple[float, float], sizes: tuple[int, int]
 ) -> Views:
-    """Sample a source from viewers (V,), by the midpoint rule over warped slopes of the half vector (`grid.HalfGrid`).
+    """Sample a source from viewers (V,), by the midpoint rule over warped slopes of the half vector.
 
-    Other sizes give other directions. The views' wo is (V, 1, 3) and in all azimuths; wi is on all sides.
+    The slopes are warped as those of `AnisotropicHalfGrid`. Other sizes give other directions. The views' wo is
+    (V, 1, 3) and in all azimuths; wi is on all sides.
 
     Raises BakeError for values that are not finite.
     """

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..shading.lobes import Lobe
 from ..source import Array, BrdfSource
-from ..table import TreatedSource
+from ..tables.treated_source import TreatedSource
 from .closures import closure_values, neighbours
 from .linear_program import solve
 from .views import gauss_chords, sample_views

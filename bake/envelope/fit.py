@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..errors import BakeError
 from ..shading.lobes import Lobe
 from ..source import Array, BrdfSource
-from ..table import TreatedSource
+from ..tables.treated_source import TreatedSource
 from .choice import Choice, choose
 from .closures import BASIS, check_basis, closure_sum, closure_values
 from .linear_program import solve

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import BakeError
 from ..source import Array
-from ..table import BrdfTable
+from ..tables.table import Table
 from .fit import EnvelopeFit
 from .texture import LEAST_SHARE, guarded_share
 from .views import interpolated, light_directions
@@ -51,7 +51,7 @@ class ShareLayout:
 LAYOUT = ShareLayout()
 
 
-def lamp_shares(fit: EnvelopeFit, residual: BrdfTable, layout: ShareLayout = LAYOUT) -> NDArray[np.float32]:
+def lamp_shares(fit: EnvelopeFit, residual: Table, layout: ShareLayout = LAYOUT) -> NDArray[np.float32]:
     """Image of the probability of least variance: P / (1 - P) = sqrt(<R^2> / <E^2>) around each node.
 
     E / (1 - P) or R / P has the second moment E^2 / (1 - P) + R^2 / P. Means of squares, not of values, give ridges of

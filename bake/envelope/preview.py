@@ -22,7 +22,7 @@ from ..errors import BakeError
 from ..material_json import require
 from ..shading.lobes import Lobe, lobe_from_facts
 from ..source import Array, BrdfSource
-from ..table import TreatedSource
+from ..tables.treated_source import TreatedSource
 from .closures import BASIS, check_basis, closure_values
 from .texture import unpack_weights
 from .views import Views, chord_of, gauss_chords, interpolated, sample_views

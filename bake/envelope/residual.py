@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ..accuracy import DirectionPairs
 from ..source import Array, BrdfSource
-from ..table import BrdfTable, Filter, Grid, TreatedSource, tabulate
+from ..tables.accuracy import DirectionPairs
+from ..tables.grid import Grid
+from ..tables.table import Filter, Table, tabulate
+from ..tables.treated_source import TreatedSource
 from .fit import EnvelopeFit
 
 
@@ -44,7 +46,7 @@ def residual_table(
     fit: EnvelopeFit,
     grid: Grid,
     progress: Callable[[float], None] | None = None,
-) -> BrdfTable:
+) -> Table:
     """The residual on a grid; `progress` is called with the share done."""
     return tabulate(residual_source(source, fit), grid, progress)
 
@@ -52,8 +54,8 @@ def residual_table(
 def reconstruction_errors(
     source: BrdfSource | TreatedSource,
     fit: EnvelopeFit,
-    residual: BrdfTable,
-    whole: BrdfTable,
+    residual: Table,
+    whole: Table,
     pairs: DirectionPairs,
     filter: Filter = "trilinear",
 ) -> dict[str, Any]:
@@ -65,8 +67,8 @@ def reconstruction_errors(
     Returns
     -------
     "envelope_and_residual", "table" and "overshoot" (E + R without a table), each the RMS in 1/sr and the
-    energy-relative error of `bake.accuracy`; "closer": which of the first two has the smaller RMS; and "rms_ratio",
-    that of the first over the second
+    energy-relative error of `bake.tables.accuracy`; "closer": which of the first two has the smaller RMS; and
+    "rms_ratio", that of the first over the second
     """
     treated = source if isinstance(source, TreatedSource) else TreatedSource(source)
     truth = treated.evaluate(pairs.wi, pairs.wo)

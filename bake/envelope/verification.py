@@ -9,7 +9,7 @@ import numpy as np
 
 from ..shading.lobes import Lobe
 from ..source import Array
-from ..table import TreatedSource
+from ..tables.treated_source import TreatedSource
 from .closures import closure_values
 from .linear_program import feasible_share
 from .views import Views, gauss_chords, interpolated, sample_views

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import BakeError
 from ..quadrature import gauss_legendre
 from ..source import Array, BrdfSource
-from ..table import TreatedSource
+from ..tables.treated_source import TreatedSource
 
 # The viewer's elevation is taken between these, where directions and values are still well defined.
 _CHORDS = 1e-5, np.sqrt(1 - 1e-3)

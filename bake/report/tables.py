@@ -10,10 +10,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..accuracy import DirectionPairs
 from ..source import BrdfSource
 from ..storage import TABLE_STORAGES, Storage
-from ..table import FILTERS, Filter
+from ..tables.accuracy import DirectionPairs
+from ..tables.table import FILTERS, Filter
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
@@ -112,7 +112,7 @@ def _measured(made: Tabulation, chosen: Any, n: int, crossed: bool) -> list[dict
         return []
     samples, rows = made.values(grid), []
     for filter, storages in variants(crossed):
-        values = made.coefficients(samples, filter)
+        values = made.coefficients(grid, samples, filter)
         lookups = {storage: made.stored(grid, values, filter, storage) for storage in storages}
         # Only codes have to be decoded.
         timed = {storage is Storage.LOG: lookup for storage, lookup in lookups.items()}

@@ -8,22 +8,20 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from ..accuracy import DirectionPairs, direction_pairs
-from ..anisotropic import choice as four_axes
-from ..anisotropic import table as anisotropic_table
-from ..anisotropic.accuracy import turned_pairs
-from ..anisotropic.atlas import MOST_TEXELS
-from ..anisotropic.atlas import SliceLayout as AnisotropicLayout
-from ..anisotropic.grid import Grid as AnisotropicGrid
-from ..anisotropic.grid import HalfGrid as AnisotropicHalfGrid
-from ..atlas import AtlasLayout
-from ..bspline_fit import fit_coefficients
-from ..grid_search import AUTO, choose_grid
-from ..half_grid import HalfGrid
 from ..source import Array, BrdfSource
 from ..storage import Storage
-from ..table import BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
-from ..table_storage import store_table
+from ..tables import anisotropic_search as four_axes
+from ..tables.accuracy import DirectionPairs, direction_pairs
+from ..tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from ..tables.atlas import MOST_TEXELS, AtlasLayout
+from ..tables.bspline_fit import fit_coefficients
+from ..tables.grid import Grid
+from ..tables.grid_search import AUTO, choose_grid
+from ..tables.half_vector_grid import HalfVectorGrid
+from ..tables.normal_grid import NormalVectorGrid
+from ..tables.stored_table import store_table
+from ..tables.table import Filter, Table, tabulate
+from ..tables.treated_source import TreatedSource
 
 Kind = tuple[str, str]
 # (wi, wo) to the BRDF, each (P, 3).
@@ -80,7 +78,7 @@ class Tabulation(Protocol):
         """The samples."""
         ...
 
-    def coefficients(self, values: Array, filter: Filter) -> Array:
+    def coefficients(self, grid: Any, values: Array, filter: Filter) -> Array:
         """What is stored of the samples for a filter."""
         ...
 
@@ -89,16 +87,35 @@ class Tabulation(Protocol):
         ...
 
 
-class Isotropic:
-    """Tables of three axes; "bspline" with fitted coefficients."""
+class _Tabulated:
+    """A treated source and its tables; "bspline" with fitted coefficients."""
+
+    def __init__(self, source: BrdfSource, pairs: DirectionPairs) -> None:
+        self._source, self.pairs = TreatedSource(source), pairs
+        self.truth = self._source.evaluate(pairs.wi, pairs.wo)
+
+    def texels(self, grid: Grid) -> int:
+        count = int(np.prod(AtlasLayout(grid.shape).size))
+        return count if count <= MOST_TEXELS else 0
+
+    def values(self, grid: Grid) -> Array:
+        return tabulate(self._source, grid).values
+
+    def coefficients(self, grid: Grid, values: Array, filter: Filter) -> Array:
+        return fit_coefficients(grid, values) if filter == "bspline" else values
+
+    def stored(self, grid: Grid, values: Array, filter: Filter, storage: Storage) -> Lookup:
+        return store_table(Table(grid, values, filter=filter), storage, self.pairs, self.truth).table.evaluate
+
+
+class Isotropic(_Tabulated):
+    """Tables of three axes."""
 
     kinds = KINDS
     auto = tuple(kind for kind in KINDS if kind[1] in AUTO[kind[0]])
 
     def __init__(self, source: BrdfSource) -> None:
-        self._source = TreatedSource(source)
-        self.pairs = direction_pairs(_PAIRS)
-        self.truth = self._source.evaluate(self.pairs.wi, self.pairs.wo)
+        super().__init__(source, direction_pairs(_PAIRS))
 
     def chosen(self, kind: Kind) -> tuple[Grid, float]:
         found = choose_grid(self._source, CHOSEN_AT, (kind[0],), cast(Any, kind[1]))
@@ -108,57 +125,29 @@ class Isotropic:
     def resized(self, grid: Grid, n: int) -> Grid:
         return resized(grid, n)
 
-    def texels(self, grid: Grid) -> int:
-        return int(np.prod(AtlasLayout(grid.shape).size))
 
-    def values(self, grid: Grid) -> Array:
-        return tabulate(self._source, grid).values
-
-    def coefficients(self, values: Array, filter: Filter) -> Array:
-        return fit_coefficients(values) if filter == "bspline" else values
-
-    def stored(self, grid: Grid, values: Array, filter: Filter, storage: Storage) -> Lookup:
-        made = BrdfTable(grid, values)
-        table = store_table(made, pad_slices(values), storage, filter, self.pairs, self.truth).table
-        return lambda wi, wo: table.evaluate(wi, wo, filter)
-
-
-class Anisotropic:
+class Anisotropic(_Tabulated):
     """Tables of four axes; "bspline" takes the samples as they are, as a bake does."""
 
     kinds = ANISOTROPIC_KINDS
     auto = (*(("normal", spacing) for spacing in four_axes.AUTO), ("half", "slopes"))
 
     def __init__(self, source: BrdfSource) -> None:
-        self._source = anisotropic_table.TreatedAnisotropic(source)
-        self.pairs = turned_pairs(_TURNED_PAIRS)
-        self.truth = self._source.evaluate(self.pairs.wi, self.pairs.wo)
+        super().__init__(source, direction_pairs(_TURNED_PAIRS, turned=True))
         self._symmetry = four_axes.measured_symmetry(self._source, self.pairs, self.truth)
 
-    def chosen(self, kind: Kind) -> tuple[AnisotropicGrid, float]:
+    def chosen(self, kind: Kind) -> tuple[Grid, float]:
         basis, spacing = kind
         named = "auto" if basis == "half" else spacing
         grid, account = four_axes.choose_grid(self._source, CHOSEN_AT, self._symmetry, basis, parameterization=named)
         (best,) = account["best"].values()
         return grid, float(best["rms"])
 
-    def resized(self, grid: AnisotropicGrid, n: int) -> AnisotropicGrid:
+    def resized(self, grid: Grid, n: int) -> Grid:
         return anisotropic_resized(grid, n)
 
-    def texels(self, grid: AnisotropicGrid) -> int:
-        count = int(np.prod(AnisotropicLayout(grid.shape).size))
-        return count if count <= MOST_TEXELS else 0
-
-    def values(self, grid: AnisotropicGrid) -> Array:
-        return anisotropic_table.tabulate(self._source, grid).values
-
-    def coefficients(self, values: Array, filter: Filter) -> Array:
+    def coefficients(self, grid: Grid, values: Array, filter: Filter) -> Array:
         return values
-
-    def stored(self, grid: AnisotropicGrid, values: Array, filter: Filter, storage: Storage) -> Lookup:
-        made = anisotropic_table.AnisotropicTable(grid, values, filter)
-        padded = anisotropic_table.pad_slices(grid, values)
-        return store_table(made, padded, storage, filter, self.pairs, self.truth).table.evaluate
 
 
 def tabulation(source: BrdfSource) -> Tabulation:
@@ -168,14 +157,16 @@ def tabulation(source: BrdfSource) -> Tabulation:
 
 def resized(grid: Grid, n: int) -> Grid:
     """A grid of `CHOSEN_AT` at another resolution."""
-    if isinstance(grid, HalfGrid):
+    if isinstance(grid, HalfVectorGrid):
         n_d, n_h, n_phi = (max(4, round(size * n / CHOSEN_AT)) for size in grid.sizes)
         return replace(grid, sizes=(n_d, n_h, n_phi))
+    assert isinstance(grid, NormalVectorGrid)
     return replace(grid, n=n)
 
 
-def anisotropic_resized(grid: AnisotropicGrid, n: int) -> AnisotropicGrid:
+def anisotropic_resized(grid: Grid, n: int) -> Grid:
     """The same of four axes."""
     if isinstance(grid, AnisotropicHalfGrid):
         return replace(grid, shape=four_axes.half_shape(n, grid.folded))
+    assert isinstance(grid, AnisotropicNormalGrid)
     return replace(grid, shape=four_axes.normal_shape(n, grid.folded))

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from .. import VERSION
 from ..albedo import directional_albedo
 from ..anisotropic.facts import is_anisotropic
-from ..bake_brdf import BakeResult, TableSource
 from ..bundle import Bundle, StoredImage, read_bundle, require, write_bundle
 from ..errors import BakeError
 from ..origin import photographs_origin
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from ..result import BakeResult
 from ..source import BrdfSource
 from ..storage import IMAGE_STORAGES, Storage
-from ..table import FILTERS
 from ..table_facts import sampler_of, table_of
+from ..tables.table import FILTERS
 from .light_angle import level_by_cosine
 from .lobe_fit import fit_lobe
 from .map_albedo import map_albedo_facts
@@ -197,7 +197,7 @@ def _measured_brdf(path: Path | None) -> tuple[Bundle | None, BrdfSource | None]
         raise BakeError(path, "is anisotropic, and a swatch has no direction of its own", "name an isotropic one")
     sampler_of(bundle)
     filter: Any = require(require(bundle.material, "table", dict, path), "filter", str, path, choices=FILTERS)
-    return bundle, TableSource(table_of(bundle), filter)
+    return bundle, replace(table_of(bundle), filter=filter)
 
 
 def _f_r_facts(bundle: Bundle | None, f_r: BrdfSource | None) -> dict[str, Any]:

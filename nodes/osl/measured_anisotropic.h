@@ -5,10 +5,10 @@
 
 #include "measured_materials.h"
 
-#define MM_LEAST_SUM 1e-3       // bake/anisotropic/grid.py
+#define MM_LEAST_SUM 1e-3       // bake/tables/anisotropic_grids.py
 #define MM_CELL_EDGE 0.999999   // bake/anisotropic/sampler.py
 
-// A four-dimensional table: the atlas of bake/anisotropic/atlas.py, its grid's sizes [a, b, r, c], and the shapes of
+// A four-dimensional table: the atlas of bake/tables/atlas.py, its grid's sizes [a, b, r, c], and the shapes of
 // two kinds of axes: in the half basis the slope widths along x and y, first of each; in the normal one what mm_forward
 // takes for the elevations and for phi_delta.
 struct MMTable4 {

@@ -22,14 +22,15 @@ from mathutils import Matrix, Vector
 from measured_materials.addon import lamps, studio_shapes
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import remove_studio, render_linear, set_unbiased
-from measured_materials.bake.anisotropic.accuracy import turned_pairs
-from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry
-from measured_materials.bake.anisotropic.grid import Grid
-from measured_materials.bake.anisotropic.table import tabulate
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.source import Array, BrdfSource
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.anisotropic_search import choose_grid, measured_symmetry
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.table import tabulate
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
 from rich.progress import track
@@ -116,7 +117,7 @@ def direction_of(azimuth: float) -> Array:
 
 def grids(source: BrdfSource, n: int) -> dict[str, Grid]:
     """Of about equal bytes."""
-    pairs = turned_pairs(8192)
+    pairs = direction_pairs(8192, turned=True)
     symmetry = measured_symmetry(source, pairs, source.evaluate(pairs.wi, pairs.wo))
     normal = {
         kind: choose_grid(source, n, symmetry, "normal", parameterization=kind)[0]

@@ -8,10 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake.anisotropic.grid import Grid
 from measured_materials.bake.errors import BakeError
-from measured_materials.nodes.osl_anisotropic import grid_constants
-from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.nodes.osl_script import (
+    grid_constants,
+    output,
+    require_osl,
+    script_node,
+    shader_source,
+    with_headers,
+)
 
 from .cards import card
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .accuracy import direction_pairs, trilinear_estimate
-from .source import Array, BrdfSource
-from .table import Grid, TreatedSource
+from ..source import Array, BrdfSource
+from .accuracy import direction_pairs, linear_estimate
+from .grid import Grid
+from .treated_source import TreatedSource
 
 # Sets of directions, (count, start of the sequence); bakes measure at 0.5, searches descend at 0.25.
 _SETS = ((8192, 0.75), (8192, 0.125), (16384, 0.375), (32768, 0.625))
@@ -41,7 +42,7 @@ def race(source: BrdfSource | TreatedSource, grids: Sequence[Grid]) -> tuple[Can
         truth = source.evaluate(pairs.wi, pairs.wo)
         weights.append(len(truth))
         for grid in running:
-            error = (trilinear_estimate(source, grid, pairs) - truth) * pairs.cosines
+            error = (linear_estimate(source, grid, pairs) - truth) * pairs.cosines
             square = pairs.weight * (error**2).mean(-1)
             squares[grid].append(np.array([square[k::_PARTS].sum() for k in range(_PARTS)]))
         running = _not_behind({grid: np.sum(squares[grid], 0) for grid in running})

@@ -12,14 +12,16 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from .accuracy import DirectionPairs, direction_pairs, trilinear_estimate
+from ..parameterization import NARROWEST_END, WIDEST_END, LogWarp, Parameterization
+from ..source import Array, BrdfSource
+from .accuracy import DirectionPairs, direction_pairs, linear_estimate
 from .alpha_search import AlphaSearch, search_alpha, with_alpha
 from .atlas import AtlasLayout
+from .grid import HORIZON_SHARES, Grid
 from .grid_race import Candidate, race
-from .half_grid import HalfGrid
-from .parameterization import NARROWEST_END, WIDEST_END, LogWarp, Parameterization
-from .source import Array, BrdfSource
-from .table import HORIZON_SHARES, Grid, TableGrid, TreatedSource
+from .half_vector_grid import HalfVectorGrid
+from .normal_grid import NormalVectorGrid
+from .treated_source import TreatedSource
 
 Basis = Literal["normal", "half"]
 BASES: tuple[str, ...] = get_args(Basis)
@@ -105,12 +107,13 @@ def refit_grid(source: BrdfSource | TreatedSource, grid: Grid, n: int) -> Grid:
     truth = source.evaluate(pairs.wi, pairs.wo)
 
     def measure(grid: Grid) -> float:
-        return pairs.rms(trilinear_estimate(source, grid, pairs) - truth)
+        return pairs.rms(linear_estimate(source, grid, pairs) - truth)
 
-    if isinstance(grid, HalfGrid):
+    if isinstance(grid, HalfVectorGrid):
         splits = [replace(grid, sizes=sizes, reciprocal=False) for sizes in half_sizes(n, False)]
         grid = min(splits, key=measure)
-    fit = _FITS.get(grid.parameterization) if isinstance(grid, HalfGrid) or grid.parameterization == "fitted" else None
+    fitted = isinstance(grid, HalfVectorGrid) or grid.parameterization == "fitted"
+    fit = _FITS.get(grid.parameterization) if fitted else None
     return fit(grid, measure) if fit else grid
 
 
@@ -131,7 +134,7 @@ class _Chooser:
 
     def quick(self, grid: Grid) -> float:
         pairs, truth = self.leading
-        return pairs.rms(trilinear_estimate(self.source, grid, pairs) - truth)
+        return pairs.rms(linear_estimate(self.source, grid, pairs) - truth)
 
     def found_least(self) -> float:
         """The least RMS of what was found."""
@@ -139,7 +142,7 @@ class _Chooser:
         return min(self.least.values(), default=np.inf)
 
     def add_normal(self, kind: Any, alpha: Any) -> None:
-        grid: Any = TableGrid(self.n, kind)
+        grid: Any = NormalVectorGrid(self.n, kind)
         if kind == "bezier" and isinstance(alpha, str):
             self.search = search_alpha(self.source, self.n, self.pairs, self.truth)
             grid = with_alpha(grid, self.search.by_error if alpha == "error" else self.search.by_intensity)
@@ -160,7 +163,7 @@ class _Chooser:
 
     def _add_half(self, kind: Any, reciprocal: bool, if_hopeful: bool) -> None:
         grids = [
-            HalfGrid(sizes, kind, warps=(LogWarp(), LogWarp(0.003), LogWarp()), reciprocal=reciprocal)
+            HalfVectorGrid(sizes, kind, warps=(LogWarp(), LogWarp(0.003), LogWarp()), reciprocal=reciprocal)
             for sizes in half_sizes(self.n, reciprocal)
         ]
         if kind == "bezier":
@@ -170,7 +173,7 @@ class _Chooser:
         fit = _FITS.get(kind)
         if fit:
             first = fit(grids[0], self.quick)
-            assert isinstance(first, HalfGrid)
+            assert isinstance(first, HalfVectorGrid)
             grids = [replace(first, sizes=grid.sizes) for grid in grids]
         best = min(grids, key=self.quick)
         self.found.append(fit(best, self.quick) if fit else best)
@@ -189,7 +192,7 @@ def half_sizes(n: int, reciprocal: bool) -> list[tuple[int, int, int]]:
     return sizes
 
 
-def fit_warps(grid: Grid, measure: Measure, rounds: int = 1) -> Grid:
+def fit_warps(grid: Any, measure: Measure, rounds: int = 1) -> Any:
     """The grid with the fitted warps of least error, one end of one axis after the other."""
 
     def with_ends(ends: tuple[float, ...]) -> Grid:
@@ -201,7 +204,7 @@ def fit_warps(grid: Grid, measure: Measure, rounds: int = 1) -> Grid:
 
 
 def _fit_alphas(grid: Grid, measure: Measure) -> Grid:
-    assert isinstance(grid, HalfGrid)
+    assert isinstance(grid, HalfVectorGrid)
 
     def with_alphas(alphas: Any) -> Grid:
         return replace(grid, alphas=alphas)
@@ -234,4 +237,4 @@ def _descend(
 def best_horizon(source: BrdfSource | TreatedSource, grid: Grid, pairs: DirectionPairs, truth: Array) -> Grid:
     """The grid whose sample at the horizon is taken where it serves this material better."""
     grids = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
-    return min(grids, key=lambda g: pairs.rms(trilinear_estimate(source, g, pairs) - truth))
+    return min(grids, key=lambda g: pairs.rms(linear_estimate(source, g, pairs) - truth))

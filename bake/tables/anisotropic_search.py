@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..accuracy import DirectionPairs
 from ..errors import BakeError
-from ..grid_search import fit_warps
 from ..source import Array, BrdfSource
-from .accuracy import quadrilinear_estimate, turned_pairs
-from .grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid
+from .accuracy import DirectionPairs, direction_pairs, linear_estimate
+from .anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
+from .grid import Grid
+from .grid_search import fit_warps
 
 # Relative L1 difference up to which a symmetry is taken as exact, and half of the samples are saved.
 SYMMETRIC = 1e-3
@@ -97,7 +97,7 @@ def choose_grid(
     basis : "half", "normal", or "auto" for the one whose best grid has the smaller error
     parameterization : of the normal basis, "auto" for the best; the half basis has slope widths of its own, which are
         fitted, and is left out where another parameterisation is named
-    alpha : for "bezier", as of `bake.grid_search.choose_grid`
+    alpha : for "bezier", as of `bake.tables.grid_search.choose_grid`
 
     Raises
     ------
@@ -113,9 +113,13 @@ def choose_grid(
     for done, (which, kind) in enumerate(kinds):
         say(done / len(kinds))
         if which == "half":
-            best["half"] = _best_half(HalfGrid(half_shape(n, symmetry.reciprocal), folded=symmetry.reciprocal), rms)
+            best["half"] = _best_half(
+                AnisotropicHalfGrid(half_shape(n, symmetry.reciprocal), folded=symmetry.reciprocal), rms
+            )
             continue
-        start = NormalGrid(normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn, parameterization=kind)
+        start = AnisotropicNormalGrid(
+            normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn, parameterization=kind
+        )
         best[f"normal {kind}"] = _best_normal(source, start, alpha, rms)
     say(1.0)
     # The directions that fitted a grid flatter it, the more of its numbers were fitted the more.
@@ -127,13 +131,13 @@ def choose_grid(
 
 def _measure(source: BrdfSource, offset: float) -> tuple[Callable[[Grid], float], dict[Grid, float]]:
     """Cosine-weighted RMS of grids at one set of directions, and what it has found so far."""
-    pairs = turned_pairs(_RANKING, offset)
+    pairs = direction_pairs(_RANKING, offset, turned=True)
     truth = source.evaluate(pairs.wi, pairs.wo)
     found: dict[Grid, float] = {}
 
     def rms(grid: Grid) -> float:
         if grid not in found:
-            found[grid] = pairs.rms(quadrilinear_estimate(source, grid, pairs) - truth)
+            found[grid] = pairs.rms(linear_estimate(source, grid, pairs) - truth)
         return found[grid]
 
     return rms, found
@@ -156,10 +160,10 @@ def _kinds(basis: str, parameterization: str) -> list[tuple[str, str]]:
 
 
 def _best_normal(
-    source: BrdfSource, start: NormalGrid, alpha: str | tuple[float, float], rms: Callable[[Grid], float]
+    source: BrdfSource, start: AnisotropicNormalGrid, alpha: str | tuple[float, float], rms: Callable[[Grid], float]
 ) -> Grid:
     if start.parameterization == "fitted":
-        return fit_warps(start, rms)  # type: ignore[arg-type, return-value]
+        return fit_warps(start, rms)
     if start.parameterization != "bezier":
         return start
     if not isinstance(alpha, str):
@@ -170,7 +174,7 @@ def _best_normal(
     return min(trials, key=rms)
 
 
-def total_intensity(source: BrdfSource, grid: NormalGrid, most: int = _INTENSITY_N) -> float:
+def total_intensity(source: BrdfSource, grid: AnisotropicNormalGrid, most: int = _INTENSITY_N) -> float:
     """Sum of all samples of the table (MY16 section 4.2), or of one of at most `most` elevations of its proportions."""
     n_a, n_b, n_r, n_c = grid.shape
     share = min(1.0, most / n_b)
@@ -180,7 +184,7 @@ def total_intensity(source: BrdfSource, grid: NormalGrid, most: int = _INTENSITY
     return float(values.sum(dtype=np.float64))
 
 
-def _best_half(start: HalfGrid, rms: Callable[[Grid], float]) -> HalfGrid:
+def _best_half(start: AnisotropicHalfGrid, rms: Callable[[Grid], float]) -> AnisotropicHalfGrid:
     """Widths by a coarse square of trials, then steps in either width for as long as one pays."""
     coarse = (replace(start, width_x=x, width_y=y) for x, y in itertools.product(_WIDTHS, _WIDTHS))
     best = min(coarse, key=rms)

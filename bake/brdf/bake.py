@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
-from . import VERSION
-from .accuracy import DirectionPairs, direction_pairs, table_errors
-from .albedo import albedo_facts
-from .alias_sampler import SamplerLayout, build_sampler
-from .anisotropic.bake import bake_anisotropic
-from .atlas import pack
-from .bspline_fit import fit_coefficients, sample_spline
-from .bundle import Kind, StoredImage, write_bundle
-from .envelope import (
+from .. import VERSION
+from ..albedo import albedo_facts
+from ..alias_sampler import build_sampler
+from ..anisotropic.bake import bake_anisotropic
+from ..bundle import Kind, StoredImage, write_bundle
+from ..envelope import (
     EnvelopeFit,
     fit_envelope,
     fit_preview,
@@ -26,105 +22,24 @@ from .envelope import (
     residual_source,
     residual_table,
 )
-from .errors import BakeError
-from .grid_search import BASES, Basis, GridChoice, best_horizon, choose_grid, refit_grid
-from .origin import file_origin
-from .parameterization import PARAMETERIZATIONS, Parameterization
-from .preview import preview_sphere
-from .source import Array, BrdfSource
-from .sources import read_source
-from .storage import TABLE_STORAGES, Storage
-from .table import FILTERS, BrdfTable, Filter, Grid, TreatedSource, pad_slices, tabulate
-from .table_facts import MAX_RESOLUTION
-from .table_storage import StoredTable, store_table
-
-AlphaChoice = Literal["error", "intensity"]
-SplineFit = Literal["auto", "plain", "fitted"]
-Progress = Callable[[str, float], None]
+from ..errors import BakeError
+from ..origin import file_origin
+from ..preview import preview_sphere
+from ..result import BakeResult, Progress
+from ..source import Array, BrdfSource
+from ..sources import read_source
+from ..storage import Storage
+from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
+from ..tables.bspline_fit import fit_coefficients, sample_spline
+from ..tables.grid import Grid
+from ..tables.grid_search import GridChoice, best_horizon, choose_grid, refit_grid
+from ..tables.stored_table import StoredTable, store_table
+from ..tables.table import FILTERS, Filter, Table, tabulate
+from ..tables.treated_source import TreatedSource
+from .settings import BakeSettings
 
 _ERROR_PAIRS = 32768
 KIND: Kind = "brdf"
-
-
-@dataclass(frozen=True)
-class BakeSettings:
-    """What the user chooses.
-
-    Parameters
-    ----------
-    resolution : samples per elevation, N of the N x N x 2N table in the normal-vector basis; one in the half-vector
-        basis has as many bytes
-    parameterization : of the table's axes, or "auto": of least error
-    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
-        are of the normal-vector basis: with them "auto" means a Bezier table in that basis
-    storage : of the table's texels
-    filter : that the material reconstructs with
-    spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
-        two has the smaller measured error (a peak between two samples is better left smooth)
-    sampler : sizes of the alias tables
-    envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
-    basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
-    """
-
-    resolution: int = 64
-    parameterization: Parameterization | Literal["auto"] = "auto"
-    alpha: AlphaChoice | tuple[float, float] = "error"
-    storage: Storage = Storage.HALF
-    filter: Filter = "trilinear"
-    spline: SplineFit = "auto"
-    sampler: SamplerLayout = field(default_factory=SamplerLayout)
-    envelope: bool = True
-    basis: Basis | Literal["auto"] = "auto"
-
-    def __post_init__(self) -> None:
-        _check(
-            "resolution",
-            4 <= self.resolution <= MAX_RESOLUTION,
-            f"from 4 to {MAX_RESOLUTION}",
-            self.resolution,
-        )
-        _check_choice("basis", self.basis, (*BASES, "auto"))
-        _check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
-        _check_choice("filter", self.filter, FILTERS)
-        _check_choice("spline", self.spline, get_args(SplineFit))
-        _check_choice("storage", str(self.storage), TABLE_STORAGES)
-        object.__setattr__(self, "storage", Storage(self.storage))
-        if isinstance(self.alpha, str):
-            _check_choice("alpha", self.alpha, get_args(AlphaChoice))
-        else:
-            _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
-        if self.alpha != "error":
-            _check("alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis")
-
-    @property
-    def bases(self) -> tuple[str, ...]:
-        """Those to choose from."""
-        if self.basis == "auto":
-            return BASES if self.alpha == "error" else ("normal",)
-        return (self.basis,)
-
-    @property
-    def spacing(self) -> Parameterization | Literal["auto"]:
-        """The parameterisation, or "auto" where it is to be chosen."""
-        return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
-
-
-def _check(name: str, ok: bool, wanted: str, given: object) -> None:
-    if not ok:
-        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")
-
-
-def _check_choice(name: str, given: str, choices: tuple[str, ...]) -> None:
-    _check(name, given in choices, " or ".join(choices), given)
-
-
-@dataclass(frozen=True)
-class BakeResult:
-    """Where the bundle is, the facts that were written into it, and the time from the call to the finished bundle."""
-
-    path: Path
-    facts: dict[str, Any]
-    seconds: float
 
 
 def bake_file(
@@ -166,7 +81,7 @@ def bake_source(
     treated = TreatedSource(source)
     pairs = direction_pairs(_ERROR_PAIRS)
     truth = treated.evaluate(pairs.wi, pairs.wo)
-    treatment = treated.facts()
+    treatment = treated.treatment()
     if not truth.any():
         raise BakeError(source.name, "reflects nothing", "check the file")
 
@@ -176,7 +91,7 @@ def bake_source(
     kept, spline = _store(table, settings, pairs, truth, say)
     stored = kept.table
     say("sampler", 0.0)
-    sampler = build_sampler(_sampled(stored, settings.filter), settings.sampler)
+    sampler = build_sampler(_sampled(stored), settings.sampler)
     say("measuring", 0.0)
     facts = {
         "generator": f"measured_materials {VERSION}",
@@ -200,12 +115,12 @@ def bake_source(
         "sampler": asdict(settings.sampler),
         "errors": table_errors(stored, settings.filter, pairs, truth),
         "rms_by_filter": _simpler_filters(stored, settings.filter, spline, pairs, truth),
-        "albedo": albedo_facts(treated_protocol(treated)),
+        "albedo": albedo_facts(treated),
         # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
-        "table_albedo": albedo_facts(TableSource(stored, settings.filter), n=48),
+        "table_albedo": albedo_facts(stored, n=48),
     }
     images = {
-        "table": kept.image(pack(stored.values)),
+        "table": kept.image(),
         "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
     }
     preview = fit_preview(treated)
@@ -216,7 +131,7 @@ def bake_source(
         extra, images_of_envelope = _envelope(treated, stored, settings, pairs, say)
         facts, images = facts | extra, images | images_of_envelope
     say("writing", 0.0)
-    path = write_bundle(out, facts, images, preview_sphere(stored, settings.filter), kind=KIND)
+    path = write_bundle(out, facts, images, preview_sphere(stored), kind=KIND)
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
 
@@ -225,21 +140,8 @@ def _silent(stage: str, share: float) -> None:
     pass
 
 
-class TableSource:
-    """A table as a source: what is rendered rather than what was measured."""
-
-    isotropic = bilateral = True
-
-    def __init__(self, table: BrdfTable, filter: Filter) -> None:
-        self.table, self.filter, self.name = table, filter, "table"
-        self.facts: dict[str, Any] = {}
-
-    def evaluate(self, wi: Array, wo: Array) -> Array:
-        return self.table.evaluate(wi, wo, self.filter)
-
-
 def _envelope(
-    treated: TreatedSource, table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, say: Progress
+    treated: TreatedSource, table: Table, settings: BakeSettings, pairs: DirectionPairs, say: Progress
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope and of the residual."""
     fit = fit_envelope(treated, progress=lambda share: say("envelope", 0.4 * share))
@@ -247,12 +149,13 @@ def _envelope(
     say("envelope", 0.7)
     rest = residual_source(treated, fit).evaluate(pairs.wi, pairs.wo)
     kept = _quantized(residual_table(treated, fit, grid), settings, pairs, rest)
-    residual = kept.table
-    sampler = build_sampler(TableSource(residual, "trilinear"), settings.sampler)
+    # Drawn by and compared with the lamps' light linearly, whatever the filter.
+    residual = replace(kept.table, filter="trilinear")
+    sampler = build_sampler(residual, settings.sampler)
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
     images = {
         "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
-        "residual": kept.image(pack(residual.values)),
+        "residual": kept.image(),
         "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
         "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
     }
@@ -267,21 +170,15 @@ def _residual_grid(treated: TreatedSource, fit: EnvelopeFit, grid: Grid, setting
     return refit_grid(residual_source(treated, fit), grid, settings.resolution)
 
 
-def _sampled(table: BrdfTable, filter: Filter) -> BrdfSource:
+def _sampled(table: Table) -> Table:
     """What the sampler follows: the table, and for a spline its values at the nodes, an eighth of the work.
 
     Between the nodes a spline is smoother than that; the sampler's weights, never its truth, feel the difference
     (tried on a lobe narrower than the spacing: a third more variance).
     """
-    if filter == "bspline":
-        return TableSource(BrdfTable(table.grid, sample_spline(table.values)), "trilinear")
-    return TableSource(table, filter)
-
-
-def treated_protocol(treated: TreatedSource) -> BrdfSource:
-    """The treated measurement as a BRDF source."""
-    treated.isotropic = treated.bilateral = True  # type: ignore[attr-defined]
-    return treated  # type: ignore[return-value]
+    if table.filter == "bspline":
+        return Table(table.grid, sample_spline(table.grid, table.values))
+    return table
 
 
 def _choose_grid(treated: TreatedSource, settings: BakeSettings, say: Progress) -> GridChoice:
@@ -296,8 +193,8 @@ def _choose_grid(treated: TreatedSource, settings: BakeSettings, say: Progress) 
 
 
 def _store(
-    table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
-) -> tuple[StoredTable[BrdfTable], str]:
+    table: Table, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
+) -> tuple[StoredTable, str]:
     """The table as it will come back from the file, and what its values are."""
     if settings.filter != "bspline":
         return _quantized(table, settings, pairs, truth), "none"
@@ -305,8 +202,8 @@ def _store(
     if settings.spline != "fitted":
         candidates["plain"] = _quantized(table, settings, pairs, truth)
     if settings.spline != "plain":
-        coefficients = fit_coefficients(table.values, lambda share: say("fitting spline", share))
-        candidates["fitted"] = _quantized(BrdfTable(table.grid, coefficients), settings, pairs, truth)
+        coefficients = fit_coefficients(table.grid, table.values, lambda share: say("fitting spline", share))
+        candidates["fitted"] = _quantized(Table(table.grid, coefficients), settings, pairs, truth)
     if len(candidates) == 1:
         ((name, chosen),) = candidates.items()
     else:
@@ -316,12 +213,12 @@ def _store(
     return chosen, name
 
 
-def _quantized(table: BrdfTable, settings: BakeSettings, pairs: DirectionPairs, truth: Array) -> StoredTable[BrdfTable]:
-    return store_table(table, pad_slices(table.values), settings.storage, settings.filter, pairs, truth)
+def _quantized(table: Table, settings: BakeSettings, pairs: DirectionPairs, truth: Array) -> StoredTable:
+    return store_table(replace(table, filter=settings.filter), settings.storage, pairs, truth)
 
 
 def _simpler_filters(
-    table: BrdfTable, filter: Filter, spline: str, pairs: DirectionPairs, truth: Array
+    table: Table, filter: Filter, spline: str, pairs: DirectionPairs, truth: Array
 ) -> dict[str, float]:
     """RMS with this filter and every simpler one that the stored values serve as well: builders may choose."""
     last = FILTERS.index(filter)

@@ -1,0 +1,1 @@
+"""The bake of a BRDF: from a source to a bundle."""
