@@ -21,8 +21,8 @@ from ..bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNorm
 from ..bake.tables.anisotropic_search import half_shape, normal_shape
 from ..bake.tables.atlas import AtlasLayout
 from ..bake.tables.grid import Grid
-from ..bake.tables.grid_search import half_sizes
 from ..bake.tables.half_vector_grid import HalfVectorGrid
+from ..bake.tables.isotropic_search import half_sizes
 from ..bake.tables.log_codes import LogCodes
 from ..bake.tables.normal_grid import NormalVectorGrid
 from ..bake.tables.table import FILTERS

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
@@ -89,9 +89,9 @@ def test_sampler(tmp_path: Path, folded: bool) -> None:
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """A coarse table, and few viewers: the twins share them."""
     source = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
-    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16))
+    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half")
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_anisotropic(source, out, settings, basis="half", viewers=(6, 3)).path)
+    return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
 
 
 @pytest.mark.parametrize("mode", ["exact", "preview"])

@@ -19,9 +19,10 @@ from measured_materials.bake.tables.anisotropic_grids import (
     AnisotropicNormalGrid,
     slope_unwarp,
 )
-from measured_materials.bake.tables.anisotropic_search import choose_grid, measured_symmetry, total_intensity
+from measured_materials.bake.tables.anisotropic_search import total_intensity
 from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
 from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grid_search import BASES, choose_grid
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 from scipy import stats
 
@@ -287,9 +288,8 @@ def test_sampler_lowers_the_variance() -> None:
 
 
 def chosen(basis: str, kind: str, **options: object) -> Grid:
-    pairs = direction_pairs(2000, turned=True)
-    symmetry = measured_symmetry(BRUSHED, pairs, BRUSHED.evaluate(pairs.wi, pairs.wo))
-    return choose_grid(BRUSHED, 24, symmetry, basis, parameterization=kind, **options)[0]  # type: ignore[arg-type]
+    bases = BASES if basis == "auto" else (basis,)
+    return choose_grid(BRUSHED, 24, bases, parameterization=kind, **options).grid  # type: ignore[arg-type]
 
 
 def test_a_named_parameterization_is_taken() -> None:

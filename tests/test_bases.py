@@ -20,8 +20,10 @@ from measured_materials.bake.sources import analytic
 from measured_materials.bake.table_facts import grid_of, residual_grid_of, residual_table_of, table_of
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
 from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
-from measured_materials.bake.tables.grid_search import choose_grid, fit_warps, half_sizes
+from measured_materials.bake.tables.grid_fit import fit_warps
+from measured_materials.bake.tables.grid_search import choose_grid
 from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.isotropic_search import half_sizes
 from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 

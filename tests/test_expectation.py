@@ -9,7 +9,6 @@ from measured_materials.addon.expectation import expectation
 from measured_materials.addon.measured_material import material_from
 from measured_materials.addon.panel import _expected
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.modes import MODES
@@ -44,7 +43,7 @@ def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path: Path, kind:
     if kind == "plastic":
         result = bake_source(analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), tmp_path / kind, settings)
     else:
-        result = bake_anisotropic(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / kind, settings, viewers=(6, 4))
+        result = bake_source(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / kind, settings, viewers=(6, 4))
     material = material_from(result, pack=True)
     said = {}
     for mode in MODES:

@@ -13,8 +13,8 @@ from measured_materials.bake.tables.alpha_search import estimate_intensity, sear
 from measured_materials.bake.tables.atlas import AtlasLayout, atlas_uv, pack, unpack
 from measured_materials.bake.tables.bspline_fit import fit_coefficients, sample_spline
 from measured_materials.bake.tables.grid import HORIZON_SHARES
-from measured_materials.bake.tables.grid_search import half_sizes
 from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.isotropic_search import half_sizes
 from measured_materials.bake.tables.normal_grid import MAX_RESOLUTION, NormalVectorGrid
 from measured_materials.bake.tables.padding import GUTTER, pad_slices
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from measured_materials.addon.tangent_rows import draw_tangent, tangent_nodes
 from measured_materials.bake.alias_sampler import SamplerLayout
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
@@ -29,7 +28,7 @@ RENDERED_NORMAL = np.array([0.0, 0.0, 1.0])
 @pytest.fixture(scope="module")
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_anisotropic(SATIN, out, SETTINGS, basis="half").path)
+    return read_bundle(bake_source(SATIN, out, replace(SETTINGS, basis="half")).path)
 
 
 def tangents(material: bpy.types.Material, shape: str) -> tuple[np.ndarray, np.ndarray]:

@@ -8,20 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from .. import VERSION
-from ..albedo import albedo_facts
-from ..alias_sampler import build_sampler
-from ..anisotropic.bake import bake_anisotropic
 from ..bundle import Kind, StoredImage, write_bundle
-from ..envelope import (
-    EnvelopeFit,
-    fit_envelope,
-    fit_preview,
-    lamp_shares,
-    pack_weights,
-    reconstruction_errors,
-    residual_source,
-    residual_table,
-)
+from ..envelope import reconstruction_errors
 from ..errors import BakeError
 from ..origin import file_origin
 from ..preview import preview_sphere
@@ -30,16 +18,19 @@ from ..source import Array, BrdfSource
 from ..sources import read_source
 from ..storage import Storage
 from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
+from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.grid import Grid
-from ..tables.grid_search import GridChoice, best_horizon, choose_grid, refit_grid
+from ..tables.grid_search import best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
-from ..tables.table import FILTERS, Filter, Table, tabulate
+from ..tables.table import FILTERS, Table, tabulate
 from ..tables.treated_source import TreatedSource
+from .reflection import Reflection, Viewers, reflection_of
 from .settings import BakeSettings
 
 _ERROR_PAIRS = 32768
 KIND: Kind = "brdf"
+# Behind the name of each stage of an anisotropic source's bake: they take other times than those of an isotropic one.
+KIND_OF_STAGE = ", anisotropic"
 
 
 def bake_file(
@@ -60,6 +51,8 @@ def bake_source(
     settings: BakeSettings | None = None,
     progress: Progress | None = None,
     origin: dict[str, str] | None = None,
+    *,
+    viewers: Viewers = (24, 8),
 ) -> BakeResult:
     """Bake any source, analytic ones included, to the bundle `out`.
 
@@ -67,42 +60,45 @@ def bake_source(
     ----------
     progress : called with the stage's name and its share done
     origin : of the measurement, "file" and "sha256", kept in the bundle
+    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
 
     Raises
     ------
-    BakeError : the source is all zero, not finite or above 1e36, or the bundle cannot be written
+    BakeError : the source is all zero, not finite or above 1e36, its table would be too large or cannot have these
+        settings, or the bundle cannot be written
     """
-    settings = settings or BakeSettings()
-    say = progress or _silent
+    settings, say = settings or BakeSettings(), _named(progress, source)
     started = time.perf_counter()
-    if not source.isotropic:
-        basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
-        return bake_anisotropic(source, out, settings, progress, origin, basis=basis)
     treated = TreatedSource(source)
-    pairs = direction_pairs(_ERROR_PAIRS)
+    pairs = direction_pairs(_ERROR_PAIRS, turned=not source.isotropic)
     truth = treated.evaluate(pairs.wi, pairs.wo)
     treatment = treated.treatment()
     if not truth.any():
         raise BakeError(source.name, "reflects nothing", "check the file")
 
-    choice = _choose_grid(treated, settings, say)
+    choice = choose_grid(
+        treated,
+        settings.resolution,
+        settings.bases,
+        settings.spacing,
+        settings.alpha,
+        lambda share: say("choosing grid", share),
+    )
     grid = best_horizon(treated, choice.grid, pairs, truth)
+    AtlasLayout.of(grid)
     table = tabulate(treated, grid, lambda share: say("tabulating", share))
     kept, spline = _store(table, settings, pairs, truth, say)
     stored = kept.table
     say("sampler", 0.0)
-    sampler = build_sampler(_sampled(stored), settings.sampler)
+    reflection = reflection_of(treated, grid, choice, settings, viewers)
+    sampler = reflection.cells(_sampled(stored), lambda share: say("sampler", share))
     say("measuring", 0.0)
     facts = {
         "generator": f"measured_materials {VERSION}",
-        "source": {
-            "name": source.name,
-            **(origin or {}),
-            "facts": source.facts,
-            "treatment": treatment,
-        },
-        "settings": _plain_settings(settings),
+        "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": treatment},
+        "settings": _plain_settings(settings) | reflection.settings(),
         "table": {
+            **({} if source.isotropic else {"anisotropic": True}),
             **grid.facts(),
             "filter": settings.filter,
             "spline": spline,
@@ -112,62 +108,61 @@ def bake_source(
         },
         "search": choice.search and choice.search.facts(),
         "choice": choice.facts(),
-        "sampler": asdict(settings.sampler),
+        "sampler": asdict(reflection.layout),
         "errors": table_errors(stored, settings.filter, pairs, truth),
-        "rms_by_filter": _simpler_filters(stored, settings.filter, spline, pairs, truth),
-        "albedo": albedo_facts(treated),
+        "rms_by_filter": _simpler_filters(stored, spline, pairs, truth),
+        "albedo": reflection.albedo(treated),
         # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
-        "table_albedo": albedo_facts(stored, n=48),
+        "table_albedo": reflection.albedo(stored, n=48),
     }
+    extra, images = _envelope(treated, reflection, stored, settings, pairs, say) if settings.envelope else ({}, {})
+    facts["preview"], weights = reflection.preview()
     images = {
         "table": kept.image(),
-        "sampler": StoredImage(sampler.texels, Storage.FLOAT32),
+        "sampler": StoredImage(sampler, Storage.FLOAT32),
+        "preview_weights": StoredImage(weights, Storage.FLOAT32),
+        **images,
     }
-    preview = fit_preview(treated)
-    facts["preview"] = preview.facts()
-    images["preview_weights"] = StoredImage(preview.packed(), Storage.FLOAT32)
-    if settings.envelope:
-        say("envelope", 0.0)
-        extra, images_of_envelope = _envelope(treated, stored, settings, pairs, say)
-        facts, images = facts | extra, images | images_of_envelope
+    facts |= extra
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(stored), kind=KIND)
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
 
 
-def _silent(stage: str, share: float) -> None:
-    pass
+def _named(progress: Progress | None, source: BrdfSource) -> Progress:
+    """Stages are called after the kind of source."""
+    suffix = "" if source.isotropic else KIND_OF_STAGE
+    return lambda stage, share: progress(stage + suffix, share) if progress else None
 
 
 def _envelope(
-    treated: TreatedSource, table: Table, settings: BakeSettings, pairs: DirectionPairs, say: Progress
+    treated: TreatedSource,
+    reflection: Reflection,
+    table: Table,
+    settings: BakeSettings,
+    pairs: DirectionPairs,
+    say: Progress,
 ) -> tuple[dict[str, Any], dict[str, StoredImage]]:
     """Facts and images of the envelope and of the residual."""
-    fit = fit_envelope(treated, progress=lambda share: say("envelope", 0.4 * share))
-    grid = _residual_grid(treated, fit, table.grid, settings)
+    say("envelope", 0.0)
+    fit = reflection.fit_envelope(lambda share: say("envelope", 0.4 * share))
+    source = reflection.residual(fit)
+    grid = reflection.residual_grid(source, table.grid)
     say("envelope", 0.7)
-    rest = residual_source(treated, fit).evaluate(pairs.wi, pairs.wo)
-    kept = _quantized(residual_table(treated, fit, grid), settings, pairs, rest)
-    # Drawn by and compared with the lamps' light linearly, whatever the filter.
+    kept = _quantized(tabulate(source, grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
+    # Drawn and compared with the lamps' light linearly, whatever the filter.
     residual = replace(kept.table, filter="trilinear")
-    sampler = build_sampler(residual, settings.sampler)
+    sampler = reflection.cells(residual, lambda share: say("envelope", 0.7 + 0.2 * share))
     errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
     images = {
-        "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
+        "envelope": StoredImage(reflection.packed(fit), Storage.FLOAT32),
         "residual": kept.image(),
-        "residual_sampler": StoredImage(sampler.texels, Storage.FLOAT32),
-        "residual_share": StoredImage(lamp_shares(fit, residual), Storage.FLOAT32),
+        "residual_sampler": StoredImage(sampler, Storage.FLOAT32),
+        **{name: StoredImage(image, Storage.FLOAT32) for name, image in reflection.shares(fit, residual).items()},
     }
     facts = {**kept.facts(), "grid": grid.facts(), "errors": errors}
     return {"envelope": fit.facts(), "residual": facts}, images
-
-
-def _residual_grid(treated: TreatedSource, fit: EnvelopeFit, grid: Grid, settings: BakeSettings) -> Grid:
-    """Of the residual's table: what the envelope leaves of a highlight has another width, and no reciprocity."""
-    if settings.bases == ("normal",) and settings.spacing != "auto":
-        return grid
-    return refit_grid(residual_source(treated, fit), grid, settings.resolution)
 
 
 def _sampled(table: Table) -> Table:
@@ -181,17 +176,6 @@ def _sampled(table: Table) -> Table:
     return table
 
 
-def _choose_grid(treated: TreatedSource, settings: BakeSettings, say: Progress) -> GridChoice:
-    return choose_grid(
-        treated,
-        settings.resolution,
-        settings.bases,
-        settings.spacing,
-        settings.alpha,
-        lambda share: say("choosing grid", share),
-    )
-
-
 def _store(
     table: Table, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
 ) -> tuple[StoredTable, str]:
@@ -203,7 +187,7 @@ def _store(
         candidates["plain"] = _quantized(table, settings, pairs, truth)
     if settings.spline != "plain":
         coefficients = fit_coefficients(table.grid, table.values, lambda share: say("fitting spline", share))
-        candidates["fitted"] = _quantized(Table(table.grid, coefficients), settings, pairs, truth)
+        candidates["fitted"] = _quantized(replace(table, values=coefficients), settings, pairs, truth)
     if len(candidates) == 1:
         ((name, chosen),) = candidates.items()
     else:
@@ -217,11 +201,9 @@ def _quantized(table: Table, settings: BakeSettings, pairs: DirectionPairs, trut
     return store_table(replace(table, filter=settings.filter), settings.storage, pairs, truth)
 
 
-def _simpler_filters(
-    table: Table, filter: Filter, spline: str, pairs: DirectionPairs, truth: Array
-) -> dict[str, float]:
-    """RMS with this filter and every simpler one that the stored values serve as well: builders may choose."""
-    last = FILTERS.index(filter)
+def _simpler_filters(table: Table, spline: str, pairs: DirectionPairs, truth: Array) -> dict[str, float]:
+    """RMS with its filter and every simpler one that the stored values serve as well: builders may choose."""
+    last = FILTERS.index(table.filter)
     names = FILTERS[last : last + 1] if spline == "fitted" else FILTERS[: last + 1]
     return {name: table_errors(table, name, pairs, truth)["rms"] for name in names}  # type: ignore[arg-type]
 

@@ -17,7 +17,7 @@ from ..tables.table import FILTERS, Filter
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
-from .tabulation import Kind, Lookup, Tabulation, tabulation
+from .tabulation import Kind, Lookup, Tabulation, resized
 
 USUAL_FILTER, USUAL_STORAGE = "trilinear", Storage.HALF
 _TIMED = 1 << 14
@@ -83,7 +83,7 @@ def measure_tables(
     source: BrdfSource, journal: Journal, sizes: TableSizes, progress: Callable[[float], None]
 ) -> Measured:
     """All settings for one material; the error is at directions no table holds."""
-    made = tabulation(source)
+    made = Tabulation(source)
     found: list[Setting] = []
     ranked: dict[Kind, float] = {}
     for k, kind in enumerate(made.kinds):
@@ -107,7 +107,7 @@ def _rms(chosen: tuple[Any, float] | None) -> float:
 
 
 def _measured(made: Tabulation, chosen: Any, n: int, crossed: bool) -> list[dict[str, Any]]:
-    grid = made.resized(chosen, n)
+    grid = resized(chosen, n)
     if not made.texels(grid):
         return []
     samples, rows = made.values(grid), []

@@ -40,6 +40,10 @@ class DirectionPairs:
         """
         return self.wi[:, 2:] * self.wo[:, 2:]
 
+    def first(self, count: int) -> DirectionPairs:
+        """So many of them, from the first."""
+        return DirectionPairs(self.wi[:count], self.wo[:count], self.weight[:count])
+
     def rms(self, difference: Array) -> float:
         """Cosine-weighted root mean square over uniform wi and wo, of a BRDF difference (P, 3) in 1/sr."""
         square = ((difference * self.cosines) ** 2).mean(-1)

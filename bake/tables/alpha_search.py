@@ -11,7 +11,6 @@ import numpy as np
 from ..source import Array, BrdfSource
 from .accuracy import DirectionPairs, direction_pairs, linear_estimate
 from .normal_grid import NormalVectorGrid
-from .treated_source import TreatedSource
 
 _COARSE = (0.0, 0.25, 0.5, 0.75, 1.0)
 _FINE = (-0.125, 0.0, 0.125)
@@ -58,7 +57,7 @@ class AlphaSearch:
 
 
 def search_alpha(
-    source: BrdfSource | TreatedSource,
+    source: BrdfSource,
     n: int,
     pairs: DirectionPairs | None = None,
     truth: Array | None = None,
@@ -98,7 +97,7 @@ def search_alpha(
     return AlphaSearch(tuple(tried.values()))
 
 
-def estimate_intensity(source: BrdfSource | TreatedSource, grid: NormalVectorGrid, stride: int = 8) -> float:
+def estimate_intensity(source: BrdfSource, grid: NormalVectorGrid, stride: int = 8) -> float:
     """Total intensity of the table on this grid from about a third of its samples.
 
     The sum lives in the mirror direction and, for some materials, in the retro-reflection: azimuths near pi and near

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ..errors import BakeError
 from ..source import Array, BrdfSource
-from .accuracy import DirectionPairs, direction_pairs, linear_estimate
+from .accuracy import DirectionPairs
+from .alpha_search import AlphaSearch, AlphaTrial
 from .anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
 from .grid import Grid
-from .grid_search import fit_warps
+from .grid_fit import GridErrors, Measure, fit_warps
 
 # Relative L1 difference up to which a symmetry is taken as exact, and half of the samples are saved.
 SYMMETRIC = 1e-3
-BASES = ("auto", "half", "normal")
 _WIDTHS = (0.03, 0.1, 0.3, 1.0)
 _RATIOS = (2.0, 1.4)
 _NARROWEST, _WIDEST = 2e-3, 8.0
 _ALPHAS_THETA, _ALPHAS_PHI = (0.0, 0.25, 0.5, 0.75), (0.05, 0.15, 0.3, 0.5)
 _RANKING = 4096
-# Of "auto" in the normal basis.
-AUTO = ("bezier", "fitted")
+# Of "auto".
+AUTO = {"half": ("slopes",), "normal": ("bezier", "fitted")}
 _INTENSITY_N = 12
 
 
@@ -79,99 +76,59 @@ def normal_shape(n: int, folded: bool) -> tuple[int, int, int, int]:
     return (1 if folded else 2) * size, size, size, 4 * size
 
 
-def choose_grid(
-    source: BrdfSource,
-    n: int,
-    symmetry: Symmetry,
-    basis: str = "auto",
-    progress: Callable[[float], None] | None = None,
-    *,
-    parameterization: str = "auto",
-    alpha: str | tuple[float, float] = "error",
-) -> tuple[Grid, dict[str, Any]]:
-    """The grid of least cosine-weighted RMS at directions of no table, and a JSON-ready account of all kinds.
+class AnisotropicCandidates:
+    """Grids fitted to an anisotropic source; as `isotropic_search.IsotropicCandidates`."""
 
-    Parameters
-    ----------
-    n : resolution, see `half_shape`; the normal basis gets about as many texels
-    basis : "half", "normal", or "auto" for the one whose best grid has the smaller error
-    parameterization : of the normal basis, "auto" for the best; the half basis has slope widths of its own, which are
-        fitted, and is left out where another parameterisation is named
-    alpha : for "bezier", as of `bake.tables.grid_search.choose_grid`
+    kinds = AUTO
 
-    Raises
-    ------
-    BakeError : an unknown basis, or a parameterisation that the basis does not have
-    """
-    if basis not in BASES:
-        raise BakeError("basis", f"cannot be {basis!r}", f"choose from {', '.join(BASES)}")
-    kinds = _kinds(basis, parameterization)
-    say = progress or (lambda share: None)
-    rms, tried = _measure(source, offset=0.25)
+    @staticmethod
+    def named(basis: str, parameterization: str) -> tuple[str, ...]:
+        """The spacings of a basis under one name: slopes are fitted, and "squared" is a spacing of theta_h."""
+        if basis == "half":
+            return AUTO["half"] if parameterization == "fitted" else ()
+        return (parameterization,) if parameterization in NORMAL_KINDS else ()
 
-    best: dict[str, Grid] = {}
-    for done, (which, kind) in enumerate(kinds):
-        say(done / len(kinds))
-        if which == "half":
-            best["half"] = _best_half(
-                AnisotropicHalfGrid(half_shape(n, symmetry.reciprocal), folded=symmetry.reciprocal), rms
+    def __init__(self, source: BrdfSource, n: int, alpha: str | tuple[float, float]) -> None:
+        self.source, self.n, self.alpha = source, n, alpha
+        self.errors = GridErrors.at(source, _RANKING, 0.25)
+        self.symmetry = measured_symmetry(source, self.errors.pairs, self.errors.truth)
+        self.found: list[Grid] = []
+        self.search: AlphaSearch | None = None
+
+    def asymmetries(self) -> dict[str, float]:
+        """JSON-ready."""
+        return self.symmetry.facts()
+
+    def add(self, basis: str, kind: str, if_hopeful: bool) -> None:
+        """Find the best grid of a basis and parameterisation."""
+        if basis == "half":
+            reciprocal = self.symmetry.reciprocal
+            start = AnisotropicHalfGrid(half_shape(self.n, reciprocal), folded=reciprocal)
+            self.found.append(_best_half(start, self.errors))
+            return
+        folded = self.symmetry.half_turn
+        grid = AnisotropicNormalGrid(normal_shape(self.n, folded), folded=folded, parameterization=kind)
+        if kind == "fitted":
+            grid = fit_warps(grid, self.errors)
+        elif kind == "bezier":
+            grid = self._best_bezier(grid, account=not if_hopeful)
+        self.found.append(grid)
+
+    def _best_bezier(self, grid: AnisotropicNormalGrid, account: bool) -> AnisotropicNormalGrid:
+        """Of a coarse square of shapes; total intensities cost seconds, and are summed if they choose or are asked."""
+        if not isinstance(self.alpha, str):
+            return replace(grid, alpha_theta=float(self.alpha[0]), alpha_phi=float(self.alpha[1]))
+        shapes = itertools.product(_ALPHAS_THETA, _ALPHAS_PHI)
+        trials = [replace(grid, alpha_theta=theta, alpha_phi=phi) for theta, phi in shapes]
+        if not account:
+            return min(trials, key=self.errors)
+        self.search = AlphaSearch(
+            tuple(
+                AlphaTrial(g.alpha_theta, g.alpha_phi, total_intensity(self.source, g), self.errors(g)) for g in trials
             )
-            continue
-        start = AnisotropicNormalGrid(
-            normal_shape(n, symmetry.half_turn), folded=symmetry.half_turn, parameterization=kind
         )
-        best[f"normal {kind}"] = _best_normal(source, start, alpha, rms)
-    say(1.0)
-    # The directions that fitted a grid flatter it, the more of its numbers were fitted the more.
-    ranked, _ = _measure(source, offset=0.75)
-    chosen = min(best.values(), key=ranked)
-    account = {name: {**grid.facts(), "rms": ranked(grid)} for name, grid in best.items()}
-    return chosen, {"trials": len(tried), "chosen": chosen.basis, "best": account}
-
-
-def _measure(source: BrdfSource, offset: float) -> tuple[Callable[[Grid], float], dict[Grid, float]]:
-    """Cosine-weighted RMS of grids at one set of directions, and what it has found so far."""
-    pairs = direction_pairs(_RANKING, offset, turned=True)
-    truth = source.evaluate(pairs.wi, pairs.wo)
-    found: dict[Grid, float] = {}
-
-    def rms(grid: Grid) -> float:
-        if grid not in found:
-            found[grid] = pairs.rms(linear_estimate(source, grid, pairs) - truth)
-        return found[grid]
-
-    return rms, found
-
-
-def _kinds(basis: str, parameterization: str) -> list[tuple[str, str]]:
-    """Basis and parameterisation of what is to be tried."""
-    if parameterization not in ("auto", *NORMAL_KINDS):
-        choices = ", ".join(("auto", *NORMAL_KINDS))
-        raise BakeError(
-            "parameterization", f"cannot be {parameterization!r} of an anisotropic table", f"choose {choices}"
-        )
-    own = parameterization in ("auto", "fitted")
-    if basis == "half" and not own:
-        cause = f"cannot be {parameterization!r} in the half basis of an anisotropic table, whose slopes are fitted"
-        raise BakeError("parameterization", cause, "choose auto, or the normal basis")
-    normal = AUTO if parameterization == "auto" else (parameterization,)
-    wanted = [("half", "slopes")] if basis != "normal" and own else []
-    return wanted + ([("normal", kind) for kind in normal] if basis != "half" else [])
-
-
-def _best_normal(
-    source: BrdfSource, start: AnisotropicNormalGrid, alpha: str | tuple[float, float], rms: Callable[[Grid], float]
-) -> Grid:
-    if start.parameterization == "fitted":
-        return fit_warps(start, rms)
-    if start.parameterization != "bezier":
-        return start
-    if not isinstance(alpha, str):
-        return replace(start, alpha_theta=float(alpha[0]), alpha_phi=float(alpha[1]))
-    trials = [replace(start, alpha_theta=t, alpha_phi=p) for t, p in itertools.product(_ALPHAS_THETA, _ALPHAS_PHI)]
-    if alpha == "intensity":
-        return max(trials, key=lambda grid: total_intensity(source, grid))
-    return min(trials, key=rms)
+        best = self.search.by_error if self.alpha == "error" else self.search.by_intensity
+        return replace(grid, alpha_theta=best.alpha_theta, alpha_phi=best.alpha_phi)
 
 
 def total_intensity(source: BrdfSource, grid: AnisotropicNormalGrid, most: int = _INTENSITY_N) -> float:
@@ -184,7 +141,7 @@ def total_intensity(source: BrdfSource, grid: AnisotropicNormalGrid, most: int =
     return float(values.sum(dtype=np.float64))
 
 
-def _best_half(start: AnisotropicHalfGrid, rms: Callable[[Grid], float]) -> AnisotropicHalfGrid:
+def _best_half(start: AnisotropicHalfGrid, rms: Measure) -> AnisotropicHalfGrid:
     """Widths by a coarse square of trials, then steps in either width for as long as one pays."""
     coarse = (replace(start, width_x=x, width_y=y) for x, y in itertools.product(_WIDTHS, _WIDTHS))
     best = min(coarse, key=rms)

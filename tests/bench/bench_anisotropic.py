@@ -21,8 +21,8 @@ from measured_materials.bake.sources.analytic import AshikhminShirley, Ggx, Ward
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
 from measured_materials.bake.tables.anisotropic_grids import NORMAL_KINDS
-from measured_materials.bake.tables.anisotropic_search import choose_grid, measured_symmetry
 from measured_materials.bake.tables.atlas import AtlasLayout
+from measured_materials.bake.tables.grid_search import choose_grid
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
 from record import put
@@ -62,10 +62,9 @@ def _errors(resolutions: tuple[int, ...]) -> None:
     print(f"{heads} {'MB (half)':>9s} {'RMS 1/sr':>9s} {'energy off':>10s}")
     for name, source in SOURCES.items():
         truth = source.evaluate(pairs.wi, pairs.wo)
-        symmetry = measured_symmetry(source, pairs, truth)
         for n in resolutions:
             for basis, kind in (("half", "auto"), *(("normal", kind) for kind in NORMAL_KINDS)):
-                grid, _ = choose_grid(source, n, symmetry, basis, parameterization=kind)
+                grid = choose_grid(source, n, (basis,), kind).grid  # type: ignore[arg-type]
                 error = linear_estimate(source, grid, pairs) - truth
                 width, height = AtlasLayout.of(grid).size
                 memory = width * height * Storage.HALF.render_bytes(3) / 1e6
