@@ -78,7 +78,7 @@ def test_command_line_bakes_and_inspects_it(file: Path, tmp_path: Path, capsys: 
     assert main(arguments) == 0
     facts = json.loads(capsys.readouterr().out)["bundles"][0]
     # The file's interpolation is not exactly reciprocal, and repeats after half a turn.
-    assert facts["table"]["half_turn_error"] < 1e-3
+    assert facts["choice"]["half_turn_error"] < 1e-3
     bundle = read_bundle(out)
     assert is_anisotropic(bundle)
     source, table = read_source(file), table_of(bundle)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,7 +11,7 @@ from ..errors import BakeError
 from ..table_facts import decoded, log_of, warps_of
 from ..tables.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..tables.atlas import AtlasLayout, unpack
-from ..tables.grid import Grid
+from ..tables.grid import HORIZON_SHARES, Grid
 from ..tables.table import FILTERS, Filter, Table
 from .envelope import AnisotropicFit
 from .envelope_texture import fit_from_image
@@ -34,11 +35,18 @@ def grid_of(bundle: Bundle, name: str = "table") -> Grid:
     shape = cast("tuple[int, int, int, int]", tuple(sizes))
     folded = require(table, "folded", bool, where)
     grid: Grid
+    # Older bundles have neither.
+    horizon, power = HORIZON_SHARES[0], 1
+    if "horizon_share" in table:
+        horizon = float(require(table, "horizon_share", float, where, minimum=0, maximum=1))
+    if "cosine_power" in table:
+        power = require(table, "cosine_power", int, where, minimum=1, maximum=2)
+    falling = "falling" in table and require(table, "falling", bool, where)
     if basis == "half":
         x, y = (float(require(table, f"width_{k}", float, where, minimum=1e-4, maximum=1e3)) for k in "xy")
-        grid = AnisotropicHalfGrid(shape, x, y, folded)
+        grid = AnisotropicHalfGrid(shape, x, y, folded, horizon, power, falling)
     else:
-        grid = _normal_grid(table, shape, folded, where)
+        grid = replace(_normal_grid(table, shape, folded, where), horizon_share=horizon)
         # Beyond the pole azimuths go on half a turn further, which has to be a sample.
         if shape[3] % 2 or (not folded and shape[0] % 2):
             raise BakeError(where, "'table.shape' has an odd azimuth", "bake it again")

@@ -147,7 +147,7 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
         index.append(whole % n if around else whole)
         weights.append(np.where(corners[:, axis], t, 1 - t))
     wi, wo = grid.directions(*index)
-    weight = np.prod(weights, 0) * grid.factor(xp_numpy, wi, wo)
+    weight = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
     values = (source.evaluate(wi, wo) * weight[..., None]).sum(1)
     return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
 

@@ -10,8 +10,11 @@ half    The half vector h by its slopes (x, y) = h_xy / h_z, each warped by u = 
         brushing draws out is a ridge along one axis, and each axis has a width of its own; a polar theta_h, phi_h would
         have to resolve the ridge's angle (trial: `./run bench anisotropic`). There is no pole to mend, and no half
         vector is stored twice. The difference vector d is wi, turned by the shortest arc that takes h to the normal:
-        a phi_d, b theta_d. Rusinkiewicz' frame spins at h = n, this one does not. Stored is f (cos theta_i +
-        cos theta_o) / 2, which stays bounded at grazing where f of any microfacet grows as one over it.
+        a phi_d, b theta_d. Rusinkiewicz' frame spins at h = n, this one does not. Stored is f cos^2 theta_d cos
+        theta_h. f of any microfacet grows at grazing as one over cos theta_d cos theta_h = (cos theta_i + cos theta_o)
+        / 2, that of Ashikhmin and Shirley (2000) by one more cos theta_d; interpolated along theta_d, a line towards 0
+        is met far better than what has just stopped to grow (RMS at equal texels 0.3 to 0.9 of it, light at 88 degrees
+        within 3 %, where the power 1 lost up to 13 %).
 """
 
 from __future__ import annotations
@@ -109,6 +112,10 @@ class AnisotropicNormalGrid:
         """The BRDF itself is stored."""
         return 1.0
 
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> float:
+        """No sample stands for a pair below the horizon."""
+        return 1.0
+
     def settle_poles(self, values: Array) -> None:
         """At theta_i = 0 phi_delta means nothing; at theta_o = 0 the light's own azimuth phi_o + phi_delta counts."""
         cosine, sine = self.phi_delta()
@@ -144,6 +151,7 @@ class AnisotropicNormalGrid:
             "parameterization": self.parameterization,
             **shapes,
             "folded": self.folded,
+            "horizon_share": self.horizon_share,
         }
 
     def shader_constants(self) -> dict[str, Any]:
@@ -162,6 +170,9 @@ class AnisotropicHalfGrid:
     folded : phi_d runs over half a turn; the source is reciprocal
     horizon_share : the outermost samples of theta_d and of the slopes, which would be at 90 degrees, are taken at this
         share of their neighbours' distance from it
+    cosine_power : p of the stored f cos theta_d^p cos theta_h; 1 in older bundles
+    falling : beyond the horizon the stored value falls on with cos theta_d from the last pair above it, instead of
+        being held there; with the power 2
     """
 
     shape: Shape
@@ -169,6 +180,8 @@ class AnisotropicHalfGrid:
     width_y: float = 0.3
     folded: bool = True
     horizon_share: float = HORIZON_SHARES[0]
+    cosine_power: int = 2
+    falling: bool = True
     basis: ClassVar[str] = "half"
     parameterization: ClassVar[str] = "slopes"
     boundaries: ClassVar[tuple[Boundary, ...]] = ("around", "pole", "held", "held")
@@ -199,26 +212,39 @@ class AnisotropicHalfGrid:
 
     def directions(self, *index: Array) -> tuple[Array, Array]:
         """(wi, wo), each (..., 3), at whole indices that broadcast; both above the horizon."""
-        n_a, n_b, n_r, n_c = self.shape
+        n_a, _, n_r, n_c = self.shape
         a, b, r, c = np.broadcast_arrays(*index)
         x, y = self._slopes(n_c, self.width_x)[c], self._slopes(n_r, self.width_y)[r]
         h = np.stack([x, y, np.ones_like(x)], -1)
         h /= np.linalg.norm(h, axis=-1, keepdims=True)
         phi = node_azimuth(a, n_a, self.folded)
         e = np.stack([np.cos(phi), np.sin(phi)], -1)
-        chord = np.clip(1 - np.arange(n_b) / (n_b - 1), _POLE_CHORD, 1 - self.horizon_share / (n_b - 1))
         towards = (e * h[..., :2]).sum(-1)
         # wi_z and wo_z are cos theta_d h_z -+ sin theta_d (e . h).
         highest = np.arctan2(_WITHIN * h[..., 2], np.abs(towards))
-        theta = np.minimum(chord_to_theta(xp_numpy, chord)[b], highest)
+        theta = np.minimum(chord_to_theta(xp_numpy, self._chords())[b], highest)
         d = np.concatenate([np.sin(theta)[..., None] * e, np.cos(theta)[..., None]], -1)
         middle = h + np.array([0.0, 0.0, 1.0])
         wi = d - (d * middle).sum(-1, keepdims=True) / middle[..., 2:] * middle + 2 * d[..., 2:] * h
         return wi, 2 * d[..., 2:] * h - wi
 
     def factor(self, xp: Any, wi: Any, wo: Any) -> Any:
-        """What values are multiplied by to be stored."""
-        return xp.maximum(0.5 * (xp.components(wi)[2] + xp.components(wo)[2]), LEAST_SUM)
+        """What values are multiplied by to be stored: |wi + wo| / 2 is cos theta_d, its z times cos theta_h."""
+        lowest = xp.maximum(0.5 * (xp.components(wi)[2] + xp.components(wo)[2]), LEAST_SUM)
+        return lowest if self.cosine_power == 1 else lowest * xp.maximum(0.5 * xp.length(wi + wo), LEAST_SUM)
+
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> Any:
+        """Where `falling`, f cos theta_d cos theta_h is held beyond the horizon, and times the sample's cos theta_d."""
+        if self.cosine_power == 1 or not self.falling:
+            return self.factor(xp_numpy, wi, wo)
+        lowest = xp_numpy.maximum(0.5 * (wi[..., 2] + wo[..., 2]), LEAST_SUM)
+        chord = self._chords()[index[1]]
+        return lowest * np.maximum((1 - chord) * (1 + chord), LEAST_SUM)
+
+    def _chords(self) -> Array:
+        """Chords of theta_d at the samples, (B,)."""
+        n = self.shape[1]
+        return np.clip(1 - np.arange(n) / (n - 1), _POLE_CHORD, 1 - self.horizon_share / (n - 1))
 
     def settle_poles(self, values: Array) -> None:
         """At theta_d = 0 light and viewer are one direction, and phi_d means nothing."""
@@ -242,11 +268,15 @@ class AnisotropicHalfGrid:
             "width_x": self.width_x,
             "width_y": self.width_y,
             "folded": self.folded,
+            "horizon_share": self.horizon_share,
+            "cosine_power": self.cosine_power,
+            "falling": self.falling,
         }
 
     def shader_constants(self) -> dict[str, Any]:
-        """Of `measured_anisotropic.osl`."""
-        return _shader_constants(self, self.folded)
+        """Of `measured_anisotropic.osl`, which knows either power as a basis of its own."""
+        constants = _shader_constants(self, self.folded)
+        return constants if self.cosine_power == 1 else constants | {"Basis": "half squared"}
 
 
 def _shader_constants(grid: Grid, folded: bool) -> dict[str, Any]:

@@ -73,6 +73,13 @@ class Grid(Protocol):
         """What a BRDF is multiplied by to be stored."""
         ...
 
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> Any:
+        """`factor` of samples at whole indices, whose `directions` are wi and wo.
+
+        Another one where the sample stands for a pair that lies below the horizon, and its directions do not.
+        """
+        ...
+
     def settle_poles(self, values: Array) -> None:
         """Give all samples (*shape, 3) that are one direction pair one value, in place.
 

@@ -17,10 +17,12 @@ from ..parameterization import Parameterization
 from ..source import Array, BrdfSource
 from .accuracy import DirectionPairs
 from .alpha_search import AlphaSearch
+from .anisotropic_grids import AnisotropicHalfGrid
 from .anisotropic_search import SYMMETRIC, AnisotropicCandidates
 from .grid import HORIZON_SHARES, Grid
 from .grid_fit import GridErrors
 from .grid_race import Candidate, race
+from .horizon_light import HorizonLight
 from .isotropic_search import IsotropicCandidates
 
 Basis = Literal["normal", "half"]
@@ -43,6 +45,11 @@ class GridChoice:
     def grid(self) -> Grid:
         """The candidate of least error."""
         return min(self.candidates, key=lambda c: c.rms).grid
+
+    @property
+    def reciprocity_error(self) -> float:
+        """How far exchanging light and viewer changes the source."""
+        return self.asymmetries["reciprocity_error"]
 
     @property
     def half_turn(self) -> bool:
@@ -103,6 +110,12 @@ def _spacings(kind: type[Any], basis: str, parameterization: str) -> tuple[str, 
 
 
 def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: Array) -> Grid:
-    """The grid whose sample at the horizon is taken where it serves this material better."""
+    """The grid whose samples at the horizon are taken where, and continued as, it serves this material best.
+
+    By the RMS at the pairs; of half vectors about a turning viewer, which have two ways beyond the horizon that the RMS
+    hardly tells apart, by the light seen at grazing (`HorizonLight`).
+    """
     grids = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
-    return min(grids, key=GridErrors(source, pairs, truth))
+    if not isinstance(grid, AnisotropicHalfGrid):
+        return min(grids, key=GridErrors(source, pairs, truth))
+    return min((replace(g, falling=falls) for g in grids for falls in (True, False)), key=HorizonLight(source))

@@ -114,6 +114,10 @@ class HalfVectorGrid:
         """The BRDF itself is stored."""
         return 1.0
 
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> float:
+        """No sample stands for a pair below the horizon."""
+        return 1.0
+
     def settle_poles(self, values: Array) -> None:
         """At theta_h = 0 and at theta_d = 0 phi_d means nothing to an isotropic material."""
         cosine, sine = self._azimuths()

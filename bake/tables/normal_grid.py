@@ -88,6 +88,10 @@ class NormalVectorGrid:
         """The BRDF itself is stored."""
         return 1.0
 
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> float:
+        """No sample stands for a pair below the horizon."""
+        return 1.0
+
     def settle_poles(self, values: Array) -> None:
         """At theta_i = 0 and at theta_o = 0 phi_delta means nothing."""
         cosine, sine = self._azimuths()

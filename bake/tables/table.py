@@ -122,7 +122,9 @@ def tabulate(source: BrdfSource, grid: Grid, progress: Callable[[float], None] |
         chosen = np.arange(start, min(start + step, len(slices)))
         places = np.unravel_index(chosen[:, None, None], slice_axes)
         wi, wo = grid.directions(*places, rows, columns)
-        slices[chosen] = source.evaluate(wi, wo) * np.asarray(grid.factor(xp_numpy, wi, wo))[..., None]
+        slices[chosen] = (
+            source.evaluate(wi, wo) * np.asarray(grid.sample_factor(wi, wo, *places, rows, columns))[..., None]
+        )
         if progress:
             progress((start + len(chosen)) / len(slices))
     grid.settle_poles(values)

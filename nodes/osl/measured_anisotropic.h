@@ -127,9 +127,11 @@ color mm_lookup4(MMTable4 table, vector wi, vector wo, float random)
 {
   float at[4];
   float factor = 1;
-  if (table.basis == "half") {
+  if (startswith(table.basis, "half")) {
     mm_half_coordinates4(table, wi, wo, at);
     factor = max(0.5 * (wi[2] + wo[2]), MM_LEAST_SUM);
+    if (table.basis == "half squared")
+      factor *= max(0.5 * length(wi + wo), MM_LEAST_SUM);
   }
   else
     mm_normal_coordinates4(table, wi, wo, at);

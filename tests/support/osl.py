@@ -28,7 +28,7 @@ def declared_table4(grid: Grid, file: Path, filter: str, log: str = "vector(0), 
     sizes, (first, second) = ", ".join(map(str, grid.shape)), (c["Shape1"], c["Shape2"])
     return f"""int sizes[4] = {{{sizes}}};
       vector shape[2] = {{vector{first}, vector{second}}};
-      MMTable4 table = {{"{file}", 1, 0, {log}, "{grid.basis}", sizes, {c["Columns"]}, {c["Rows"]},
+      MMTable4 table = {{"{file}", 1, 0, {log}, "{c["Basis"]}", sizes, {c["Columns"]}, {c["Rows"]},
                          "{c["Parameterization"]}", shape, {c["Folded"]}, "{filter}", 0}};"""
 
 
