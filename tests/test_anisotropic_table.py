@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.anisotropic.sampler import SlopeLayout, build_slope_sampler, find_texel, turned, viewer_bin
+from measured_materials.bake.anisotropic.sampler import (
+    SlopeLayout,
+    build_slope_sampler,
+    find_texel,
+    turned,
+    viewer_bin,
+)
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.parameterization import LogWarp

@@ -113,7 +113,7 @@ def bake_source(
         "rms_by_filter": _simpler_filters(stored, spline, pairs, truth),
         "albedo": reflection.albedo(treated),
         # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
-        "table_albedo": reflection.albedo(stored, n=48),
+        "table_albedo": reflection.table_albedo(stored),
     }
     extra, images = _envelope(treated, reflection, stored, settings, pairs, say) if settings.envelope else ({}, {})
     facts["preview"], weights = reflection.preview()

@@ -20,10 +20,11 @@ from ..anisotropic.views import ViewerGrid
 from ..envelope import EnvelopeFit, fit_envelope, fit_preview, lamp_shares, pack_weights, residual_source
 from ..source import Array, BrdfSource
 from ..tables.anisotropic_grids import AnisotropicHalfGrid
+from ..tables.bspline_fit import sample_spline
 from ..tables.grid import Grid
 from ..tables.grid_search import GridChoice
 from ..tables.isotropic_search import refit_grid
-from ..tables.table import Table
+from ..tables.table import Filter, Table
 from ..tables.treated_source import TreatedSource
 from .settings import BakeSettings
 
@@ -56,8 +57,12 @@ class Reflection(Protocol):
         """Texels of alias tables that follow a table."""
         ...
 
-    def albedo(self, source: BrdfSource, n: int = ...) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> dict[str, Any]:
         """As `bake.albedo.albedo_facts`."""
+        ...
+
+    def table_albedo(self, table: Table) -> dict[str, Any]:
+        """The same of a table, by fewer directions."""
         ...
 
     def preview(self) -> tuple[dict[str, Any], Array]:
@@ -99,9 +104,13 @@ class IsotropicReflection:
         """Of half vectors about the viewer's plane."""
         return build_sampler(table, self.layout).texels
 
-    def albedo(self, source: BrdfSource, n: int = 64) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> dict[str, Any]:
         """By elevation."""
-        return albedo_facts(source, n)
+        return albedo_facts(source)
+
+    def table_albedo(self, table: Table) -> dict[str, Any]:
+        """By elevation."""
+        return albedo_facts(table, 48)
 
     def preview(self) -> tuple[dict[str, Any], Array]:
         """Closures of their own, fitted to the source."""
@@ -151,8 +160,17 @@ class AnisotropicReflection:
         """Of the half vector's slopes."""
         return build_slope_sampler(table, self.layout, progress).texels
 
-    def albedo(self, source: BrdfSource, n: int = 48) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> dict[str, Any]:
         """By elevation the mean over the viewer's azimuth; "largest" and "above_one_deg" are those of any."""
+        return self._albedo(source, 48)
+
+    def table_albedo(self, table: Table) -> dict[str, Any]:
+        """As `albedo`. Of a spline, whose 256 taps would take minutes, that of its values at the nodes."""
+        values = sample_spline(table.grid, table.values) if table.filter == "bspline" else table.values
+        filter: Filter = "trilinear" if table.filter == "bspline" else table.filter
+        return self._albedo(replace(table, values=values, filter=filter), 24)
+
+    def _albedo(self, source: BrdfSource, n: int) -> dict[str, Any]:
         azimuths = np.arange(_AZIMUTHS) * (2 * np.pi / _AZIMUTHS) + 0.1
         rows = np.array([directional_albedo(source, np.radians(_DEGREES), n, float(phi)) for phi in azimuths])
         degrees = np.array(_DEGREES)
