@@ -9,9 +9,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..bake.bake_brdf import BakeResult, Progress
 from ..bake.bundle import read_bundle
 from ..bake.errors import BakeError
+from ..bake.result import BakeResult, Progress
 from ..bake.shading.bake_arc import ArcSettings, bake_arc
 from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.slice_atlas import SliceLayout

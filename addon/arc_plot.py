@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..bake.atomic import replacing_file
-from ..bake.bake_brdf import BakeResult
 from ..bake.bundle import read_bundle
 from ..bake.errors import BakeError
+from ..bake.result import BakeResult
 from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.record_parts import PhotographsRecord
 from ..bake.shading.slice_atlas import unpack_slices

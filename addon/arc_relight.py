@@ -10,7 +10,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.bake_brdf import TableSource
 from ..bake.errors import BakeError
 from ..bake.shading.map_albedo import map_albedo_facts
 from ..bake.shading.record import ShadingMapRecord
@@ -57,7 +56,6 @@ def _albedo(record: ShadingMapRecord) -> dict[str, Any]:
     if stored.means is None:
         raise BakeError(record.where, "does not say the slices' mean colours", "bake it again")
     if record.render.lobe is None:
-        baked = record.baked_lobe()
-        f_r = TableSource(baked.load(), baked.filter)
+        f_r = record.baked_lobe().load()
     means = np.array(stored.means, np.float32).reshape(stored.slices, 1, 1, 3)
     return map_albedo_facts(ShadingMap(means), record.render, stored.a_max, f_r)

@@ -5,12 +5,12 @@ from typing import Any, get_args
 
 import bpy
 
-from ..bake.bake_brdf import AlphaChoice, BakeSettings, SplineFit
-from ..bake.brdf.grids import MAX_RESOLUTION
-from ..bake.grid_search import BASES
+from ..bake.brdf.settings import AlphaChoice, BakeSettings, SplineFit
 from ..bake.parameterization import Parameterization
 from ..bake.storage import TABLE_STORAGES, Storage
-from ..bake.table import Filter
+from ..bake.tables.grid_search import BASES
+from ..bake.tables.normal_grid import MAX_RESOLUTION
+from ..bake.tables.table import Filter
 from .enum_items import enum
 
 _USUAL = BakeSettings()

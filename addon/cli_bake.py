@@ -7,18 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from ..bake.bake_brdf import BakeSettings, SplineFit, bake_file, bake_source
+from ..bake.brdf.bake import bake_file, bake_source
 from ..bake.brdf.record import BrdfRecord
+from ..bake.brdf.settings import BakeSettings, SplineFit
 from ..bake.bundle import SUFFIX, read_bundle
 from ..bake.errors import BakeError
-from ..bake.grid_search import BASES
 from ..bake.origin import Origin, file_origin, model_origin
 from ..bake.parameterization import PARAMETERIZATIONS
 from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.sources import known_formats
 from ..bake.sources.analytic import ANALYTIC, by_name
 from ..bake.storage import TABLE_STORAGES, Storage
-from ..bake.table import FILTERS
+from ..bake.tables.grid_search import BASES
+from ..bake.tables.table import FILTERS
 from . import cli_bake_arc
 from .cli_jobs import Bake, Job, add_replace, bake_jobs, usage_error
 from .cli_result import Result

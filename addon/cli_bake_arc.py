@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..bake.bake_brdf import BakeResult
 from ..bake.bundle import SUFFIX, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.origin import Origin, photographs_origin
 from ..bake.photographs.photograph import IMAGE_SUFFIXES
 from ..bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
+from ..bake.result import BakeResult
 from ..bake.shading.bake_arc import TILEABLES, ArcSettings, bake_arc
 from ..bake.shading.lobes import Lobe
 from ..bake.shading.map_store import COMPRESSIONS

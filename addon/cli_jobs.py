@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..bake.bake_brdf import BakeResult
 from ..bake.bundle import SUFFIX
 from ..bake.errors import BakeError
 from ..bake.origin import Origin, refuse_another
+from ..bake.result import BakeResult
 from .progress import Progress
 
 Bake = Callable[[Path, Any, Progress], BakeResult]

@@ -15,7 +15,7 @@ from ..bake.png_plain import png_about
 from ..bake.records import Record, read_record
 from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.table import FILTERS
+from ..bake.tables.table import FILTERS
 from .cli_lighting import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
 from .cli_result import Result
 from .need_blender import need_blender

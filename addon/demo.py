@@ -11,10 +11,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.bake_brdf import BakeResult, BakeSettings, bake_file
+from ..bake.brdf.bake import bake_file
 from ..bake.brdf.parts import ErrorsRecord
 from ..bake.brdf.record import BrdfRecord
+from ..bake.brdf.settings import BakeSettings
 from ..bake.bundle import read_bundle
+from ..bake.result import BakeResult
 from ..bake.source import Array
 from ..bake.sources.analytic import MetallicPaint
 from ..bake.sources.merl import write_merl

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..bake.anisotropic.grid import NormalGrid
 from ..bake.brdf.common import AlbedoRecord
-from ..bake.brdf.grids import AnisotropicGrid, basis_of
+from ..bake.brdf.grids import AnisotropicGrid
 from ..bake.brdf.record import BrdfRecord
 from ..bake.records import Record
 from ..bake.source import BrdfSource
-from ..bake.table import TableGrid
+from ..bake.tables.anisotropic_grids import AnisotropicNormalGrid
+from ..bake.tables.normal_grid import NormalVectorGrid
 
 Rows = list[tuple[str, str]]
 
@@ -25,26 +25,26 @@ def source_rows(record: Record) -> Rows:
 def table_rows(record: BrdfRecord) -> Rows:
     """Size, basis, parameterisation and filter of the table, and what else could have been chosen."""
     table, grid = record.table, record.table.grid
-    sizes, basis = " x ".join(map(str, grid.shape)), basis_of(grid)
+    sizes, basis = " x ".join(map(str, grid.shape)), grid.basis
     texels = ("Texels", f"{table.filter}, {table.storage}")
     if record.anisotropic:
         rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), texels, *_spacing_rows(grid)]
     else:
         rows = [("Table", f"{sizes}, {basis} basis, {grid.parameterization}"), texels]
-        if grid.parameterization == "bezier" and isinstance(grid, TableGrid):
+        if grid.parameterization == "bezier" and isinstance(grid, NormalVectorGrid):
             rows += [_alpha_row(grid), *_search_rows(record)]
         elif grid.parameterization == "bezier":
             rows.append(("Alpha", f"theta_d, theta_h, phi_d {_plain(grid.alphas)}"))
     return rows + _choice_rows(record)
 
 
-def _alpha_row(grid: TableGrid | NormalGrid) -> tuple[str, str]:
+def _alpha_row(grid: NormalVectorGrid | AnisotropicNormalGrid) -> tuple[str, str]:
     return "Alpha", f"theta {grid.alpha_theta:.4g}, phi {grid.alpha_phi:.4g}"
 
 
 def _spacing_rows(grid: AnisotropicGrid) -> Rows:
     """What the shape of a four-dimensional table was fitted to."""
-    if not isinstance(grid, NormalGrid):
+    if not isinstance(grid, AnisotropicNormalGrid):
         widths = f"{grid.width_x:.3g} along the tangent, {grid.width_y:.3g} across"
         return [("Spacing", f"half of it within slopes of {widths}")]
     return [_alpha_row(grid)] if grid.parameterization == "bezier" else [("Spacing", grid.parameterization)]

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
-from ..bake.table import FILTERS
+from ..bake.tables.table import FILTERS
 from .choices import ALWAYS, AUTO, NEVER, Choices
 
 # Light that may be left out unasked: as much as the envelope's own stated bias.

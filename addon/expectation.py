@@ -17,7 +17,7 @@ def expectation(record: BrdfRecord, mode: str, filter: str) -> str:
     ----------
     record : the bundle's, or of what a material keeps of it
     mode : of `bake.modes.MODES`
-    filter : of `bake.table.FILTERS`
+    filter : of `bake.tables.table.FILTERS`
     """
     traced = mode != "preview"
     factor = MODE_TIME.get(mode, 1.0) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)

@@ -14,10 +14,10 @@ from typing import Any, ClassVar
 
 import bpy
 
-from ..bake.bake_brdf import Progress
 from ..bake.brdf.common import kind_of as kind_told
 from ..bake.bundle import is_bundle
 from ..bake.errors import BakeError
+from ..bake.result import Progress
 from . import describe, describe_map
 from .arc_material import bake_arc_again, map_words
 from .arc_relight import current_lighting, images_of_map, relight

@@ -10,10 +10,12 @@ from typing import Any
 
 import bpy
 
-from ..bake.bake_brdf import BakeResult, BakeSettings, Progress, bake_file, bake_source
+from ..bake.brdf.bake import bake_file, bake_source
 from ..bake.brdf.record import BrdfRecord
+from ..bake.brdf.settings import BakeSettings
 from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
+from ..bake.result import BakeResult, Progress
 from ..bake.sources.analytic import by_name
 from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices

@@ -21,7 +21,7 @@ from ..bake.envelope.views import Views, gauss_chords, sample_views
 from ..bake.shading.lobes import Lobe
 from ..bake.source import Array, BrdfSource
 from ..bake.sources.analytic import dielectric, schlick
-from ..bake.table import TreatedSource
+from ..bake.tables.treated_source import TreatedSource
 from ..nodes import compat
 
 _VIEWS, _N_H, _N_PHI = 10, 24, 12

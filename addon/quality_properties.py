@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..bake.modes import MODES
-from ..bake.table import FILTERS
+from ..bake.tables.table import FILTERS
 from .choices import AUTO
 from .enum_items import enum
 from .kinds import rebuild_or_say

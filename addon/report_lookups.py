@@ -12,21 +12,20 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake.anisotropic.atlas import SliceLayout
-from ..bake.anisotropic.choice import half_shape, normal_shape
-from ..bake.anisotropic.grid import Grid as AnisotropicGrid
-from ..bake.anisotropic.grid import HalfGrid as AnisotropicHalfGrid
-from ..bake.anisotropic.grid import NormalGrid
-from ..bake.atlas import AtlasLayout
-from ..bake.grid_search import half_sizes
-from ..bake.half_grid import HalfGrid
 from ..bake.image_io import write_image
-from ..bake.log_storage import LogCodes
 from ..bake.report.journal import Journal
 from ..bake.report.tables import USUAL_FILTER, USUAL_STORAGE, LookupKey, TableSizes
 from ..bake.report.tabulation import ANISOTROPIC_KINDS, KINDS, Kind
 from ..bake.storage import TABLE_STORAGES, Storage
-from ..bake.table import FILTERS, Grid, TableGrid
+from ..bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from ..bake.tables.anisotropic_search import half_shape, normal_shape
+from ..bake.tables.atlas import AtlasLayout
+from ..bake.tables.grid import Grid
+from ..bake.tables.half_vector_grid import HalfVectorGrid
+from ..bake.tables.isotropic_search import half_sizes
+from ..bake.tables.log_codes import LogCodes
+from ..bake.tables.normal_grid import NormalVectorGrid
+from ..bake.tables.table import FILTERS
 from ..nodes import expr
 from ..nodes.anisotropic_groups import anisotropic_lookup_group
 from ..nodes.data_image import load_data_image
@@ -91,7 +90,7 @@ def _measured(batch: _Batch, effort: Effort) -> list[tuple[Kind, str, float]]:
             builds: dict[str, Build] = {}
             for name, (kind, filter) in names.items():
                 grid = _grid(kind, batch.resolution, batch.anisotropic)
-                size = _layout(grid).size
+                size = AtlasLayout.of(grid).size
                 if size not in images:
                     images[size] = _white(
                         Path(folder) / f"{size[0]}_{size[1]}{batch.storage.suffix}", size, batch.storage
@@ -104,18 +103,18 @@ def _measured(batch: _Batch, effort: Effort) -> list[tuple[Kind, str, float]]:
     return [(*names[name], ns[name]) for name in names]
 
 
-def _grid(kind: Kind, n: int, anisotropic: bool) -> Grid | AnisotropicGrid:
+def _grid(kind: Kind, n: int, anisotropic: bool) -> Grid:
     basis, spacing = kind
     if anisotropic and basis == "half":
         return AnisotropicHalfGrid(half_shape(n, True))
     if anisotropic:
-        return NormalGrid(normal_shape(n, True), folded=True, parameterization=spacing)
+        return AnisotropicNormalGrid(normal_shape(n, True), folded=True, parameterization=spacing)
     parameterization: Any = spacing
-    return HalfGrid(half_sizes(n, True)[0], parameterization) if basis == "half" else TableGrid(n, parameterization)
-
-
-def _layout(grid: Grid | AnisotropicGrid) -> AtlasLayout | SliceLayout:
-    return AtlasLayout(grid.shape) if isinstance(grid, TableGrid | HalfGrid) else SliceLayout.of(grid)
+    return (
+        HalfVectorGrid(half_sizes(n, True)[0], parameterization)
+        if basis == "half"
+        else NormalVectorGrid(n, parameterization)
+    )
 
 
 def _white(path: Path, size: tuple[int, int], storage: Storage) -> bpy.types.Image:
@@ -124,11 +123,9 @@ def _white(path: Path, size: tuple[int, int], storage: Storage) -> bpy.types.Ima
     return load_data_image(path, path.name, half=storage == Storage.HALF)
 
 
-def _group(
-    name: str, image: bpy.types.Image, grid: Grid | AnisotropicGrid, filter: str, storage: Storage
-) -> bpy.types.ShaderNodeTree:
+def _group(name: str, image: bpy.types.Image, grid: Grid, filter: str, storage: Storage) -> bpy.types.ShaderNodeTree:
     log = _CODES if storage is Storage.LOG else None
-    if isinstance(grid, TableGrid | HalfGrid):
+    if isinstance(grid, NormalVectorGrid | HalfVectorGrid):
         return table_lookup_group(name, image, grid, filter, stochastic=True, log=log)
     return anisotropic_lookup_group(name, image, grid, filter, stochastic=True, log=log)
 

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ..bake.atomic import replacing_file
-from ..bake.bake_brdf import bake_source
+from ..bake.brdf.bake import bake_source
 from ..bake.bundle import Bundle, read_bundle
 from ..bake.modes import MODES
 from ..bake.png_plain import png_bytes

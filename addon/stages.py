@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..bake.anisotropic.bake import KIND_OF_STAGE
-from ..bake.bake_brdf import BakeSettings
+from ..bake.brdf.bake import KIND_OF_STAGE
+from ..bake.brdf.settings import BakeSettings
 from ..bake.shading.bake_arc import ArcSettings
 
 # Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds
@@ -47,12 +47,14 @@ def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
 def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
     """As `_brdf_stages`: sampler and envelope have sizes of their own, and take most of the time."""
     size = (settings.resolution / 64) ** 3
+    fits = settings.filter == "bspline" and settings.spline != "plain"
     kinds = 6 if len(settings.bases) > 1 else 2
     return {
         "choosing grid": 0.5 * kinds,
         "tabulating": 0.6 * size,
+        "fitting spline": 6.0 * size if fits else 0.0,
         "sampler": 4.5,
-        "measuring": 0.7,
+        "measuring": 2.0,
         "envelope": 21.0 if settings.envelope else 0.0,
         "writing": 0.3 + 0.5 * size,
     }

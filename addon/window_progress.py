@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..bake.bake_brdf import BakeSettings
+from ..bake.brdf.settings import BakeSettings
 from .stages import bake_stages, share_done
 
 

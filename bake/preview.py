@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from .directions import normalize, spherical
-from .source import Array
-from .table import BrdfTable, Filter
+from .source import Array, BrdfSource
 
 _LAMP = normalize(np.array([-0.45, 0.55, 0.7]))
 
 
-def preview_sphere(table: BrdfTable, filter: Filter = "trilinear", size: int = 128) -> Array:
+def preview_sphere(table: BrdfSource, size: int = 128) -> Array:
     """(size, size, 3) 8-bit sRGB, row 0 on top; grey background outside the sphere."""
     x, y = np.meshgrid(np.linspace(-1.05, 1.05, size), np.linspace(1.05, -1.05, size))
     inside = x * x + y * y < 1
     normal = np.stack([x[inside], y[inside], np.sqrt(1 - x[inside] ** 2 - y[inside] ** 2)], -1)
-    light = _radiance(table, filter, normal)
+    light = _radiance(table, normal)
     exposure = 0.7 / max(float(np.percentile(light, 90)), 1e-6)
     picture = np.full((size, size, 3), 0.18)
     picture[inside] = light * exposure
@@ -29,7 +28,7 @@ def to_srgb(linear: Array) -> Array:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def _radiance(table: BrdfTable, filter: Filter, normal: Array) -> Array:
+def _radiance(table: BrdfSource, normal: Array) -> Array:
     """One lamp, and a ring of dim lights for the sky; the lamp's disk is spread so that sharp peaks show."""
     view = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
     total = np.zeros(normal.shape)
@@ -38,7 +37,7 @@ def _radiance(table: BrdfTable, filter: Filter, normal: Array) -> Array:
     for direction, power in lights:
         cosine = np.maximum(normal @ direction, 0)[:, None]
         wi, wo = _local(normal, np.broadcast_to(direction, normal.shape)), _local(normal, view)
-        total += power * cosine * table.evaluate(wi, wo, filter)
+        total += power * cosine * table.evaluate(wi, wo)
     return total
 
 

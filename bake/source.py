@@ -31,10 +31,17 @@ class BrdfSource(Protocol):
         by `inspect` and kept in the bundle
     """
 
-    name: str
-    isotropic: bool
-    bilateral: bool
-    facts: dict[str, Any]
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def isotropic(self) -> bool: ...
+
+    @property
+    def bilateral(self) -> bool: ...
+
+    @property
+    def facts(self) -> dict[str, Any]: ...
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr without the cosine, linear Rec.709.

@@ -20,7 +20,7 @@ class Storage(StrEnum):
 
     A byte holds 256 evenly spaced, linear values from 0 to 1: for data of little range such as the slices of a
     matte swatch, at a quarter of the memory of float32. The dark values of a glossy BRDF would be lost in it. "log" is
-    a byte too, of the logarithm of a BRDF table's values: `bake.log_storage` says how they come back.
+    a byte too, of the logarithm of a BRDF table's values: `bake.tables.log_codes` says how they come back.
 
     A str, so that `Storage("half")`, the JSON of a bundle and the choices of a command line agree.
     """
@@ -85,7 +85,7 @@ _RANGE = {
 
 def _range(storage: Storage) -> tuple[float, float]:
     if storage not in _RANGE:
-        raise ValueError(f"{storage} is of tables alone, see bake.log_storage")
+        raise ValueError(f"{storage} is of tables alone, see bake.tables.log_codes")
     return _RANGE[storage]
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.atlas import SliceLayout, slice_uv
-from ..bake.anisotropic.grid import Grid
-from ..bake.log_storage import LogCodes
-from ..bake.table import bspline_weights
+from ..bake.tables.atlas import AtlasLayout, atlas_uv
+from ..bake.tables.grid import Grid
+from ..bake.tables.log_codes import LogCodes
+from ..bake.tables.table import bspline_weights
 from . import expr
 from .group import node_group
 
@@ -31,23 +31,23 @@ def anisotropic_lookup_group(
 
     Parameters
     ----------
-    image : the atlas of `bake.anisotropic.atlas.pack`
+    image : the atlas of `bake.tables.atlas.pack`
     filter : "nearest", "trilinear" (here of four axes) or "bspline"
     scale, offset : what stored values are multiplied by, after the offset was subtracted
     log : what stored values are the codes of; scale and offset are then 1 and 0
     stochastic : choose one slice with the filter's weights by the random number instead of blending 4 or 16. Unbiased
         where the value enters the picture linearly
     """
-    layout = SliceLayout.of(grid)
-    count_a, last_b = grid.shape[0], layout.per_azimuth - 1
+    layout = AtlasLayout.of(grid)
+    count_a, last_b = grid.shape[0], layout.run - 1
 
     def lookup(wi: Any, wo: Any, random: Any) -> Any:
         a, b, r, c = grid.coordinates(expr, wi, wo)
 
         def tap(i_a: Any, i_b: Any) -> Any:
             i_b = expr.minimum(expr.maximum(i_b, 0.0), float(last_b))
-            index = _around(i_a, count_a) * layout.per_azimuth + i_b
-            texel = expr.image_tap(image, *slice_uv(expr, layout, index, r, c), _INTERPOLATION[filter])[0]
+            index = _around(i_a, count_a) * layout.run + i_b
+            texel = expr.image_tap(image, *atlas_uv(expr, layout, index, r, c), _INTERPOLATION[filter])[0]
             return log.decode(expr, texel) if log else texel
 
         value = _across_slices(tap, a, b, filter, random if stochastic else None)

@@ -7,10 +7,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.anisotropic.grid import NormalGrid
 from ..bake.brdf.baked_table import BakedTable
-from ..bake.brdf.grids import AnisotropicGrid
-from ..bake.sampling.slope_cells import SlopeLayout
+from ..bake.tables.anisotropic_grids import AnisotropicNormalGrid
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .anisotropic_groups import anisotropic_lookup_group
 from .data_image import bundle_image
@@ -48,13 +46,12 @@ def anisotropic_table_groups(
     Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
     """
     bundle, stored, grid, layout = table.bundle, table.stored, table.stored.grid, table.layout
-    assert isinstance(grid, AnisotropicGrid) and isinstance(layout, SlopeLayout)
     bundle.load(table.part)
     table.load_sampler()
     atlas = bundle_image(bundle, table.part, f"{name} {table.part}", pack=pack)
     cells = bundle_image(bundle, table.sampler, f"{name} {table.sampler.replace('_', ' ')}", pack=pack)
     filter = filter or table.filter
-    stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)
+    stochastic = stochastic or filter == "bspline" or isinstance(grid, AnisotropicNormalGrid)
     lookup = anisotropic_lookup_group(
         f"MM Lookup {name}", atlas, grid, filter, 1 / stored.scale, stochastic, stored.offset, stored.log
     )

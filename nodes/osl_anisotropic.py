@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bake.anisotropic.atlas import SliceLayout
-from ..bake.anisotropic.grid import Grid
 from ..bake.brdf.grids import AnisotropicGrid
 from ..bake.brdf.record import BrdfRecord
 from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.errors import BakeError
-from ..bake.parameterization import shape_constants
 from ..bake.sampling.slope_cells import SlopeLayout
-from ..bake.table import FILTERS
-from .osl_script import texel_constants, texture_file
+from ..bake.tables.table import FILTERS
+from .osl_script import grid_constants, texel_constants, texture_file
 
 
 def anisotropic_constants(
@@ -45,21 +42,6 @@ def anisotropic_constants(
             viewers = fit.viewers
             constants |= {"NodesTheta": viewers.n_theta, "NodesPhi": viewers.n_phi, "HalfTurn": int(viewers.folded)}
     return constants
-
-
-def grid_constants(grid: Grid) -> dict[str, Any]:
-    """Of a table's grid and its atlas."""
-    layout = SliceLayout.of(grid)
-    sizes = {f"Size{name}": size for name, size in zip("ABRC", grid.shape)}
-    return {
-        "Basis": grid.basis,
-        **sizes,
-        "Columns": layout.columns,
-        "Rows": layout.rows,
-        "Parameterization": grid.parameterization,
-        **{f"Shape{k}": shape_constants(shape) for k, shape in zip((1, 2), grid.axis_shapes)},
-        "Folded": int(grid.folded),
-    }
 
 
 def slope_constants(layout: SlopeLayout) -> dict[str, Any]:

@@ -12,7 +12,6 @@ from typing import Any
 
 import bpy
 
-from ..bake.atlas import AtlasLayout
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.common import kind_of
 from ..bake.brdf.grids import IsotropicGrid
@@ -20,19 +19,17 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import MATERIAL, Bundle
 from ..bake.envelope import EnvelopeFit, PreviewFit
 from ..bake.errors import BakeError
-from ..bake.half_grid import HalfGrid
 from ..bake.modes import MODES
-from ..bake.parameterization import shape_constants
 from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.sampling.lamps import TEXELS
 from ..bake.shading.lobes import Lobe
-from ..bake.table import FILTERS, Grid
+from ..bake.tables.table import FILTERS
 from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
 from .material import build_from, usual_mode
 from .osl_anisotropic import anisotropic_constants
-from .osl_script import output, script_node, shader_source, texel_constants, texture_file
+from .osl_script import grid_constants, output, script_node, shader_source, texel_constants, texture_file
 
 SHADER, ANISOTROPIC = "measured_material.osl", "measured_anisotropic.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
@@ -126,26 +123,6 @@ def table_constants(table: BakedTable, filter: str | None = None, stochastic: bo
         "Filter": chosen,
         "Stochastic": int(stochastic),
     }
-
-
-def grid_constants(grid: Grid) -> dict[str, Any]:
-    """Those that say where the samples of a table lie."""
-    layout = AtlasLayout(grid.shape)
-    constants: dict[str, Any] = {
-        "Basis": str(grid.facts()["basis"]),
-        "Slices": grid.shape[0],
-        "SliceRows": grid.shape[1],
-        "SliceColumns": grid.shape[2],
-        "Columns": layout.columns,
-        "Rows": layout.rows,
-        "Parameterization": grid.parameterization,
-        "Reciprocal": int(isinstance(grid, HalfGrid) and grid.reciprocal),
-    }
-    # In the normal-vector basis both elevations share a shape.
-    shapes = grid.shapes if isinstance(grid, HalfGrid) else (grid.shapes[0], *grid.shapes)
-    for name, shape in zip(("ShapeSlice", "ShapeRow", "ShapePhi"), shapes, strict=True):
-        constants[name] = shape_constants(shape)
-    return constants
 
 
 def sampler_constants(table: BakedTable) -> dict[str, Any]:

@@ -27,7 +27,9 @@ from ..bake.brdf.parts import StoredTableRecord
 from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.image_io import load_openimageio
-from ..bake.log_storage import LogCodes
+from ..bake.tables.atlas import AtlasLayout
+from ..bake.tables.grid import Grid
+from ..bake.tables.log_codes import LogCodes
 from . import compat, expr
 
 SHADERS = Path(__file__).parent / "osl"
@@ -207,6 +209,12 @@ def _error_stream() -> Iterator[Callable[[], list[str]]]:
             os.close(before)
             file.seek(0)
             lines += file.read().decode("utf-8", "replace").splitlines()
+
+
+def grid_constants(grid: Grid) -> dict[str, Any]:
+    """Parameters of a lookup that say where the samples of a table lie, in its grid and in its atlas."""
+    layout = AtlasLayout.of(grid)
+    return {**grid.shader_constants(), "Columns": layout.columns, "Rows": layout.rows}
 
 
 def texel_constants(stored: StoredTableRecord) -> dict[str, Any]:

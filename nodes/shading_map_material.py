@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 
 from ..bake import xp_numpy
-from ..bake.bake_brdf import TableSource
 from ..bake.bundle import Bundle
 from ..bake.directions import spherical
 from ..bake.errors import BakeError
@@ -18,7 +17,6 @@ from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.record_parts import StoredMap
 from ..bake.shading.reduced_map import reduced_slices
 from ..bake.shading.render_settings import RenderSettings
-from ..bake.table import BrdfTable
 from .data_image import bundle_image
 from .map_models import basis_group, power_group
 from .material import build_from, new_data_image, table_groups
@@ -63,10 +61,7 @@ def lighting_of(record: ShadingMapRecord, settings: RenderSettings) -> Lighting:
     """How the map is lit by a lobe; a measured f_r is added by the caller."""
     measured = None
     if settings.lobe is None:
-        baked = record.baked_lobe()
-        table = baked.load()
-        assert isinstance(table, BrdfTable)
-        measured = TableSource(table, baked.filter)
+        measured = record.baked_lobe().load()
     sigma, a_max = resolved_scale(settings, record.map.a_max, measured)
     return Lighting(settings, sigma, a_max, _reaches_beyond(settings, sigma, a_max), record.map.level_by_cosine)
 

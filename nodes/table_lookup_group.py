@@ -6,21 +6,24 @@ from typing import Any
 
 import bpy
 
-from ..bake.atlas import AtlasLayout, atlas_uv
-from ..bake.log_storage import LogCodes
-from ..bake.table import Grid, bspline_weights
+from ..bake.tables.atlas import AtlasLayout, atlas_uv
+from ..bake.tables.half_vector_grid import HalfVectorGrid
+from ..bake.tables.log_codes import LogCodes
+from ..bake.tables.normal_grid import NormalVectorGrid
+from ..bake.tables.table import bspline_weights
 from . import expr
 from .group import call, node_group
 
 # Blender's "Cubic" is the uniform B-spline, in two dimensions; the third axis is ours.
 _INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
 
+IsotropicGrid = NormalVectorGrid | HalfVectorGrid
 
-def coordinates_group(grid: Grid) -> bpy.types.ShaderNodeTree:
+
+def coordinates_group(grid: IsotropicGrid) -> bpy.types.ShaderNodeTree:
     """(wi, wo) to coordinates in [0, 1] of the slices, rows and columns of a table on this grid."""
-    basis = str(grid.facts()["basis"])
     return node_group(
-        f"MM Coordinates {basis.title()} {grid.parameterization.title()}",
+        f"MM Coordinates {grid.basis.title()} {grid.parameterization.title()}",
         {"wi": "vector", "wo": "vector"},
         {"u_slice": "float", "u_row": "float", "u_phi": "float"},
         lambda wi, wo: grid.unit_coordinates(expr, wi, wo),
@@ -30,7 +33,7 @@ def coordinates_group(grid: Grid) -> bpy.types.ShaderNodeTree:
 def table_lookup_group(
     name: str,
     image: bpy.types.Image,
-    grid: Grid,
+    grid: IsotropicGrid,
     filter: str,
     scale: float = 1.0,
     stochastic: bool = False,
@@ -41,7 +44,7 @@ def table_lookup_group(
 
     Parameters
     ----------
-    image : the atlas of `bake.atlas.pack`
+    image : the atlas of `bake.tables.atlas.pack`
     filter : "nearest", "trilinear" or "bspline"
     scale, offset : what stored values are multiplied by, after the offset was subtracted
     log : what stored values are the codes of; scale and offset are then 1 and 0
@@ -49,16 +52,17 @@ def table_lookup_group(
         where the value enters the picture linearly, as in Reference mode, and one tap instead of two or four.
     """
     layout = AtlasLayout(grid.shape)
+    count, rows, columns = grid.shape
 
     def lookup(wi: Any, wo: Any, random: Any) -> Any:
         u_slice, u_row, u_phi = call(coordinates_group(grid), wi, wo)
 
         def tap(index: Any) -> Any:
-            uv = atlas_uv(expr, layout, index, u_row, u_phi)
+            uv = atlas_uv(expr, layout, index, u_row * (rows - 1), u_phi * (columns - 1))
             texel = expr.image_tap(image, *uv, _INTERPOLATION[filter])[0]
             return log.decode(expr, texel) if log else texel
 
-        position = u_slice * (grid.shape[0] - 1)
+        position = u_slice * (count - 1)
         value = _across_slices(tap, position, layout.slices - 1, filter, random if stochastic else None)
         value = value - expr.vec(offset, offset, offset) if offset else value
         return value if scale == 1.0 else expr.scale(value, scale)

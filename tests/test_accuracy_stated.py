@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake import alpha_search, bake_brdf, grid_race, grid_search
-from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, trilinear_estimate
-from measured_materials.bake.anisotropic import bake as anisotropic_bake
-from measured_materials.bake.anisotropic import choice
-from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
-from measured_materials.bake.anisotropic.choice import Symmetry
+from measured_materials.bake.brdf import bake as bake_brdf
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import TableGrid
+from measured_materials.bake.tables import alpha_search, grid_fit, grid_race, grid_search
+from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 
 SOURCES: dict[str, analytic.Analytic] = {
     "matte": analytic.OrenNayar((0.5, 0.4, 0.3), 0.5),
@@ -31,11 +29,11 @@ SETS, SIZE = 32, 2048
 @cache
 def stated_and_true(name: str, independent: bool) -> float:
     """Stated uncertainty over the spread of the RMS, both as shares of it, over sets of directions."""
-    source, grid = SOURCES[name], TableGrid(24, "bezier", 0.5, 0.1)
+    source, grid = SOURCES[name], NormalVectorGrid(24, "bezier", 0.5, 0.1)
     rms, stated = [], []
     if independent:
         pool = direction_pairs(SETS * SIZE)
-        difference = trilinear_estimate(source, grid, pool) - source.evaluate(pool.wi, pool.wo)
+        difference = linear_estimate(source, grid, pool) - source.evaluate(pool.wi, pool.wo)
         order = np.random.default_rng(7).permutation(len(pool.wi))
         for k in range(SETS):
             chosen = order[k::SETS]
@@ -45,7 +43,7 @@ def stated_and_true(name: str, independent: bool) -> float:
     else:
         for offset in np.random.default_rng(7).random(SETS):
             pairs = direction_pairs(SIZE, float(offset))
-            difference = trilinear_estimate(source, grid, pairs) - source.evaluate(pairs.wi, pairs.wo)
+            difference = linear_estimate(source, grid, pairs) - source.evaluate(pairs.wi, pairs.wo)
             rms.append(pairs.rms(difference))
             stated.append(pairs.rms_uncertainty(difference))
     return float(np.mean(stated) / (np.std(rms, ddof=1) / np.mean(rms)))
@@ -94,25 +92,27 @@ def directions_of(sets: list[DirectionPairs]) -> set[tuple[float, ...]]:
     return {tuple(row) for pairs in sets for row in np.round(np.hstack([pairs.wi, pairs.wo]), 9)}
 
 
-def test_no_isotropic_grid_is_chosen_at_directions_that_fitted_it(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+@pytest.mark.parametrize("source", [analytic.ModifiedPhong(exponent=5), analytic.Ggx(alpha=0.2, alpha_y=0.4)])
+def test_no_grid_is_chosen_at_directions_that_fitted_it(
+    source: analytic.Analytic, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 ) -> None:
     """Nor is its stated error measured at either."""
-    modules = (grid_search, grid_race, alpha_search, bake_brdf)
+    modules = (grid_fit, grid_race, alpha_search, bake_brdf)
     found = record(monkeypatch, modules, "direction_pairs")
     sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
-    settings = bake_brdf.BakeSettings(resolution=8, sampler=sampler, envelope=False, basis="half")
-    bake_brdf.bake_source(analytic.ModifiedPhong(exponent=5), tmp_path / "ggx", settings)
-    assert set(found) == {"bake.grid_search", "bake.grid_race", "bake.bake_brdf"}
-    fitting, ranking, stating = (directions_of(found[f"bake.{k}"]) for k in ("grid_search", "grid_race", "bake_brdf"))
+    settings = BakeSettings(resolution=8, sampler=sampler, envelope=False, basis="half")
+    bake_brdf.bake_source(source, tmp_path / "baked", settings, viewers=(4, 2))
+    names = ("tables.grid_fit", "tables.grid_race", "brdf.bake")
+    assert set(found) == {f"bake.{name}" for name in names}
+    fitting, ranking, stating = (directions_of(found[f"bake.{name}"]) for name in names)
     assert min(len(fitting), len(ranking), len(stating)) > 1000
     assert not fitting & ranking and not fitting & stating and not ranking & stating
 
 
-def test_the_choice_is_the_races(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The candidates' errors are those at the race's first directions, where only one set was run."""
+@pytest.mark.parametrize("source", [analytic.Ggx(alpha=0.1), analytic.Ggx(alpha=0.2, alpha_y=0.4)])
+def test_the_choice_is_the_races(source: analytic.Analytic, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The candidates' errors are those at the race's directions, of which one candidate meets but one set."""
     found = record(monkeypatch, (grid_race,), "direction_pairs")
-    source = analytic.Ggx(alpha=0.1)
     chosen = grid_search.choose_grid(source, 12, ("half",))
     (pairs, *rest) = found[next(iter(found))]
     sets = [pairs, *rest]
@@ -120,26 +120,7 @@ def test_the_choice_is_the_races(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen.grid == best.grid
 
     def squares(pairs: DirectionPairs) -> Array:
-        return pairs.rms(trilinear_estimate(source, best.grid, pairs) - source.evaluate(pairs.wi, pairs.wo)) ** 2
+        return pairs.rms(linear_estimate(source, best.grid, pairs) - source.evaluate(pairs.wi, pairs.wo)) ** 2
 
     counts = [len(pairs.wi) for pairs in sets]
     assert best.rms**2 == pytest.approx(np.average([squares(pairs) for pairs in sets], weights=counts), rel=1e-6)
-
-
-def test_no_anisotropic_grid_is_chosen_at_directions_that_fitted_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second set ranks, and its errors are those of the account."""
-    found = record(monkeypatch, (choice, anisotropic_bake), "turned_pairs")
-    source = analytic.Ggx(alpha=0.2, alpha_y=0.4)
-    chosen, account = choice.choose_grid(source, 8, Symmetry(0.0, 0.0), "auto")
-    (sets,) = found.values()
-    assert len(sets) == 2
-    fitting, ranking = sets
-    assert not directions_of([fitting]) & directions_of([ranking])
-    assert not directions_of([turned_pairs(anisotropic_bake._ERROR_PAIRS)]) & directions_of(sets)
-
-    def rms(pairs: DirectionPairs) -> float:
-        difference = quadrilinear_estimate(source, chosen, pairs) - source.evaluate(pairs.wi, pairs.wo)
-        return pairs.rms(difference)
-
-    least = min(entry["rms"] for entry in account["best"].values())
-    assert least == pytest.approx(rms(ranking), rel=1e-9) != pytest.approx(rms(fitting), rel=1e-6)

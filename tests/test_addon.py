@@ -14,7 +14,8 @@ from measured_materials.addon.bake_properties import settings_of, show_settings
 from measured_materials.addon.facts import FACTS_KEY, facts_of
 from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.ui_context import shown_material
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources import READERS

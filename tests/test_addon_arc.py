@@ -18,7 +18,8 @@ from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.lighting import lighting_of, show_lighting
 from measured_materials.addon.scene_check_subject import measured_trees
 from measured_materials.addon.stages import USUAL_SIZE
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.map_albedo import map_albedo_facts

@@ -15,7 +15,8 @@ from mathutils import Matrix, Vector
 from measured_materials.addon import lamps
 from measured_materials.addon.lamps import CAPACITY, TABLE, lamp_image, survey, update_scene
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.anisotropic.atlas import pack
-from measured_materials.bake.anisotropic.grid import Grid, HalfGrid, NormalGrid
-from measured_materials.bake.anisotropic.table import AnisotropicTable
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
 from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.group import call
@@ -22,24 +22,24 @@ from support.cards import card, data_image
 
 WARPS = LogWarp(0.1, 0.03), LogWarp(0.4, 0.01)
 GRIDS: dict[str, Grid] = {
-    "normal": NormalGrid((12, 7, 8, 20), 0.4, 0.3),
-    "normal, folded": NormalGrid((6, 7, 8, 20), 0.4, 0.3, folded=True),
-    "uniform": NormalGrid((12, 7, 8, 20), parameterization="uniform"),
-    "fitted": NormalGrid((6, 7, 8, 20), folded=True, parameterization="fitted", warps=WARPS),
-    "half": HalfGrid((12, 6, 15, 17), 0.2, 0.6, folded=False),
-    "half, folded": HalfGrid((6, 6, 15, 17), 0.2, 0.6),
+    "normal": AnisotropicNormalGrid((12, 7, 8, 20), 0.4, 0.3),
+    "normal, folded": AnisotropicNormalGrid((6, 7, 8, 20), 0.4, 0.3, folded=True),
+    "uniform": AnisotropicNormalGrid((12, 7, 8, 20), parameterization="uniform"),
+    "fitted": AnisotropicNormalGrid((6, 7, 8, 20), folded=True, parameterization="fitted", warps=WARPS),
+    "half": AnisotropicHalfGrid((12, 6, 15, 17), 0.2, 0.6, folded=False),
+    "half, folded": AnisotropicHalfGrid((6, 6, 15, 17), 0.2, 0.6),
 }
 BRUSHED = analytic.Ggx(alpha=0.1, alpha_y=0.4)
 
 
-def random_table(grid: Grid) -> AnisotropicTable:
+def random_table(grid: Grid) -> Table:
     """White noise: the harshest table there is."""
     values = np.random.default_rng(3).random((*grid.shape, 3)).astype(np.float32)
     if grid.basis == "half":
         values[:, -1] = values[:, -1].mean(0)
     else:
         values[:, :, -1] = values[:, :, -1].mean(2, keepdims=True)
-    return AnisotropicTable(grid, values)
+    return Table(grid, values)
 
 
 def directions(count: int = 6000) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 import pytest
-from measured_materials.bake.anisotropic.accuracy import turned_pairs
 from measured_materials.bake.brdf.closures import anisotropic_lobe_of
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import (
@@ -29,6 +28,7 @@ from measured_materials.bake.envelope.views import slope_views
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.material_json import Fields
 from measured_materials.bake.sources import analytic
+from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.anisotropic_closures import AnisotropicClosures, anisotropic_native_closure
 from support.cards import card, data_image
@@ -58,7 +58,7 @@ def test_envelope_carries_most_within_its_budget(fit: EnvelopeFit) -> None:
     assert facts["share"] > 0.45
     assert facts["overshoot"] < 1e-3 and facts["overshoot_largest"] < 2e-3
     # The same by directions of another kind.
-    pairs = turned_pairs(30_000, offset=0.3)
+    pairs = direction_pairs(30_000, offset=0.3, turned=True)
     truth, envelope = SATIN.evaluate(pairs.wi, pairs.wo), fit.evaluate(pairs.wi, pairs.wo)
     assert pairs.relative_error(np.maximum(envelope - truth, 0), truth) < 1.5e-3
     rest = ResidualSource(SATIN, fit).evaluate(pairs.wi, pairs.wo)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.addon.tangent_rows import tangent_nodes
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
@@ -53,9 +53,9 @@ class CrossBrushed:
 @pytest.fixture(scope="module")
 def crossed(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """With an envelope that cannot carry the second lobe."""
-    settings = BakeSettings(48, sampler=SamplerLayout(48, 48, 24))
+    settings = BakeSettings(48, sampler=SamplerLayout(48, 48, 24), basis="half")
     out = tmp_path_factory.mktemp("crossed") / "crossed"
-    bundle = read_bundle(bake_anisotropic(CrossBrushed(), out, settings, basis="half", viewers=(12, 6)).path)
+    bundle = read_bundle(bake_source(CrossBrushed(), out, settings, viewers=(12, 6)).path)
     # The residual is real: a third of the light or so.
     assert 0.4 < bundle.material["envelope"]["share"] < 0.9
     return bundle

@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.anisotropic.atlas import pack
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.anisotropic.grid import Grid
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
@@ -19,7 +17,9 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
@@ -90,9 +90,9 @@ def test_sampler(tmp_path: Path, folded: bool) -> None:
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """A coarse table, and few viewers: the twins share them."""
     source = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
-    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16))
+    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half")
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_anisotropic(source, out, settings, basis="half", viewers=(6, 3)).path)
+    return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
 
 
 @pytest.mark.parametrize("mode", ["exact", "preview"])

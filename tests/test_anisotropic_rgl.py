@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.addon.cli import main
-from measured_materials.bake.anisotropic.accuracy import turned_pairs
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sources import analytic, read_source
+from measured_materials.bake.tables.accuracy import direction_pairs
 from support.rgl_writer import write_anisotropic_rgl
 
 SATIN = analytic.Ggx(alpha=0.15, alpha_y=0.4, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.2, 0.3))
@@ -32,7 +32,7 @@ def test_what_was_written_is_read(file: Path, tmp_path: Path, half_circle: bool)
         write_anisotropic_rgl(file, SATIN, (0.2, 0.5), azimuths=17, half_circle=False)
     source = read_source(file)
     assert not source.isotropic and not source.bilateral
-    pairs = turned_pairs(4000)
+    pairs = direction_pairs(4000, turned=True)
     keep = (pairs.wi[:, 2] > np.cos(np.radians(80))) & (pairs.wo[:, 2] > 0.1)
     wi, wo = pairs.wi[keep], pairs.wo[keep]
     found, truth = source.evaluate(wi, wo), SATIN.evaluate(wi, wo)
@@ -47,7 +47,7 @@ def test_what_was_written_is_read(file: Path, tmp_path: Path, half_circle: bool)
 def test_finer_files_are_closer(file: Path, tmp_path: Path) -> None:
     fine = tmp_path / "fine.bsdf"
     write_anisotropic_rgl(fine, SATIN, (0.2, 0.5), azimuths=17, elevations=14)
-    pairs = turned_pairs(3000)
+    pairs = direction_pairs(3000, turned=True)
     keep = (pairs.wi[:, 2] > 0.2) & (pairs.wo[:, 2] > 0.2)
     truth = SATIN.evaluate(pairs.wi[keep], pairs.wo[keep])
     errors = [np.abs(read_source(f).evaluate(pairs.wi[keep], pairs.wo[keep]) - truth).mean() for f in (file, fine)]
@@ -78,12 +78,12 @@ def test_command_line_bakes_and_inspects_it(file: Path, tmp_path: Path, capsys: 
     assert main(arguments) == 0
     facts = json.loads(capsys.readouterr().out)["bundles"][0]
     # The file's interpolation is not exactly reciprocal, and repeats after half a turn.
-    assert facts["table"]["half_turn_error"] < 1e-3
+    assert facts["choice"]["half_turn_error"] < 1e-3
     bundle = read_bundle(out)
     assert BrdfRecord.read(bundle).anisotropic
     source, table = read_source(file), BrdfRecord.read(bundle).load_table()
     assert table.grid == BrdfRecord.read(bundle).table.grid
-    pairs = turned_pairs(4000, offset=0.1)
+    pairs = direction_pairs(4000, offset=0.1, turned=True)
     truth = source.evaluate(pairs.wi, pairs.wo)
     error = pairs.relative_error(table.evaluate(pairs.wi, pairs.wo) - truth, truth)
     assert error < 1.3 * facts["errors"]["relative"] < 0.2

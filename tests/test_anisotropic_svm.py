@@ -8,9 +8,9 @@ import bpy
 import pytest
 from measured_materials.addon.brdf_build import build_brdf, usual_choices
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
@@ -35,9 +35,9 @@ def clean_blend() -> Iterator[None]:
 def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     basis, kind = request.param.split()
     sampler = SamplerLayout(16, 16, 16)
-    settings = BakeSettings(8, parameterization=kind, storage="log", filter="bspline", sampler=sampler)
+    settings = BakeSettings(8, parameterization=kind, storage="log", filter="bspline", sampler=sampler, basis=basis)
     out = tmp_path_factory.mktemp(kind) / "satin"
-    bundle = read_bundle(bake_anisotropic(SATIN, out, settings, basis=basis, viewers=(5, 3)).path)
+    bundle = read_bundle(bake_source(SATIN, out, settings, viewers=(5, 3)).path)
     assert len(bundle.material["envelope"]["closures"]) >= 2
     return bundle
 

@@ -7,30 +7,36 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
-from measured_materials.bake.anisotropic.atlas import SliceLayout, pack, unpack
-from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry, total_intensity
-from measured_materials.bake.anisotropic.grid import NORMAL_KINDS, Grid, HalfGrid, NormalGrid, slope_unwarp
-from measured_materials.bake.anisotropic.table import AnisotropicTable, tabulate
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.cell_sampler import build_sampler, find_texel
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
+from measured_materials.bake.tables.anisotropic_grids import (
+    NORMAL_KINDS,
+    AnisotropicHalfGrid,
+    AnisotropicNormalGrid,
+    slope_unwarp,
+)
+from measured_materials.bake.tables.anisotropic_search import total_intensity
+from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grid_search import BASES, choose_grid
+from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 from scipy import stats
 
 BRUSHED = analytic.Ggx(alpha=0.1, alpha_y=0.4, f0=(0.9, 0.7, 0.4))
 WARPS = LogWarp(0.1, 0.03), LogWarp(0.4, 0.01)
 GRIDS: dict[str, Grid] = {
-    "normal": NormalGrid((16, 10, 10, 24), 0.4, 0.2),
-    "normal, folded": NormalGrid((8, 10, 10, 24), 0.4, 0.2, folded=True),
-    "identity": NormalGrid((8, 10, 10, 24), folded=True, parameterization="identity"),
-    "uniform": NormalGrid((16, 10, 10, 24), parameterization="uniform"),
-    "fitted": NormalGrid((8, 10, 10, 24), folded=True, parameterization="fitted", warps=WARPS),
-    "half": HalfGrid((16, 9, 20, 24), 0.2, 0.6, folded=False),
-    "half, folded": HalfGrid((8, 9, 20, 24), 0.2, 0.6),
+    "normal": AnisotropicNormalGrid((16, 10, 10, 24), 0.4, 0.2),
+    "normal, folded": AnisotropicNormalGrid((8, 10, 10, 24), 0.4, 0.2, folded=True),
+    "identity": AnisotropicNormalGrid((8, 10, 10, 24), folded=True, parameterization="identity"),
+    "uniform": AnisotropicNormalGrid((16, 10, 10, 24), parameterization="uniform"),
+    "fitted": AnisotropicNormalGrid((8, 10, 10, 24), folded=True, parameterization="fitted", warps=WARPS),
+    "half": AnisotropicHalfGrid((16, 9, 20, 24), 0.2, 0.6, folded=False),
+    "half, folded": AnisotropicHalfGrid((8, 9, 20, 24), 0.2, 0.6),
 }
 
 
@@ -44,12 +50,12 @@ def test_samples_lie_where_the_lookup_expects_them(name: str) -> None:
     # Ends are taken short of the horizon and beside the poles, and pairs below the horizon are moved onto it.
     inside = (wi[..., 2] > 0.08) & (wo[..., 2] > 0.08)
     inside &= np.logical_and.reduce([(i > 0) & (i < n - 1) for i, n in zip(index[1:3], grid.shape[1:3])])
-    if not grid.periodic_columns:
+    if grid.boundaries[3] != "around":
         inside &= (index[3] > 0) & (index[3] < grid.shape[3] - 1)
     found = grid.coordinates(xp_numpy, wi, wo)
     for k, (position, whole) in enumerate(zip(found, index)):
         away = position - whole
-        if k == 0 or (k == 3 and grid.periodic_columns):
+        if grid.boundaries[k] == "around":
             away = (away + grid.shape[k] / 2) % grid.shape[k] - grid.shape[k] / 2
         if grid.basis == "half" and k == 1:
             # Moved theta_d: only those that the horizon does not cut.
@@ -63,24 +69,24 @@ def test_a_grey_lambertian_table_returns_its_albedo(name: str, filter: str) -> N
     """Everywhere, at poles, seams and horizon: no gutter is missing, and weights sum to 1."""
     grid = GRIDS[name]
     table = tabulate(analytic.Lambert(0.5), grid)
-    pairs = turned_pairs(4000)
+    pairs = direction_pairs(4000, turned=True)
     value = table.evaluate(pairs.wi, pairs.wo, filter)
     if grid.basis == "normal":
         np.testing.assert_allclose(value, 0.5 / np.pi, rtol=1e-6)
     else:
-        # cos_i + cos_o is tabulated, not constant: these steps leave an error, most at grazing where it is small.
+        # Cosines are tabulated, not a constant: these steps leave an error, most at grazing where they are small.
         steep = np.minimum(pairs.wi[:, 2], pairs.wo[:, 2]) > 0.3
         off = np.abs(value[steep] * np.pi / 0.5 - 1)
-        assert off.max() < (0.6 if filter == "nearest" else 0.15)
+        assert off.max() < (0.8 if filter == "nearest" else 0.15)
         assert np.median(off) < (0.15 if filter == "nearest" else 0.02)
 
 
 @pytest.mark.parametrize("name", GRIDS)
 def test_table_returns_the_estimate(name: str) -> None:
     """Tabulate and reconstruct against the sixteen samples round each pair, but for the poles' means."""
-    grid, pairs = GRIDS[name], turned_pairs(3000)
+    grid, pairs = GRIDS[name], direction_pairs(3000, turned=True)
     whole = tabulate(BRUSHED, grid).evaluate(pairs.wi, pairs.wo)
-    estimate = quadrilinear_estimate(BRUSHED, grid, pairs)
+    estimate = linear_estimate(BRUSHED, grid, pairs)
     _, b, r, _ = grid.coordinates(xp_numpy, pairs.wi, pairs.wo)
     near_pole = (b > grid.shape[1] - 2) | ((r > grid.shape[2] - 2) & (grid.basis == "normal"))
     keep = ~near_pole
@@ -100,7 +106,7 @@ def test_no_seam_and_no_star(name: str, filter: str) -> None:
         values[:, -1] = values[:, -1].mean(0)
     else:
         values[:, :, -1] = values[:, :, -1].mean(2, keepdims=True)
-    table = AnisotropicTable(grid, values)
+    table = Table(grid, values)
     theta_i, theta_o, delta = rng.uniform(0.1, 1.2, (3, 400))
     step = 1e-7
     for seam in (0.0, np.pi / 2, np.pi, -np.pi / 2):
@@ -166,24 +172,24 @@ def test_atlas_round_trip(name: str) -> None:
     grid = GRIDS[name]
     values = np.random.default_rng(1).random((*grid.shape, 3)).astype(np.float32)
     texture = pack(grid, values)
-    assert texture.shape[1::-1] == SliceLayout.of(grid).size
+    assert texture.shape[1::-1] == AtlasLayout.of(grid).size
     np.testing.assert_array_equal(unpack(grid, texture), values)
 
 
 def test_a_texture_too_large_is_refused() -> None:
     with pytest.raises(BakeError, match="lower resolution"):
-        SliceLayout.of(HalfGrid((64, 64, 256, 256)))
+        AtlasLayout.of(AnisotropicHalfGrid((64, 64, 256, 256)))
 
 
 def test_finer_tables_are_closer() -> None:
     """Second order: at twice the samples an error of at most 0.4 of what it was, in either basis."""
-    pairs = turned_pairs(4096)
+    pairs = direction_pairs(4096, turned=True)
     truth = BRUSHED.evaluate(pairs.wi, pairs.wo)
     for coarse, fine in (
-        (NormalGrid((16, 10, 10, 40), 0.4, 0.2), NormalGrid((32, 20, 20, 80), 0.4, 0.2)),
-        (HalfGrid((8, 8, 24, 24), 0.2, 0.8), HalfGrid((16, 16, 48, 48), 0.2, 0.8)),
+        (AnisotropicNormalGrid((16, 10, 10, 40), 0.4, 0.2), AnisotropicNormalGrid((32, 20, 20, 80), 0.4, 0.2)),
+        (AnisotropicHalfGrid((8, 8, 24, 24), 0.2, 0.8), AnisotropicHalfGrid((16, 16, 48, 48), 0.2, 0.8)),
     ):
-        first, second = (pairs.rms(quadrilinear_estimate(BRUSHED, g, pairs) - truth) for g in (coarse, fine))
+        first, second = (pairs.rms(linear_estimate(BRUSHED, g, pairs) - truth) for g in (coarse, fine))
         assert second < 0.4 * first
 
 
@@ -282,27 +288,26 @@ def test_sampler_lowers_the_variance() -> None:
 
 
 def chosen(basis: str, kind: str, **options: object) -> Grid:
-    pairs = turned_pairs(2000)
-    symmetry = measured_symmetry(BRUSHED, pairs, BRUSHED.evaluate(pairs.wi, pairs.wo))
-    return choose_grid(BRUSHED, 24, symmetry, basis, parameterization=kind, **options)[0]  # type: ignore[arg-type]
+    bases = BASES if basis == "auto" else (basis,)
+    return choose_grid(BRUSHED, 24, bases, parameterization=kind, **options).grid  # type: ignore[arg-type]
 
 
 def test_a_named_parameterization_is_taken() -> None:
-    pairs = turned_pairs(4000)
+    pairs = direction_pairs(4000, turned=True)
     truth, rms = BRUSHED.evaluate(pairs.wi, pairs.wo), {}
     for kind in NORMAL_KINDS:
         grid = chosen("auto" if kind in ("identity", "uniform") else "normal", kind)
-        assert isinstance(grid, NormalGrid) and grid.parameterization == kind
-        rms[kind] = pairs.rms(quadrilinear_estimate(BRUSHED, grid, pairs) - truth)
+        assert isinstance(grid, AnisotropicNormalGrid) and grid.parameterization == kind
+        rms[kind] = pairs.rms(linear_estimate(BRUSHED, grid, pairs) - truth)
     assert rms["fitted"] < rms["bezier"] < rms["uniform"] < rms["identity"]
-    assert isinstance(chosen("auto", "auto"), HalfGrid)
+    assert isinstance(chosen("auto", "auto"), AnisotropicHalfGrid)
 
 
 def test_alpha_given_or_of_largest_intensity() -> None:
     given = chosen("normal", "bezier", alpha=(0.3, 0.6))
-    assert isinstance(given, NormalGrid) and (given.alpha_theta, given.alpha_phi) == (0.3, 0.6)
+    assert isinstance(given, AnisotropicNormalGrid) and (given.alpha_theta, given.alpha_phi) == (0.3, 0.6)
     by_intensity = chosen("normal", "bezier", alpha="intensity")
-    assert isinstance(by_intensity, NormalGrid)
+    assert isinstance(by_intensity, AnisotropicNormalGrid)
     # More of the table lies in the highlight, at every resolution that is summed.
     assert total_intensity(BRUSHED, by_intensity, 24) > total_intensity(BRUSHED, replace(given, alpha_phi=0.9), 24)
 

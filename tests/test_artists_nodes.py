@@ -14,9 +14,11 @@ from measured_materials.addon import measured_material, rebuild
 from measured_materials.addon.choices import Choices
 from measured_materials.addon.kept_textures import image_nodes
 from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.bake.bake_brdf import BakeResult, BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.result import BakeResult
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.group import trees_below

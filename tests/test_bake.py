@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.bake_brdf import BakeSettings, bake_file, bake_source
+from measured_materials.bake.brdf.bake import bake_file, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.log_storage import MOST_RANGE
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import TABLE_STORAGES
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.log_codes import MOST_RANGE
 
 SMALL = {"resolution": 16, "alpha": (0.4, 0.2), "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8), "envelope": False}
 

@@ -8,19 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.addon.describe import table_rows
-from measured_materials.bake.accuracy import direction_pairs, trilinear_estimate
-from measured_materials.bake.atlas import AtlasLayout, pack, unpack
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake import xp_numpy
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import half_difference, spherical
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.grid_search import choose_grid, fit_warps, half_sizes
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.parameterization import PARAMETERIZATIONS, LogWarp
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, tabulate
+from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
+from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
+from measured_materials.bake.tables.grid_fit import fit_warps
+from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.isotropic_search import half_sizes
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 
 WARPS = (LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4))
 SMALL = {"resolution": 12, "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8)}
@@ -34,7 +39,7 @@ def index_grid(shape: tuple[int, ...]) -> list[np.ndarray]:
 @pytest.mark.parametrize("reciprocal", [True, False])
 def test_grey_lambert_is_reproduced_exactly(kind: str, reciprocal: bool) -> None:
     """Constant in, the same constant out: at the poles, at the horizon and between, by every filter."""
-    table = tabulate(analytic.Lambert(), HalfGrid((8, 16, 6), kind, warps=WARPS, reciprocal=reciprocal))
+    table = tabulate(analytic.Lambert(), HalfVectorGrid((8, 16, 6), kind, warps=WARPS, reciprocal=reciprocal))
     pairs = direction_pairs(3000)
     for filter in FILTERS:
         assert np.abs(table.evaluate(pairs.wi, pairs.wo, filter) * np.pi / 0.5 - 1).max() < 3e-7
@@ -44,12 +49,12 @@ def test_grey_lambert_is_reproduced_exactly(kind: str, reciprocal: bool) -> None
 @pytest.mark.parametrize("reciprocal", [True, False])
 def test_every_sample_lies_above_the_horizon_and_is_met(kind: str, reciprocal: bool) -> None:
     """No entry is wasted: all pairs are unit vectors above the horizon, and come back to their own index."""
-    grid = HalfGrid((9, 12, 7), kind, warps=WARPS, reciprocal=reciprocal)
+    grid = HalfVectorGrid((9, 12, 7), kind, warps=WARPS, reciprocal=reciprocal)
     index = index_grid(grid.shape)
     wi, wo = grid.directions(*index)
     assert min(wi[:, 2].min(), wo[:, 2].min()) > 0
     assert np.abs(np.linalg.norm([wi, wo], axis=-1) - 1).max() < 1e-12
-    found = grid.coordinates(wi, wo)
+    found = grid.coordinates(xp_numpy, wi, wo)
     # Samples at the horizon are taken short of it, those at a pole beside it, where phi_d has few digits.
     inner = (index[0] > 0) & (index[1] > 0) & (index[0] < 8) & (index[1] < 11)
     for position, i in zip(found, index, strict=True):
@@ -58,7 +63,7 @@ def test_every_sample_lies_above_the_horizon_and_is_met(kind: str, reciprocal: b
 
 def test_axes_are_rusinkiewicz_angles() -> None:
     """Against the definition by rotations: theta_h and phi_d of the samples, theta_d below its largest."""
-    grid = HalfGrid((9, 12, 7), "uniform", reciprocal=False)
+    grid = HalfVectorGrid((9, 12, 7), "uniform", reciprocal=False)
     i_d, i_h, i_phi = index_grid(grid.shape)
     theta_h, theta_d, phi_d = half_difference(*grid.directions(i_d, i_h, i_phi))
     inner = (i_d > 0) & (i_h > 0) & (i_d < 8) & (i_h < 11)
@@ -73,7 +78,7 @@ def test_axes_are_rusinkiewicz_angles() -> None:
 @pytest.mark.parametrize("filter", ["trilinear", "bspline"])
 def test_no_star_at_the_poles_and_no_black_edge(filter: str) -> None:
     """One value round the mirror direction and round wi = wo, and light up to the horizon."""
-    table = tabulate(analytic.Ggx(alpha=0.3), HalfGrid((24, 48, 12), "fitted", warps=WARPS))
+    table = tabulate(analytic.Ggx(alpha=0.3), HalfVectorGrid((24, 48, 12), "fitted", warps=WARPS))
     phi = np.linspace(0, 2 * np.pi, 50)
     for theta in (0.2, 0.8):
         wo = np.broadcast_to(spherical(theta, 0.0), (50, 3))
@@ -93,7 +98,8 @@ def test_atlas_round_trip() -> None:
     """Slices of any shape."""
     for shape in ((5, 40, 8), (33, 16, 6), (128, 128, 32)):
         values = np.random.default_rng(0).random((*shape, 3)).astype(np.float32)
-        assert (unpack(pack(values), shape) == values).all()
+        grid = HalfVectorGrid(shape, "uniform")
+        assert (unpack(grid, pack(grid, values)) == values).all()
 
 
 @pytest.mark.parametrize("n", [4, 12, 64, 256])
@@ -111,10 +117,10 @@ def test_half_tables_take_no_more_texels(n: int) -> None:
 def test_estimate_without_the_table_is_the_tables_own(reciprocal: bool) -> None:
     """The search's shortcut equals evaluating the finished trilinear table."""
     source, pairs = analytic.Ggx(alpha=0.2), direction_pairs(3000)
-    grid = HalfGrid((16, 24, 8), "fitted", warps=WARPS, reciprocal=reciprocal)
+    grid = HalfVectorGrid((16, 24, 8), "fitted", warps=WARPS, reciprocal=reciprocal)
     full = tabulate(source, grid).evaluate(pairs.wi, pairs.wo)
     # The finished table is float32 and averages over phi_d at the poles.
-    assert pairs.rms(full - trilinear_estimate(source, grid, pairs)) < 2e-3 * pairs.rms(full)
+    assert pairs.rms(full - linear_estimate(source, grid, pairs)) < 2e-3 * pairs.rms(full)
 
 
 def test_fitted_warp_is_better_than_even_and_found_by_the_error() -> None:
@@ -122,13 +128,13 @@ def test_fitted_warp_is_better_than_even_and_found_by_the_error() -> None:
     source, pairs = analytic.Ggx(alpha=0.05), direction_pairs(4096, offset=0.1)
     truth = source.evaluate(pairs.wi, pairs.wo)
 
-    def rms(grid: TableGrid) -> float:
-        return pairs.rms(trilinear_estimate(source, grid, pairs) - truth)
+    def rms(grid: NormalVectorGrid) -> float:
+        return pairs.rms(linear_estimate(source, grid, pairs) - truth)
 
-    start = TableGrid(32, "fitted")
+    start = NormalVectorGrid(32, "fitted")
     assert rms(fit_warps(start, rms)) < 0.6 * rms(start)
     # Two ends of 4 are nearly even in the chord, and so in the angle.
-    assert rms(start) == pytest.approx(rms(TableGrid(32, "uniform")), rel=0.1)
+    assert rms(start) == pytest.approx(rms(NormalVectorGrid(32, "uniform")), rel=0.1)
 
 
 def test_auto_takes_the_half_vector_for_gloss_and_is_never_worse() -> None:
@@ -137,8 +143,8 @@ def test_auto_takes_the_half_vector_for_gloss_and_is_never_worse() -> None:
     truth = source.evaluate(pairs.wi, pairs.wo)
     auto = choose_grid(source, 32)
     bezier = choose_grid(source, 32, ("normal",), "bezier")
-    rms = [pairs.rms(trilinear_estimate(source, c.grid, pairs) - truth) for c in (auto, bezier)]
-    assert isinstance(auto.grid, HalfGrid) and auto.grid.reciprocal and rms[0] < rms[1] / 5
+    rms = [pairs.rms(linear_estimate(source, c.grid, pairs) - truth) for c in (auto, bezier)]
+    assert isinstance(auto.grid, HalfVectorGrid) and auto.grid.reciprocal and rms[0] < rms[1] / 5
     assert auto.reciprocity_error < 1e-6 and bezier.search is not None
     ranked = [c["rms"] for c in auto.facts()["candidates"]]
     assert ranked == sorted(ranked) and 4 <= len(ranked) <= 6
@@ -157,7 +163,7 @@ class OneSided:
 def test_without_reciprocity_phi_d_is_kept_up_to_pi() -> None:
     """A table that folds phi_d misses the antisymmetric part; the choice says how large it is."""
     choice = choose_grid(OneSided(), 24, ("half",), "fitted")
-    assert isinstance(choice.grid, HalfGrid) and not choice.grid.reciprocal
+    assert isinstance(choice.grid, HalfVectorGrid) and not choice.grid.reciprocal
     assert 0.01 < choice.reciprocity_error < 0.5
 
 
@@ -183,8 +189,8 @@ def test_residual_has_a_grid_of_its_own(tmp_path: Path) -> None:
     source = analytic.MetallicPaint((0.05, 0.1, 0.3), (0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.1)
     bundle = read_bundle(bake_source(source, tmp_path / "paint", settings).path)
     grid = BrdfRecord.read(bundle).stored("residual").grid
-    assert isinstance(grid, HalfGrid) and not grid.reciprocal and grid != BrdfRecord.read(bundle).table.grid
-    assert isinstance(BrdfRecord.read(bundle).load_table("residual"), BrdfTable)
+    assert isinstance(grid, HalfVectorGrid) and not grid.reciprocal and grid != BrdfRecord.read(bundle).table.grid
+    assert isinstance(BrdfRecord.read(bundle).load_table("residual"), Table)
     errors = bundle.material["residual"]["errors"]
     assert errors["envelope_and_residual"]["relative"] < 0.02
 
@@ -198,7 +204,7 @@ def test_bundles_without_a_residual_grid_have_the_tables(tmp_path: Path) -> None
     (path / "material.json").write_text(json.dumps(document))
     record = BrdfRecord.read(read_bundle(path))
     grid = record.table.grid
-    assert record.stored("residual").grid == grid == TableGrid(12, "bezier", 0.5, 0.3, grid.horizon_share)
+    assert record.stored("residual").grid == grid == NormalVectorGrid(12, "bezier", 0.5, 0.3, grid.horizon_share)
     assert table_rows(record)
 
 

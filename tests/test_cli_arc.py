@@ -12,7 +12,8 @@ import pytest
 from measured_materials.addon.cli import main
 from measured_materials.addon.describe_map import level_count
 from measured_materials.addon.stages import bake_stages, share_done
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.image_io import read_image
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc

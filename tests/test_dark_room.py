@@ -15,8 +15,9 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake import bake_brdf
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf import reflection
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.envelope import EnvelopeFit, fit_envelope, lamp_shares
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
@@ -87,8 +88,8 @@ def lambert(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
         return shares
 
     with patch.context() as patched:
-        patched.setattr(bake_brdf, "fit_envelope", part)
-        patched.setattr(bake_brdf, "lamp_shares", declared)
+        patched.setattr(reflection, "fit_envelope", part)
+        patched.setattr(reflection, "lamp_shares", declared)
         folder = tmp_path_factory.mktemp("dark")
         return read_bundle(bake_source(analytic.Lambert(COLOUR), folder / "lambert", SETTINGS).path)
 

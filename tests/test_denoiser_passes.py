@@ -11,8 +11,9 @@ import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.studio import render_rgba
 from measured_materials.bake.albedo import directional_albedo
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout

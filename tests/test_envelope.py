@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.bake_brdf import TableSource
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import (
     BASIS,
@@ -34,7 +32,10 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.material_json import dump_json
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.sources import analytic, read_source
-from measured_materials.bake.table import TableGrid, TreatedSource, tabulate
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 
 FEW = EnvelopeSettings(viewers=Elevations(24))
 
@@ -157,12 +158,11 @@ def test_measured_noise_and_zeros(shared_data: Path) -> None:
 
 def test_of_a_table() -> None:
     """What is rendered may be fitted instead of what was measured: a trilinear table, with its creases."""
-    table = tabulate(analytic.Ggx(alpha=0.2, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.1, 0.2)), TableGrid(24, "bezier"))
-    fit = fit_envelope(TableSource(table, "trilinear"), EnvelopeSettings(viewers=Elevations(12)))
-    pairs = direction_pairs(10_000, offset=0.7)
+    source = analytic.Ggx(alpha=0.2, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.1, 0.2))
+    table = tabulate(source, NormalVectorGrid(24, "bezier"))
+    fit, pairs = fit_envelope(table, EnvelopeSettings(viewers=Elevations(12))), direction_pairs(10_000, offset=0.7)
     truth = table.evaluate(pairs.wi, pairs.wo)
-    over = np.maximum(fit.evaluate(pairs.wi, pairs.wo) - truth, 0)
-    assert pairs.relative_error(over, truth) < 1.2e-3
+    assert pairs.relative_error(np.maximum(fit.evaluate(pairs.wi, pairs.wo) - truth, 0), truth) < 1.2e-3
     assert fit.measured["overshoot"] <= 1e-3 and fit.measured["share"] > 0.8
 
 
@@ -299,7 +299,7 @@ def test_residual_table_leaves_less_to_interpolation() -> None:
     """A lobe no table of 24 resolves: with E exact, the error of what is left is a fraction of the whole table's."""
     source = analytic.Ggx(alpha=0.03, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.1, 0.2))
     fit = fit_envelope(source, FEW)
-    grid = TableGrid(24, "bezier", 0.5, 0.5)
+    grid = NormalVectorGrid(24, "bezier", 0.5, 0.5)
     rest, whole = tabulate(ResidualSource(source, fit), grid), tabulate(source, grid)
     assert (rest.values >= 0).all() and (rest.values <= whole.values + 1e-6).all()
     found = reconstruction_errors(source, fit, rest, whole, direction_pairs(8000))

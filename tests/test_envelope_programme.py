@@ -11,7 +11,7 @@ from measured_materials.bake.envelope.linear_program import feasible_share, solv
 from measured_materials.bake.envelope.views import sample_views
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import analytic, read_source
-from measured_materials.bake.table import TreatedSource
+from measured_materials.bake.tables.treated_source import TreatedSource
 from scipy import sparse
 from scipy.optimize import linprog
 

@@ -8,8 +8,8 @@ import pytest
 from measured_materials.addon.expectation import expectation
 from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.measured_material import material_from
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.modes import MODES
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
@@ -36,7 +36,7 @@ def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path: Path, kind:
     if kind == "plastic":
         result = bake_source(analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), tmp_path / kind, settings)
     else:
-        result = bake_anisotropic(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / kind, settings, viewers=(6, 4))
+        result = bake_source(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / kind, settings, viewers=(6, 4))
     material = material_from(result, pack=True)
     said = {}
     for mode in MODES:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from measured_materials.bake.accuracy import direction_pairs, trilinear_estimate
-from measured_materials.bake.grid_race import Candidate, race
-from measured_materials.bake.grid_search import choose_grid
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import Grid, TableGrid
+from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grid_race import Candidate, race
+from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 
 
 class Counted:
@@ -32,8 +33,8 @@ def winner(candidates: tuple[Candidate, ...]) -> Grid:
 
 def test_a_clear_race_is_short_and_a_close_one_is_long() -> None:
     """A tie never ends before the directions do; a factor of ten ends with the first set, an eighth of all."""
-    near, far = TableGrid(16, "bezier", 0.25, 0.5), TableGrid(16, "identity")
-    twin = TableGrid(16, "bezier", 0.2500001, 0.5)
+    near, far = NormalVectorGrid(16, "bezier", 0.25, 0.5), NormalVectorGrid(16, "identity")
+    twin = NormalVectorGrid(16, "bezier", 0.2500001, 0.5)
     clear, close = Counted(analytic.Ggx(alpha=0.1)), Counted(analytic.Ggx(alpha=0.1))
     assert winner(race(clear, [far, near])) == near
     race(close, [near, twin])
@@ -43,10 +44,12 @@ def test_a_clear_race_is_short_and_a_close_one_is_long() -> None:
 def test_close_candidates_are_told_apart() -> None:
     """Within 1 % of the best at 131072 other directions, where one set of 8192 leaves 5 % of doubt."""
     source = analytic.OrenNayar((0.5, 0.4, 0.3), 0.5)
-    grids: list[Grid] = [TableGrid(16, "bezier", theta, phi) for theta in (0.4, 0.5, 0.6) for phi in (0.4, 0.5, 0.6)]
+    grids: list[Grid] = [
+        NormalVectorGrid(16, "bezier", theta, phi) for theta in (0.4, 0.5, 0.6) for phi in (0.4, 0.5, 0.6)
+    ]
     pairs = direction_pairs(1 << 17, offset=0.3)
     truth = source.evaluate(pairs.wi, pairs.wo)
-    rms = {grid: pairs.rms(trilinear_estimate(source, grid, pairs) - truth) for grid in grids}
+    rms = {grid: pairs.rms(linear_estimate(source, grid, pairs) - truth) for grid in grids}
     found = race(source, grids)
     assert [c.grid for c in found] == grids
     assert rms[winner(found)] <= 1.01 * min(rms.values())

@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.atlas import pack
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.image_io import write_image
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import FILTERS, BrdfTable, Grid, TableGrid
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes import expr
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_material import grid_constants
+from measured_materials.nodes.osl_script import grid_constants
 from measured_materials.nodes.table_lookup_group import coordinates_group, table_lookup_group
 from support.cards import card, data_image
 from support.osl import header_card, shader_card, skip_without_osl
@@ -26,11 +28,11 @@ EPS = float(np.finfo(np.float32).eps)
 WARPS = (LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4))
 UNIT = np.concatenate([[0, 1, 0.5, 1e-7, 1e-4, 1 - 1e-7], np.random.default_rng(0).random(2000)]).astype(np.float32)
 GRIDS = {
-    "half fitted": HalfGrid((12, 20, 9), "fitted", warps=WARPS),
-    "half fitted, not reciprocal": HalfGrid((12, 20, 9), "fitted", warps=WARPS, reciprocal=False),
-    "half bezier": HalfGrid((12, 20, 9), "bezier", alphas=(0.4, 0.2, 0.6)),
-    "half squared": HalfGrid((12, 20, 9), "squared"),
-    "normal fitted": TableGrid(12, "fitted", warps=(LogWarp(4.0, 0.4), LogWarp(0.01, 0.1))),
+    "half fitted": HalfVectorGrid((12, 20, 9), "fitted", warps=WARPS),
+    "half fitted, not reciprocal": HalfVectorGrid((12, 20, 9), "fitted", warps=WARPS, reciprocal=False),
+    "half bezier": HalfVectorGrid((12, 20, 9), "bezier", alphas=(0.4, 0.2, 0.6)),
+    "half squared": HalfVectorGrid((12, 20, 9), "squared"),
+    "normal fitted": NormalVectorGrid(12, "fitted", warps=(LogWarp(4.0, 0.4), LogWarp(0.01, 0.1))),
 }
 
 
@@ -119,11 +121,11 @@ def test_forward(kind: str, near: float, language: str) -> None:
         assert (np.abs(s - truth) / np.maximum(slope, 1)).max() < 12 * EPS
 
 
-def random_table(grid: Grid) -> BrdfTable:
+def random_table(grid: Grid) -> Table:
     """White noise, constant in phi at the poles."""
     values = np.random.default_rng(3).random((*grid.shape, 3)).astype(np.float32)
     values[:, -1], values[-1] = values[:, -1, :1], values[-1, :, :1]
-    return BrdfTable(grid, values)
+    return Table(grid, values)
 
 
 @pytest.mark.parametrize("name", ["half fitted", "half fitted, not reciprocal", "normal fitted"])
@@ -134,12 +136,12 @@ def test_lookup(name: str, filter: str, language: str, tmp_path: Path) -> None:
     table = random_table(GRIDS[name])
     wi, wo = direction_grid()
     if language == "nodes":
-        image = data_image("half table", pack(table.values))
+        image = data_image("half table", pack(table.grid, table.values))
         group = table_lookup_group(f"card {name} {filter}", image, table.grid, filter)
         (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
     else:
         skip_without_osl()
-        write_image(tmp_path / "atlas.exr", pack(table.values), Storage.FLOAT32)
+        write_image(tmp_path / "atlas.exr", pack(table.grid, table.values), Storage.FLOAT32)
         constants = {
             "Table": str(tmp_path / "atlas.exr"),
             "Filter": filter,
@@ -150,7 +152,7 @@ def test_lookup(name: str, filter: str, language: str, tmp_path: Path) -> None:
     wide = wi.astype(float), wo.astype(float)
     keep = np.minimum(wi[:, 2], wo[:, 2]) > 2e-4
     difference = np.abs(found - table.evaluate(*wide, filter)).max(-1)
-    position = np.stack(table.grid.coordinates(*wide), -1)
+    position = np.stack(table.grid.coordinates(xp_numpy, *wide), -1)
     if filter == "nearest":
         # At the border between two texels either is right.
         keep &= (np.abs(position - np.floor(position) - 0.5) > 2e-3).all(-1)

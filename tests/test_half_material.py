@@ -12,12 +12,13 @@ from pathlib import Path
 import bpy
 import pytest
 from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
@@ -62,8 +63,8 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bundle, Bundle]:
     for bundle in (first, second):
         assert bundle.material["errors"]["relative"] < 0.002
     grid, residual = BrdfRecord.read(second).table.grid, BrdfRecord.read(second).stored("residual").grid
-    assert isinstance(grid, HalfGrid) and grid.reciprocal
-    assert isinstance(residual, HalfGrid) and not residual.reciprocal
+    assert isinstance(grid, HalfVectorGrid) and grid.reciprocal
+    assert isinstance(residual, HalfVectorGrid) and not residual.reciprocal
     return first, second
 
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.parameterization import NARROWEST_END, WIDEST_END, LogWarp
 from measured_materials.bake.shading.shading_map import linearise
 from measured_materials.bake.shading.slice_atlas import level_position
 from measured_materials.bake.storage import IMAGE_STORAGES, Storage, as_stored, scale_for
-from measured_materials.bake.table import TableGrid
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.nodes import expr
 from support.cards import card
 from support.hard.case import IMPLEMENTATIONS, Case, measure
@@ -110,7 +110,10 @@ def test_coordinates_of_anything_stay_in_the_table(numbers: list[float], recipro
     length = np.linalg.norm(vectors.astype(float), axis=-1, keepdims=True)
     wi, wo = (vectors / np.where(length > 0, length, 1)).astype(np.float32)
     warps = (LogWarp(4.0, 0.1), LogWarp(NARROWEST_END, 4.0), LogWarp(0.1, 0.4))
-    grids = HalfGrid((8, 8, 8), "fitted", warps=warps, reciprocal=reciprocal), TableGrid(8, "bezier", 0.0, 1.0)
+    grids = (
+        HalfVectorGrid((8, 8, 8), "fitted", warps=warps, reciprocal=reciprocal),
+        NormalVectorGrid(8, "bezier", 0.0, 1.0),
+    )
     for grid in grids:
         for u in grid.unit_coordinates(xp_numpy, wi, wo):
             assert np.isfinite(u).all() and -4 * EPS <= u[0] <= 1 + 4 * EPS
@@ -120,7 +123,7 @@ def test_coordinates_of_anything_stay_in_the_table(numbers: list[float], recipro
 @settings(max_examples=300)
 def test_half_vectors_are_reciprocal_to_the_last_bit(numbers: list[float]) -> None:
     wi, wo = np.array(numbers, np.float32).reshape(2, 1, 3)
-    grid = HalfGrid((8, 8, 8), "fitted")
+    grid = HalfVectorGrid((8, 8, 8), "fitted")
     forth, back = grid.unit_coordinates(xp_numpy, wi, wo), grid.unit_coordinates(xp_numpy, wo, wi)
     assert all(a == b for a, b in zip(forth, back))
 

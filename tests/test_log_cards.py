@@ -8,20 +8,20 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.anisotropic import atlas as anisotropic_atlas
-from measured_materials.bake.anisotropic.table import AnisotropicTable
-from measured_materials.bake.atlas import pack
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.image_io import write_image
-from measured_materials.bake.log_storage import LogCodes
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import FILTERS, BrdfTable, Grid, TableGrid
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.log_codes import LogCodes
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes import expr
 from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.data_image import load_data_image
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_material import grid_constants
+from measured_materials.nodes.osl_script import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 from support.cards import card
 from support.osl import header_card, shader_card, skip_without_osl
@@ -31,31 +31,31 @@ from test_node_cards import direction_grid, evaluate_at_horizon
 
 CODES = LogCodes.reaching(np.array([1.0, 2.0, 0.5]), np.array([4.0, 9.0, 14.0]))
 TABLES: dict[str, Grid] = {
-    "normal": TableGrid(12, "bezier", 0.3, 0.15),
-    "half": HalfGrid((7, 20, 6), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp())),
+    "normal": NormalVectorGrid(12, "bezier", 0.3, 0.15),
+    "half": HalfVectorGrid((7, 20, 6), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp())),
 }
 
 
-def random_table(grid: Grid) -> BrdfTable:
+def random_table(grid: Grid) -> Table:
     """White noise of codes, from 0 to 1."""
     values = np.random.default_rng(4).random((*grid.shape, 3)).astype(np.float32)
     values[:, -1], values[-1] = values[:, -1, :1], values[-1, :, :1]
-    return BrdfTable(grid, CODES.rounded(CODES.decode(xp_numpy, values)), CODES)
+    return Table(grid, CODES.rounded(CODES.decode(xp_numpy, values)), CODES)
 
 
-def written(table: BrdfTable, folder: Path) -> Path:
+def written(table: Table, folder: Path) -> Path:
     """The file of a bundle's table."""
-    write_image(folder / "table.png", CODES.encode(pack(table.values)), Storage.BYTE)
+    write_image(folder / "table.png", CODES.encode(pack(table.grid, table.values)), Storage.BYTE)
     return folder / "table.png"
 
 
-def off(found: np.ndarray, table: BrdfTable, filter: str) -> np.ndarray:
+def off(found: np.ndarray, table: Table, filter: str) -> np.ndarray:
     """Largest difference of the channels as shares of their peaks, where the exact position is decided by numbers."""
     wi, wo = (w.astype(float) for w in direction_grid())
     difference = (np.abs(found - evaluate_at_horizon(table, wi, wo, filter)) / CODES.peaks).max(-1)
-    position = np.stack(table.grid.coordinates(wi, wo), -1)
+    position = np.stack(table.grid.coordinates(xp_numpy, wi, wo), -1)
     keep = np.minimum(wi[:, 2], wo[:, 2]) > 2e-4  # as in tests/test_half_cards.py
-    if isinstance(table.grid, HalfGrid):
+    if isinstance(table.grid, HalfVectorGrid):
         keep &= position[:, 1] < table.grid.sizes[1] - 1 - 1e-6  # in the pole itself phi_d is rounding
     if filter == "nearest":
         keep &= (np.abs(position - np.floor(position) - 0.5) > 2e-3).all(-1)
@@ -113,8 +113,8 @@ def test_stochastic_slice_averages_to_the_blend(tmp_path: Path, filter: str) -> 
 def test_anisotropic_lookup(tmp_path: Path, name: str, filter: str, language: str) -> None:
     grid = GRIDS[name]
     noise = np.random.default_rng(3).random((*grid.shape, 3)).astype(np.float32)
-    table = AnisotropicTable(grid, CODES.rounded(CODES.decode(xp_numpy, noise)), filter, CODES)
-    write_image(tmp_path / "table.png", CODES.encode(anisotropic_atlas.pack(grid, table.values)), Storage.BYTE)
+    table = Table(grid, CODES.rounded(CODES.decode(xp_numpy, noise)), CODES, filter)
+    write_image(tmp_path / "table.png", CODES.encode(pack(grid, table.values)), Storage.BYTE)
     wi, wo = directions(3000)
     if language == "nodes":
         image = load_data_image(tmp_path / "table.png", f"log {name}")

@@ -11,11 +11,12 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.cli import main
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.table import BrdfTable
+from measured_materials.bake.tables.table import Table
 from measured_materials.nodes.material import build_material
 from support.bundles import ANALYTIC
 from support.osl import skip_without_osl
@@ -33,9 +34,9 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     return read_bundle(bake_source(source, tmp_path_factory.mktemp("log") / "paint", SETTINGS).path)
 
 
-def values_alone(table: BrdfTable) -> BrdfTable:
+def values_alone(table: Table) -> Table:
     """The same samples, interpolated as values."""
-    return BrdfTable(table.grid, table.values)
+    return Table(table.grid, table.values)
 
 
 @pytest.mark.parametrize(

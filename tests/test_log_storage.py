@@ -13,31 +13,34 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.image_io import read_image
-from measured_materials.bake.log_storage import LEAST_PEAK, MOST_PEAK, MOST_RANGE, LogCodes
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import IMAGE_STORAGES, Storage
-from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, pad_slices, tabulate
-from measured_materials.bake.table_storage import store_table
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.log_codes import LEAST_PEAK, MOST_PEAK, MOST_RANGE, LogCodes
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.padding import pad_slices
+from measured_materials.bake.tables.stored_table import store_table
+from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 
 SMALL: dict[str, Any] = {"resolution": 12, "alpha": (0.5, 0.3), "sampler": SamplerLayout(n_o=8, n_h=8, n_phi=4)}
 PAIRS = direction_pairs(4096)
 GGX = analytic.Ggx(alpha=0.3, f0=(0.5, 0.5, 0.5), diffuse=(0.2, 0.1, 0.0))
 
 
-def stored(values: np.ndarray) -> BrdfTable:
+def stored(values: np.ndarray) -> Table:
     """A table of these values as it comes back, its codes fitted for its steps: no range could meet those exactly."""
-    table = BrdfTable(TableGrid(values.shape[0], "uniform"), values)
+    table = Table(NormalVectorGrid(values.shape[0], "uniform"), values)
     truth = table.evaluate(PAIRS.wi, PAIRS.wo, "nearest")
-    return store_table(table, pad_slices(values), Storage.LOG, "trilinear", PAIRS, truth).table
+    return store_table(table, Storage.LOG, PAIRS, truth).table
 
 
 def random_values(low: float = 0.0, n: int = 6) -> np.ndarray:
@@ -113,9 +116,9 @@ def test_evaluation_interpolates_codes_and_then_blends_slices(filter: str) -> No
     """Against the same table of codes read with the plain filter, where slices matter and where they do not."""
     table = stored(random_values())
     assert table.log is not None
-    plain = BrdfTable(table.grid, table.log.encode(table.values))
+    plain = Table(table.grid, table.log.encode(table.values))
     found = table.evaluate(PAIRS.wi, PAIRS.wo, filter)  # type: ignore[arg-type]
-    position = table.grid.coordinates(PAIRS.wi, PAIRS.wo)[0]
+    position = table.grid.coordinates(xp_numpy, PAIRS.wi, PAIRS.wo)[0]
     whole = np.abs(position - np.round(position)) < 0.02 if filter != "bspline" else np.zeros(len(position), bool)
     if filter == "nearest":
         assert np.allclose(found, table.log.decode(xp_numpy, plain.evaluate(PAIRS.wi, PAIRS.wo, "nearest")))
@@ -134,33 +137,28 @@ def test_the_range_is_that_of_least_error() -> None:
     """No other range is better by the measure that chose it."""
     source = analytic.Ggx(alpha=0.15)
     truth = source.evaluate(PAIRS.wi, PAIRS.wo)
-    table = tabulate(source, TableGrid(16, "bezier", 0.5, 0.2))
-    kept = store_table(table, pad_slices(table.values), Storage.LOG, "trilinear", PAIRS, truth).table
+    table = tabulate(source, NormalVectorGrid(16, "bezier", 0.5, 0.2))
+    kept = store_table(table, Storage.LOG, PAIRS, truth).table
     assert kept.log is not None
 
-    def product(candidate: BrdfTable) -> float:
+    def product(candidate: Table) -> float:
         found, light = (v[:, 0] * PAIRS.cosines[:, 0] for v in (candidate.evaluate(PAIRS.wi, PAIRS.wo), truth))
         roots = np.abs(np.sqrt(found) - np.sqrt(light))
         return float(np.sqrt((PAIRS.weight * (found - light) ** 2).sum()) * (PAIRS.weight * roots).sum())
 
-    least, peaks = product(kept), pad_slices(table.values).reshape(-1, 3).max(0)
+    least, peaks = product(kept), pad_slices(table.grid, table.values).reshape(-1, 3).max(0)
     for k in np.arange(4.0, 24.0, 2.0):
         codes = LogCodes.reaching(peaks, np.full(3, k))
-        assert product(BrdfTable(table.grid, codes.rounded(table.values), codes)) >= least
+        assert product(Table(table.grid, codes.rounded(table.values), codes)) >= least
 
 
 def test_a_coarse_table_gains_by_it() -> None:
     """In the half-vector basis, where a highlight runs along one axis: 3 bytes a texel, not 6, and a smaller error."""
     source = analytic.Ggx(alpha=0.15)
     truth = source.evaluate(PAIRS.wi, PAIRS.wo)
-    table = tabulate(source, HalfGrid((12, 16, 6), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp())))
+    table = tabulate(source, HalfVectorGrid((12, 16, 6), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp())))
     rms = {
-        storage: PAIRS.rms(
-            store_table(table, pad_slices(table.values), storage, "trilinear", PAIRS, truth).table.evaluate(
-                PAIRS.wi, PAIRS.wo
-            )
-            - truth
-        )
+        storage: PAIRS.rms(store_table(table, storage, PAIRS, truth).table.evaluate(PAIRS.wi, PAIRS.wo) - truth)
         for storage in (Storage.HALF, Storage.LOG)
     }
     assert rms[Storage.LOG] < 0.9 * rms[Storage.HALF]

@@ -18,7 +18,8 @@ from measured_materials.addon.kinds import BRDF
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.scene_check import check_scene, mend
 from measured_materials.addon.scene_check_subject import measured_trees
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout

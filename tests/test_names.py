@@ -10,7 +10,8 @@ from typing import Any
 import bpy
 import pytest
 from measured_materials.addon import measured_material
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic

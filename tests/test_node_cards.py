@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.atlas import pack
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid, bspline_weights
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import FILTERS, Table, bspline_weights
 from measured_materials.nodes import expr
 from measured_materials.nodes.alias_sampler_group import alias_sampler_group
 from measured_materials.nodes.group import call
@@ -67,19 +68,19 @@ def test_inverse(kind: str, alpha: float) -> None:
 def test_coordinates(kind: str, alphas: tuple[float, float]) -> None:
     """(u_o, u_i, u_phi) of direction pairs."""
     wi, wo = direction_grid()
-    found = card(lambda a, b: call(coordinates_group(TableGrid(8, kind, *alphas)), a, b), wi, wo)
+    found = card(lambda a, b: call(coordinates_group(NormalVectorGrid(8, kind, *alphas)), a, b), wi, wo)
     truth = par.normal_basis_coordinates(xp_numpy, wi.astype(float), wo.astype(float), kind, *alphas)
     for value, expected in zip(found, truth, strict=True):
         # Differences of unit vectors carry their rounding (1 eps), s grows at most twice as fast as the chord.
         assert np.abs(value - expected).max() < 16 * EPS
 
 
-def random_table(n: int, seed: int = 3) -> BrdfTable:
+def random_table(n: int, seed: int = 3) -> Table:
     """White noise: the harshest table there is, its neighbours differ by up to 1."""
     values = np.random.default_rng(seed).random((n, n, 2 * n, 3)).astype(np.float32)
     values[:, -1] = values[:, -1, :1]
     values[-1] = values[-1, :, :1]
-    return BrdfTable(TableGrid(n, "bezier", 0.3, 0.15), values)
+    return Table(NormalVectorGrid(n, "bezier", 0.3, 0.15), values)
 
 
 @pytest.mark.parametrize("filter", FILTERS)
@@ -87,7 +88,7 @@ def random_table(n: int, seed: int = 3) -> BrdfTable:
 def test_lookup(filter: str, n: int) -> None:
     """The whole lookup: coordinates, atlas, gutter, image filter and the blend along theta_o."""
     table = random_table(n)
-    image = data_image(f"table {n}", pack(table.values))
+    image = data_image(f"table {n}", pack(table.grid, table.values))
     group = table_lookup_group(f"card lookup {filter} {n}", image, table.grid, filter)
     wi, wo = direction_grid()
     (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
@@ -95,7 +96,7 @@ def test_lookup(filter: str, n: int) -> None:
     difference = np.abs(found - padded_truth).max(-1)
     if filter == "nearest":
         # At the border between two texels either is right; float32 decides within 1e-4 of a texel.
-        position = np.stack(table.grid.coordinates(wi.astype(float), wo.astype(float)), -1)
+        position = np.stack(table.grid.coordinates(xp_numpy, wi.astype(float), wo.astype(float)), -1)
         difference = difference[(np.abs(position - np.floor(position) - 0.5) > 2e-4).all(-1)]
     # Texture coordinates have 2^-24 of the atlas' width or height, up to 1056 texels: 6e-5 of a texel per axis,
     # the table coordinate 16 eps x 128 texels: 2.4e-4; white noise turns each into as much value.
@@ -103,8 +104,8 @@ def test_lookup(filter: str, n: int) -> None:
     assert np.median(difference) < 4e-5
 
 
-def evaluate_at_horizon(table: BrdfTable, wi: np.ndarray, wo: np.ndarray, filter: str) -> np.ndarray:
-    """BrdfTable.evaluate, but at the horizon itself the value held there, as the group returns it."""
+def evaluate_at_horizon(table: Table, wi: np.ndarray, wo: np.ndarray, filter: str) -> np.ndarray:
+    """Table.evaluate, but at the horizon itself the value held there, as the group returns it."""
     lift = np.array([0.0, 0.0, 1e-12])
     return table.evaluate(wi + lift * (wi[:, 2:] <= 0), wo + lift * (wo[:, 2:] <= 0), filter)
 
@@ -113,7 +114,7 @@ def evaluate_at_horizon(table: BrdfTable, wi: np.ndarray, wo: np.ndarray, filter
 def test_stochastic_slice_averages_to_the_blend(filter: str) -> None:
     """One slice chosen by a random number has the blend as its mean over that number."""
     table = random_table(16)
-    image = data_image("table stochastic", pack(table.values))
+    image = data_image("table stochastic", pack(table.grid, table.values))
     group = table_lookup_group(f"card stochastic {filter}", image, table.grid, filter, stochastic=True)
     wi, wo = (w[-60:] for w in direction_grid())
     steps = 400
@@ -196,10 +197,10 @@ def test_viewer_frame_is_orthonormal_at_every_angle() -> None:
 
 def test_equal_groups_are_shared_and_edited_ones_are_not() -> None:
     """A group is reused only while its content hashes equal."""
-    first = coordinates_group(TableGrid(8, "bezier"))
-    assert coordinates_group(TableGrid(8, "bezier")) == first
+    first = coordinates_group(NormalVectorGrid(8, "bezier"))
+    assert coordinates_group(NormalVectorGrid(8, "bezier")) == first
     node = next(n for n in first.nodes if n.bl_idname == "ShaderNodeMath")
     node.operation = "SINE"
-    second = coordinates_group(TableGrid(8, "bezier"))
+    second = coordinates_group(NormalVectorGrid(8, "bezier"))
     assert second != first
     bpy.data.node_groups.remove(first)

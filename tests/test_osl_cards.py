@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.atlas import pack
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import mirror_probability, texture_coordinate
 from measured_materials.bake.image_io import write_image
@@ -31,8 +30,10 @@ from measured_materials.bake.sampling.lamps import (
 )
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage, quantize
-from measured_materials.bake.table import FILTERS, BrdfTable, TableGrid
-from measured_materials.nodes.osl_material import grid_constants
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import FILTERS, Table
+from measured_materials.nodes.osl_script import grid_constants
 from scipy import stats
 from support.osl import header_card, shader_card, skip_without_osl
 
@@ -67,17 +68,17 @@ def test_coordinates(kind: str) -> None:
     assert np.abs(found - np.stack(truth, -1)).max() < 16 * EPS
 
 
-def random_table(n: int) -> BrdfTable:
+def random_table(n: int) -> Table:
     """White noise: the harshest table there is, its neighbours differ by up to 1."""
     values = np.random.default_rng(3).random((n, n, 2 * n, 3)).astype(np.float32)
     values[:, -1], values[-1] = values[:, -1, :1], values[-1, :, :1]
-    return BrdfTable(TableGrid(n, "bezier", 0.3, 0.15), values)
+    return Table(NormalVectorGrid(n, "bezier", 0.3, 0.15), values)
 
 
-def lookup_constants(folder: Path, table: BrdfTable, filter: str, storage: Storage = Storage.FLOAT32) -> dict:
+def lookup_constants(folder: Path, table: Table, filter: str, storage: Storage = Storage.FLOAT32) -> dict:
     """Parameters of `measured_lookup.osl` for a table written to a file, half as bright there."""
     file = folder / f"atlas{storage.suffix}"
-    write_image(file, pack(table.values) / 2, storage)
+    write_image(file, pack(table.grid, table.values) / 2, storage)
     return {"Table": str(file), "Scale": 2.0, **grid_constants(table.grid), "Filter": filter, "Stochastic": 0}
 
 
@@ -87,13 +88,13 @@ def test_lookup(tmp_path: Path, filter: str, n: int) -> None:
     table = random_table(n)
     wi, wo = pairs()
     (found,) = shader_card("measured_lookup.osl", ["BRDF"], lookup_constants(tmp_path, table, filter), wi=wi, wo=wo)
-    # BrdfTable.evaluate is 0 at the horizon itself, where the lookup gives the value held there.
+    # Table.evaluate is 0 at the horizon itself, where the lookup gives the value held there.
     lift = np.array([0.0, 0.0, 1e-12])
     inside = [w + lift * (w[:, 2:] <= 0) for w in (wi.astype(float), wo.astype(float))]
     difference = np.abs(found - table.evaluate(*inside, filter)).max(-1)
     if filter == "nearest":
         # At the border between two texels either is right; float32 decides within 1e-4 of a texel.
-        position = np.stack(table.grid.coordinates(*inside), -1)
+        position = np.stack(table.grid.coordinates(xp_numpy, *inside), -1)
         difference = difference[(np.abs(position - np.floor(position) - 0.5) > 2e-4).all(-1)]
     # As for the nodes: texture and table coordinates of 2^-24 and 16 eps, of up to 1056 and 128 texels of white noise.
     assert difference.max() < 6e-4
@@ -105,7 +106,7 @@ def test_lookup_of_other_storages(tmp_path: Path, storage: Storage) -> None:
     """OSL's texture system reads what the bake has written, without any colour management."""
     table = random_table(12)
     constants = lookup_constants(tmp_path, table, "trilinear", storage)
-    stored = BrdfTable(table.grid, 2 * quantize(table.values / 2, storage))
+    stored = Table(table.grid, 2 * quantize(table.values / 2, storage))
     wi, wo = (w[-500:] for w in pairs())
     (found,) = shader_card("measured_lookup.osl", ["BRDF"], constants, wi=wi, wo=wo)
     assert np.abs(found - stored.evaluate(wi.astype(float), wo.astype(float), "trilinear")).max() < 1e-4

@@ -16,7 +16,7 @@ from measured_materials.bake.material_json import Fields
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import TreatedSource
+from measured_materials.bake.tables.treated_source import TreatedSource
 from scipy.optimize import nnls
 
 CHORDS = np.sqrt(2) * np.sin(np.radians([3, 20, 41, 58, 77]) / 2)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from measured_materials.addon.progress import Progress, readable_time
 from measured_materials.addon.stages import bake_stages, share_done
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
@@ -128,7 +128,7 @@ def test_progress_of_a_bake(model: str, parameters: dict[str, float], options: d
     settings = BakeSettings(**SMALL, **options)
     told = Told(settings)
     if settings.envelope and parameters is BRUSHED:  # quick, with few viewers
-        bake_anisotropic(by_name(model, **parameters), tmp_path / "x.mmat", settings, told, viewers=(6, 2))
+        bake_source(by_name(model, **parameters), tmp_path / "x.mmat", settings, told, viewers=(6, 2))
     else:
         bake_source(by_name(model, **parameters), tmp_path / "x.mmat", settings, told)
     told.check(0.45)

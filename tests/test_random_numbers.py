@@ -17,8 +17,8 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.lobes import Lobe
@@ -107,9 +107,9 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> Bundles:
             sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
             settings = BakeSettings(resolution=8, alpha=(0.5, 0.3), sampler=sampler, storage=Storage.FLOAT32)
             return read_bundle(bake_source(ward, folder / name, settings).path)
-        settings = BakeSettings(resolution=8, envelope=name == "brushed with envelope")
+        settings = BakeSettings(resolution=8, envelope=name == "brushed with envelope", basis="half")
         ggx = analytic.Ggx(alpha=0.2, alpha_y=0.4)
-        return read_bundle(bake_anisotropic(ggx, folder / name, settings, basis="half", viewers=(8, 4)).path)
+        return read_bundle(bake_source(ggx, folder / name, settings, viewers=(8, 4)).path)
 
     return baked
 

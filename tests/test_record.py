@@ -9,15 +9,11 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measured_materials.bake.anisotropic.grid import HalfGrid as SlopeGrid
-from measured_materials.bake.anisotropic.grid import NormalGrid
-from measured_materials.bake.brdf.grids import grid_of, is_anisotropic, texture_size
+from measured_materials.bake.brdf.grids import grid_of, is_anisotropic
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
 from measured_materials.bake.envelope.viewers import Elevations, ViewerGrid
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.half_grid import HalfGrid
-from measured_materials.bake.log_storage import LogCodes
 from measured_materials.bake.material_json import Fields
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
@@ -26,7 +22,11 @@ from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.shading.record import ShadingMapRecord
 from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import TableGrid
+from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.atlas import AtlasLayout
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.log_codes import LogCodes
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from support.records import ALBEDO, ANISOTROPIC, BRDF, SHADING_MAP, brdf_record, changed
 
 KINDS: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -41,8 +41,8 @@ KINDS: dict[str, tuple[Any, dict[str, Any]]] = {
 def test_isotropic() -> None:
     found = brdf_record()
     assert (found.name, found.source.format, found.where, found.anisotropic) == ("felt", "MERL", "felt", False)
-    assert found.table.grid == TableGrid(8, "bezier", 0.5, 0.25, 0.02)
-    assert found.residual is not None and found.residual.grid == TableGrid(8, "bezier", 0.0, 0.25, 0.02)
+    assert found.table.grid == NormalVectorGrid(8, "bezier", 0.5, 0.25, 0.02)
+    assert found.residual is not None and found.residual.grid == NormalVectorGrid(8, "bezier", 0.0, 0.25, 0.02)
     assert (found.table.filter, found.table.spline, found.table.storage) == ("trilinear", "none", Storage.HALF)
     assert (found.table.scale, found.table.offset, found.table.log) == (2.0, 2.0**-14, None)
     assert (found.residual.scale, found.residual.offset) == (4.0, 0.0)
@@ -77,7 +77,7 @@ def test_albedo() -> None:
 
 def test_anisotropic() -> None:
     found = BrdfRecord.parse(ANISOTROPIC, "brushed")
-    assert found.anisotropic and found.table.grid == SlopeGrid((4, 4, 8, 8), 0.1, 0.4, True)
+    assert found.anisotropic and found.table.grid == AnisotropicHalfGrid((4, 4, 8, 8), 0.1, 0.4, True, 1 / 3, 1, False)
     assert found.residual is not None and found.residual.grid == found.table.grid
     assert found.table.log == LogCodes((8, 8, 8), (0.1, 0.1, 0)) and found.table.storage is Storage.LOG
     assert found.sampler == SlopeLayout(2, 2, 4, 4, 0.05, 0.2, True)
@@ -90,13 +90,13 @@ def test_anisotropic() -> None:
 
 
 GRIDS = [
-    TableGrid(12, "fitted", warps=(LogWarp(0.1, 0.4), LogWarp(0.01, 4.0))),
-    HalfGrid((9, 24, 6), "bezier", alphas=(1.0, 0.125, 0.0), reciprocal=False, horizon_share=0.02),
-    HalfGrid((9, 24, 6), "fitted", warps=(LogWarp(), LogWarp(0.003), LogWarp())),
-    NormalGrid((6, 5, 4, 8), 0.25, 0.75),
-    NormalGrid((5, 5, 4, 8), folded=True, parameterization="fitted", warps=(LogWarp(0.1), LogWarp())),
-    NormalGrid((6, 5, 4, 8), parameterization="uniform"),
-    SlopeGrid((8, 4, 12, 12), 0.03, 0.5, False),
+    NormalVectorGrid(12, "fitted", warps=(LogWarp(0.1, 0.4), LogWarp(0.01, 4.0))),
+    HalfVectorGrid((9, 24, 6), "bezier", alphas=(1.0, 0.125, 0.0), reciprocal=False, horizon_share=0.02),
+    HalfVectorGrid((9, 24, 6), "fitted", warps=(LogWarp(), LogWarp(0.003), LogWarp())),
+    AnisotropicNormalGrid((6, 5, 4, 8), 0.25, 0.75),
+    AnisotropicNormalGrid((5, 5, 4, 8), folded=True, parameterization="fitted", warps=(LogWarp(0.1), LogWarp())),
+    AnisotropicNormalGrid((6, 5, 4, 8), parameterization="uniform"),
+    AnisotropicHalfGrid((8, 4, 12, 12), 0.03, 0.5, False),
 ]
 
 
@@ -104,15 +104,15 @@ GRIDS = [
 def test_grids_come_back(grid: Any) -> None:
     """Of all four kinds, through JSON."""
     document = json.loads(json.dumps(grid.facts()))
-    anisotropic = isinstance(grid, NormalGrid | SlopeGrid)
-    assert is_anisotropic(grid) is anisotropic and min(texture_size(grid)) > 0
+    anisotropic = isinstance(grid, AnisotropicNormalGrid | AnisotropicHalfGrid)
+    assert is_anisotropic(grid) is anisotropic and min(AtlasLayout.of(grid).size) > 0
     assert grid_of(Fields(document, "x"), anisotropic) == grid
 
 
 def test_anisotropic_normal_grids_without_a_name_are_bezier() -> None:
-    document = NormalGrid((6, 5, 4, 8), 0.25, 0.75).facts()
+    document = AnisotropicNormalGrid((6, 5, 4, 8), 0.25, 0.75).facts()
     del document["parameterization"]
-    assert grid_of(Fields(document, "x"), True) == NormalGrid((6, 5, 4, 8), 0.25, 0.75)
+    assert grid_of(Fields(document, "x"), True) == AnisotropicNormalGrid((6, 5, 4, 8), 0.25, 0.75)
 
 
 def test_shading_map() -> None:
@@ -139,7 +139,7 @@ def test_shading_map() -> None:
     )
     assert found.lobe_fit is not None and (found.lobe_fit.lobe, found.lobe_fit.residual) == (Lobe("ggx", 0.5), 0.1)
     lobe = found.measured_lobe()
-    assert (lobe.table.grid, lobe.sampler, lobe.albedo) == (TableGrid(8, "bezier", 0.5, 0.25, 0.02), SIZES, 0.4)
+    assert (lobe.table.grid, lobe.sampler, lobe.albedo) == (NormalVectorGrid(8, "bezier", 0.5, 0.25, 0.02), SIZES, 0.4)
 
 
 SIZES = SamplerLayout(4, 4, 2, 2)
@@ -286,7 +286,7 @@ WRONG: list[tuple[str, Change, str]] = [
     ("shading map", lambda d: d["table"].update(**SLOPES), "from an anisotropic BRDF"),
 ]
 ANGLES = len(SHADING_MAP["map"]["level_by_cosine"])
-SLOPES = {"anisotropic": True, **SlopeGrid((4, 4, 8, 8)).facts()}
+SLOPES = {"anisotropic": True, **AnisotropicHalfGrid((4, 4, 8, 8)).facts()}
 
 
 @pytest.mark.parametrize(("kind", "change", "word"), WRONG, ids=[f"{kind}-{word}" for kind, _, word in WRONG])
@@ -334,3 +334,13 @@ def test_any_value_anywhere(kind: str, data: st.DataObject) -> None:
     except BakeError as error:
         assert "\n" not in str(error) and len(str(error)) < 600
     assert repr(document) == before
+
+
+def test_what_an_anisotropic_grid_tells_of_its_horizon() -> None:
+    """Bundles of before have the samples at a third, one cosine and no fall to the horizon."""
+    table = ANISOTROPIC["table"] | {"horizon_share": 0.02, "cosine_power": 2, "falling": True}
+    grid = BrdfRecord.parse(ANISOTROPIC | {"table": table}, "brushed").table.grid
+    assert grid == AnisotropicHalfGrid((4, 4, 8, 8), 0.1, 0.4, True, 0.02, 2, True)
+    for key, value in (("horizon_share", 2), ("cosine_power", 3), ("falling", 1)):
+        with pytest.raises(BakeError, match=key):
+            BrdfRecord.parse(ANISOTROPIC | {"table": table | {key: value}}, "brushed")

@@ -13,7 +13,8 @@ from measured_materials.addon import report_pictures, report_run, report_techniq
 from measured_materials.addon.cli import main
 from measured_materials.addon.render_timing import Effort
 from measured_materials.addon.report_inputs import read_inputs
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.report import maps, tables, tabulation
@@ -25,7 +26,7 @@ from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import TABLE_STORAGES, Storage
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.table import FILTERS
 from support.stacks import write_stack
 
 

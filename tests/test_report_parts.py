@@ -18,7 +18,7 @@ from measured_materials.bake.shading.shading_map import at_level, averages_of, l
 from measured_materials.bake.shading.slice_atlas import GUTTER
 from measured_materials.bake.sources.analytic import Ggx
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes import expr
 
 TINY = Effort(16, 2, 1)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from measured_materials.bake.accuracy import estimator_variance
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.alias_tables import alias_tables
 from measured_materials.bake.sampling.cell_sampler import CellSampler, build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
+from measured_materials.bake.tables.accuracy import estimator_variance
 from scipy import integrate, stats
 
 SOURCES = {

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.scene_check import mend_scene
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic

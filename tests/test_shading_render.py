@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack

@@ -5,31 +5,27 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, trilinear_estimate
-from measured_materials.bake.alpha_search import estimate_intensity, search_alpha
-from measured_materials.bake.atlas import AtlasLayout, atlas_uv, pack, unpack
-from measured_materials.bake.bspline_fit import fit_coefficients, sample_spline
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.grid_search import half_sizes
 from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.table import (
-    FILTERS,
-    GUTTER,
-    HORIZON_SHARES,
-    BrdfTable,
-    TableGrid,
-    TreatedSource,
-    pad_slices,
-    tabulate,
-)
+from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
+from measured_materials.bake.tables.alpha_search import estimate_intensity, search_alpha
+from measured_materials.bake.tables.atlas import AtlasLayout, atlas_uv, pack, unpack
+from measured_materials.bake.tables.bspline_fit import fit_coefficients, sample_spline
+from measured_materials.bake.tables.grid import HORIZON_SHARES
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.isotropic_search import half_sizes
+from measured_materials.bake.tables.normal_grid import MAX_RESOLUTION, NormalVectorGrid
+from measured_materials.bake.tables.padding import GUTTER, pad_slices
+from measured_materials.bake.tables.table import FILTERS, Table, tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 
 
 @pytest.mark.parametrize("kind", PARAMETERIZATIONS)
 @pytest.mark.parametrize("filter", FILTERS)
 def test_grey_lambert_is_reproduced_exactly(kind: str, filter: str) -> None:
     """Constant in, the same constant out: albedo / pi to float32, at the pole, the horizon and between."""
-    table = tabulate(analytic.Lambert(), TableGrid(8, kind, 0.2, 0.8))
+    table = tabulate(analytic.Lambert(), NormalVectorGrid(8, kind, 0.2, 0.8))
     pairs = direction_pairs(5000)
     assert np.abs(table.evaluate(pairs.wi, pairs.wo, filter) * np.pi / 0.5 - 1).max() < 3e-7
 
@@ -42,7 +38,7 @@ def test_samples_are_met_at_their_nodes(kind: str) -> None:
     values = rng.random((n, n, 2 * n, 3)).astype(np.float32)
     values[:, -1] = values[:, -1, :1]
     values[-1] = values[-1, :, :1]
-    table = BrdfTable(TableGrid(n, kind, 0.3, 0.6), values)
+    table = Table(NormalVectorGrid(n, kind, 0.3, 0.6), values)
     i_o, i_i, i_phi = (a.ravel() for a in np.meshgrid(range(1, n - 1), range(1, n - 1), range(2 * n), indexing="ij"))
     wi, wo = table.grid.directions(i_o, i_i, i_phi)
     for filter in ("nearest", "trilinear"):
@@ -57,7 +53,8 @@ def test_trilinear_converges_with_the_square_of_the_resolution() -> None:
     pairs = DirectionPairs(pairs.wi[keep], pairs.wo[keep], pairs.weight[keep])
     truth = source.evaluate(pairs.wi, pairs.wo)
     rms = [
-        pairs.rms(tabulate(source, TableGrid(n, "uniform")).evaluate(pairs.wi, pairs.wo) - truth) for n in (16, 32, 64)
+        pairs.rms(tabulate(source, NormalVectorGrid(n, "uniform")).evaluate(pairs.wi, pairs.wo) - truth)
+        for n in (16, 32, 64)
     ]
     assert rms[0] / rms[1] > 3 and rms[1] / rms[2] > 3
 
@@ -65,7 +62,7 @@ def test_trilinear_converges_with_the_square_of_the_resolution() -> None:
 @pytest.mark.parametrize("alpha", [0.1, 0.3])
 def test_one_value_at_the_pole_and_no_crease_at_phi_0_and_pi(alpha: float) -> None:
     """The cubic filter gives the normal one value from every azimuth, and no slope across phi_delta 0 and pi."""
-    table = tabulate(analytic.Ggx(alpha=alpha), TableGrid(32, "bezier", 0.3, 0.3))
+    table = tabulate(analytic.Ggx(alpha=alpha), NormalVectorGrid(32, "bezier", 0.3, 0.3))
     phi = np.linspace(0, np.pi, 50)
     for theta in (0.0, 0.3, 1.2):
         other = np.broadcast_to(spherical(theta, 0.0), (50, 3))
@@ -82,26 +79,27 @@ def test_one_value_at_the_pole_and_no_crease_at_phi_0_and_pi(alpha: float) -> No
 def test_padding_continues_what_it_says() -> None:
     """Mirrored azimuth, one value at the normal, held at the horizon, and never negative."""
     values = 1 + np.random.default_rng(1).random((6, 6, 12, 3)).astype(np.float32)
-    padded = pad_slices(values)
+    grid = NormalVectorGrid(6, "uniform")
+    padded = pad_slices(grid, values)
     inner = padded[:6, GUTTER:-GUTTER, GUTTER:-GUTTER]
     assert (inner == values).all()
     assert (padded[:6, GUTTER:-GUTTER, 0] == values[:, :, 2]).all()
     assert (padded[:6, 0, GUTTER:-GUTTER] == values[:, 0]).all()
     assert np.ptp(padded[:6, -GUTTER, GUTTER:-GUTTER] + values[:, -2], axis=1).max() < 7e-7
     assert np.ptp(padded[6, GUTTER:-GUTTER, GUTTER:-GUTTER] + values[-2], axis=1).max() < 7e-7
-    assert (pad_slices(values**20) >= 0).all()
+    assert (pad_slices(grid, values**20) >= 0).all()
 
 
 @pytest.mark.parametrize("n", [4, 5, 16, 33, 64, 100])
 def test_atlas_round_trip_and_place(n: int) -> None:
     """Packing loses nothing, stays within texture limits, and atlas_uv points at the right texel's centre."""
     values = np.random.default_rng(n).random((n, n, 2 * n, 3)).astype(np.float32)
-    pixels = pack(values)
-    layout = AtlasLayout((n, n, 2 * n))
+    grid = NormalVectorGrid(n, "uniform")
+    pixels, layout = pack(grid, values), AtlasLayout.of(grid)
     assert pixels.shape == (layout.size[1], layout.size[0], 3) and max(layout.size) <= 16384
-    assert (unpack(pixels, (n, n, 2 * n)) == values).all()
+    assert (unpack(grid, pixels) == values).all()
     i_o, i_i, i_phi = (np.arange(n), (np.arange(n) * 7) % n, (np.arange(n) * 5) % (2 * n))
-    u, v = atlas_uv(xp_numpy, layout, i_o.astype(float), i_i / (n - 1), i_phi / (2 * n - 1))
+    u, v = atlas_uv(xp_numpy, layout, i_o.astype(float), i_i.astype(float), i_phi.astype(float))
     x, y = u * layout.size[0], (1 - v) * layout.size[1]
     assert np.allclose(x % 1, 0.5, atol=1e-6) and np.allclose(y % 1, 0.5, atol=1e-6)
     assert (pixels[y.astype(int), x.astype(int)] == values[i_o, i_i, i_phi]).all()
@@ -109,9 +107,9 @@ def test_atlas_round_trip_and_place(n: int) -> None:
 
 def test_largest_table_fits_a_texture() -> None:
     """256 x 256 x 512 is the reference size of MY16's figures."""
-    assert max(AtlasLayout((256, 256, 512)).size) <= 16384
+    assert max(AtlasLayout.of(NormalVectorGrid(MAX_RESOLUTION, "uniform")).size) <= 16384
     for reciprocal in (True, False):
-        assert all(max(AtlasLayout(sizes).size) <= 16384 for sizes in half_sizes(256, reciprocal))
+        assert all(AtlasLayout.of(HalfVectorGrid(sizes)) for sizes in half_sizes(MAX_RESOLUTION, reciprocal))
 
 
 def test_poles_do_not_depend_on_the_azimuth() -> None:
@@ -126,7 +124,7 @@ def test_poles_do_not_depend_on_the_azimuth() -> None:
             return np.repeat((1 + cosine**2)[..., None], 3, -1)
 
     for alpha_phi in (0.0, 0.5, 1.0):
-        table = tabulate(Contradictory(), TableGrid(32, "bezier", 0.4, alpha_phi))
+        table = tabulate(Contradictory(), NormalVectorGrid(32, "bezier", 0.4, alpha_phi))
         assert (table.values[:, -1] == table.values[:, -1, :1]).all()
         assert (table.values[-1] == table.values[-1, :, :1]).all()
         # cos^2 of the azimuth has the mean 1/2, however the samples crowd.
@@ -149,7 +147,7 @@ def test_treatment_is_counted() -> None:
     pairs = direction_pairs(2000)
     value = treated.evaluate(pairs.wi, pairs.wo)
     assert np.allclose(value, [1, 0, 1])
-    facts = treated.facts()
+    facts = treated.treatment()
     assert facts["negative_share"] == pytest.approx(1 / 3) and facts["asymmetry"] > 0.01
 
 
@@ -173,7 +171,7 @@ def test_direction_pairs_integrate_uniformly() -> None:
 def test_the_error_metric_is_not_luck(alpha: float) -> None:
     """The RMS of one table from four other sets of directions: equal within what `rms_uncertainty` states."""
     source = analytic.Ggx(alpha=alpha)
-    table = tabulate(source, TableGrid(64, "bezier", 0.5, 0.1))
+    table = tabulate(source, NormalVectorGrid(64, "bezier", 0.5, 0.1))
     found = []
     for offset in (0.5, 0.1, 0.3, 0.8):
         pairs = direction_pairs(32768, offset)
@@ -198,16 +196,16 @@ def test_horizon_converges_with_the_square_of_the_resolution_where_it_is_bounded
     wi, wo = spherical(np.arccos(z), 0.7), spherical(np.arccos(z[::-1]), 0.0)
     error = []
     for n in (32, 64):
-        table = tabulate(Bounded(), TableGrid(n, "uniform", horizon_share=HORIZON_SHARES[1]))
+        table = tabulate(Bounded(), NormalVectorGrid(n, "uniform", horizon_share=HORIZON_SHARES[1]))
         error.append(np.abs(table.evaluate(wi, wo) / Bounded().evaluate(wi, wo) - 1).max())
     assert error[1] < 0.0025 and error[0] / error[1] > 3
 
 
 def test_estimate_without_the_table_is_the_tables_own() -> None:
     """The search's shortcut equals evaluating the finished trilinear table."""
-    source, grid, pairs = analytic.Ggx(alpha=0.2), TableGrid(16, "bezier", 0.4, 0.2), direction_pairs(3000)
+    source, grid, pairs = analytic.Ggx(alpha=0.2), NormalVectorGrid(16, "bezier", 0.4, 0.2), direction_pairs(3000)
     full = tabulate(source, grid).evaluate(pairs.wi, pairs.wo)
-    quick = trilinear_estimate(source, grid, pairs)
+    quick = linear_estimate(source, grid, pairs)
     # The finished table is float32 and averages over the azimuth at the poles.
     assert pairs.rms(full - quick) < 2e-3 * pairs.rms(full)
 
@@ -219,10 +217,10 @@ def test_alpha_search_beats_uniform_and_reports_both_metrics() -> None:
     found = search_alpha(source, 64)
     assert len(found.trials) >= 25
     rms = {
-        kind: pairs.rms(trilinear_estimate(source, grid, pairs) - truth)
+        kind: pairs.rms(linear_estimate(source, grid, pairs) - truth)
         for kind, grid in {
-            "bezier": TableGrid(64, "bezier", found.by_error.alpha_theta, found.by_error.alpha_phi),
-            "uniform": TableGrid(64, "uniform"),
+            "bezier": NormalVectorGrid(64, "bezier", found.by_error.alpha_theta, found.by_error.alpha_phi),
+            "uniform": NormalVectorGrid(64, "uniform"),
         }.items()
     }
     assert rms["bezier"] < 0.6 * rms["uniform"]
@@ -233,24 +231,25 @@ def test_alpha_search_beats_uniform_and_reports_both_metrics() -> None:
 @pytest.mark.parametrize("alphas", [(0.0, 0.0), (0.5, 0.25), (1.0, 1.0)])
 def test_intensity_estimate_is_close_to_the_sum(alphas: tuple[float, float]) -> None:
     """The lattice of samples against the whole table."""
-    source, grid = analytic.Ggx(alpha=0.2), TableGrid(32, "bezier", *alphas)
+    source, grid = analytic.Ggx(alpha=0.2), NormalVectorGrid(32, "bezier", *alphas)
     assert estimate_intensity(source, grid) == pytest.approx(tabulate(source, grid).total_intensity, rel=1.5e-3)
 
 
 @pytest.mark.parametrize("alpha", [0.15, 0.4])
 def test_fitted_spline_is_non_negative_and_closer_than_plain(alpha: float) -> None:
     """Fitted coefficients: nowhere negative, nearer to the samples than the samples as coefficients."""
-    samples = tabulate(analytic.Ggx(alpha=alpha), TableGrid(24, "bezier", 0.3, 0.1)).values
-    fitted = fit_coefficients(samples)
+    grid = NormalVectorGrid(24, "bezier", 0.3, 0.1)
+    samples = tabulate(analytic.Ggx(alpha=alpha), grid).values
+    fitted = fit_coefficients(grid, samples)
     assert (fitted >= 0).all() and np.isfinite(fitted).all()
-    plain_error = np.abs(sample_spline(samples) - samples).mean()
-    assert np.abs(sample_spline(fitted) - samples).mean() < 0.5 * plain_error
+    plain_error = np.abs(sample_spline(grid, samples) - samples).mean()
+    assert np.abs(sample_spline(grid, fitted) - samples).mean() < 0.5 * plain_error
 
 
 def test_spline_at_nodes_equals_the_evaluated_table() -> None:
     """`sample_spline` knows the same continuation at the ends as the evaluation."""
-    table = tabulate(analytic.Ggx(alpha=0.3), TableGrid(10, "uniform"))
+    table = tabulate(analytic.Ggx(alpha=0.3), NormalVectorGrid(10, "uniform"))
     i_o, i_i, i_phi = (a.ravel() for a in np.meshgrid(range(1, 9), range(1, 9), range(20), indexing="ij"))
     wi, wo = table.grid.directions(i_o, i_i, i_phi)
-    at_nodes = sample_spline(table.values)[i_o, i_i, i_phi]
+    at_nodes = sample_spline(table.grid, table.values)[i_o, i_i, i_phi]
     assert np.allclose(table.evaluate(wi, wo, "bspline"), at_nodes, rtol=1e-4)

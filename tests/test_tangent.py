@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.tangent_rows import draw_tangent, tangent_nodes
-from measured_materials.bake.anisotropic.bake import bake_anisotropic
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
@@ -28,7 +28,7 @@ RENDERED_NORMAL = np.array([0.0, 0.0, 1.0])
 @pytest.fixture(scope="module")
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_anisotropic(SATIN, out, SETTINGS, basis="half").path)
+    return read_bundle(bake_source(SATIN, out, replace(SETTINGS, basis="half")).path)
 
 
 def tangents(material: bpy.types.Material, shape: str) -> tuple[np.ndarray, np.ndarray]:

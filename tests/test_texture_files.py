@@ -22,6 +22,8 @@ from measured_materials.addon import measured_material, scene_check, texture_rep
 from measured_materials.addon.kept_textures import TEXTURE_KEY, textures_of
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.image_io import read_image
 from measured_materials.bake.sources import analytic

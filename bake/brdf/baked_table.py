@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..anisotropic.grid import HalfGrid as SlopeGrid
-from ..anisotropic.grid import NormalGrid
-from ..anisotropic.table import AnisotropicTable
 from ..bundle import Bundle
 from ..errors import BakeError
 from ..sampling.cell_sampler import CellSampler
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.slope_cells import SlopeLayout
-from ..table import BrdfTable, Filter
-from .grids import unpacked
+from ..tables.atlas import unpack
+from ..tables.table import Filter, Table
 from .parts import StoredTableRecord
 
-Table = BrdfTable | AnisotropicTable
 Layout = SamplerLayout | SlopeLayout
 SAMPLERS = {"table": "sampler", "residual": "residual_sampler"}
 
@@ -47,11 +43,9 @@ class BakedTable:
 
     def load(self) -> Table:
         """The stored values. Raises BakeError."""
-        grid, log = self.stored.grid, self.stored.log
-        values = self.stored.decoded(unpacked(grid, self.bundle.load(self.part)))
-        if isinstance(grid, NormalGrid | SlopeGrid):
-            return AnisotropicTable(grid, values, self.filter, log)
-        return BrdfTable(grid, values, log)
+        grid = self.stored.grid
+        values = self.stored.decoded(unpack(grid, self.bundle.load(self.part)))
+        return Table(grid, values, self.stored.log, self.filter)
 
     def load_sampler(self) -> CellSampler:
         """The stored alias tables. Raises BakeError where a number would lead out of them."""

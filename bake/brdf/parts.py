@@ -12,16 +12,17 @@ from .. import xp_numpy
 from ..envelope.anisotropic_lobes import AnisotropicLobe
 from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
-from ..log_storage import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from ..material_json import Fields
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.slope_cells import SlopeLayout
 from ..shading.lobes import Lobe
 from ..source import Array
 from ..storage import TABLE_STORAGES, Storage
-from ..table import FILTERS, Filter
+from ..tables.grid import Grid
+from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
+from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
-from .grids import Grid, grid_of, is_anisotropic
+from .grids import grid_of, is_anisotropic
 
 _MOST_PREVIEW = 3  # closures of an isotropic preview
 _MOST_CANDIDATES = 100

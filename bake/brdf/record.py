@@ -13,9 +13,11 @@ from ..errors import BakeError
 from ..material_json import Fields
 from ..sampling.cell_sampler import CellSampler
 from ..storage import Storage
-from .baked_table import SAMPLERS, BakedTable, Layout, Table
+from ..tables.atlas import AtlasLayout
+from ..tables.table import Table
+from .baked_table import SAMPLERS, BakedTable, Layout
 from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
-from .grids import is_anisotropic, texture_size
+from .grids import is_anisotropic
 from .parts import (
     AlphaSearchRecord,
     CandidateRecord,
@@ -178,7 +180,7 @@ def _stored_as(images: Mapping[str, ImageRecord], name: str) -> Storage | None:
 def _table_of(fields: Fields, images: Mapping[str, ImageRecord]) -> TableRecord:
     """The table, of the size of its image. Raises BakeError."""
     table = TableRecord.parse(fields.part("table"), _stored_as(images, "table"))
-    check_size(images, "table", texture_size(table.grid), fields)
+    check_size(images, "table", AtlasLayout.of(table.grid).size, fields)
     return table
 
 
@@ -186,7 +188,7 @@ def _residual_of(fields: Fields, images: Mapping[str, ImageRecord], table: Table
     if not fields.has("residual"):
         return None
     residual = ResidualRecord.parse(fields.part("residual"), table, _stored_as(images, "residual"))
-    check_size(images, "residual", texture_size(residual.grid), fields)
+    check_size(images, "residual", AtlasLayout.of(residual.grid).size, fields)
     return residual
 
 

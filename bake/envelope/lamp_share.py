@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import xp_numpy
-from ..anisotropic.grid import slope_unwarp
 from ..errors import BakeError
 from ..sampling.cell_sampler import Evaluates
 from ..sampling.slope_cells import SlopeLayout
 from ..source import Array
+from ..tables.anisotropic_grids import slope_unwarp
 from .fitted import EnvelopeFit
 from .texture import LEAST_SHARE, guarded_share
 from .views import Directions, light_directions, slope_directions

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..accuracy import DirectionPairs, Reconstructed
 from ..source import Array
-from ..table import Filter
+from ..tables.accuracy import DirectionPairs, Reconstructed
+from ..tables.table import Filter
 from .fitted import EnvelopeFit
 from .viewers import Elevations, Source
 
@@ -49,8 +49,8 @@ def reconstruction_errors(
     Returns
     -------
     "envelope_and_residual", "table" and "overshoot" (E + R without a table), each the RMS in 1/sr and the
-    energy-relative error of `bake.accuracy`; "closer": which of the first two has the smaller RMS; and "rms_ratio",
-    that of the first over the second
+    energy-relative error of `bake.tables.accuracy`; "closer": which of the first two has the smaller RMS; and
+    "rms_ratio", that of the first over the second
     """
     truth = fit.viewers.treated(source).evaluate(pairs.wi, pairs.wo)
     envelope = fit.evaluate(pairs.wi, pairs.wo)

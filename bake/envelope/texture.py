@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..anisotropic.grid import azimuth_index
 from ..errors import BakeError
 from ..source import Array
+from ..tables.anisotropic_grids import azimuth_index
 from .fitted import ClosureFit, EnvelopeFit, PreviewFit
 from .viewers import ViewerGrid, Viewers
 

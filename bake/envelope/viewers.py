@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import BakeError
 from ..shading.lobes import Lobe
 from ..source import Array, BrdfSource
-from ..table import TreatedSource
+from ..tables.treated_source import TreatedSource
 from .anisotropic_lobes import ANISOTROPIC_BASIS, AnisotropicLobe
 from .closures import BASIS, Closure, neighbours
 from .views import Sizes, Views, Widths, chord_of, gauss_chords, interpolated, sample_views, slope_views

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import xp_numpy
-from ..anisotropic.grid import slope_unwarp
 from ..directions import spherical
 from ..errors import BakeError
 from ..quadrature import gauss_legendre
 from ..source import Array, BrdfSource
-from ..table import TreatedSource
+from ..tables.anisotropic_grids import slope_unwarp
+from ..tables.treated_source import TreatedSource
 
 # The viewer's elevation is taken between these, where directions and values are still well defined.
 _CHORDS = 1e-5, np.sqrt(1 - 1e-3)

@@ -10,14 +10,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..accuracy import DirectionPairs
 from ..source import BrdfSource
 from ..storage import TABLE_STORAGES, Storage
-from ..table import FILTERS, Filter
+from ..tables.accuracy import DirectionPairs
+from ..tables.table import FILTERS, Filter
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
-from .tabulation import Kind, Lookup, Tabulation, tabulation
+from .tabulation import Kind, Lookup, Tabulation, resized
 
 USUAL_FILTER, USUAL_STORAGE = "trilinear", Storage.HALF
 _TIMED = 1 << 14
@@ -83,7 +83,7 @@ def measure_tables(
     source: BrdfSource, journal: Journal, sizes: TableSizes, progress: Callable[[float], None]
 ) -> Measured:
     """All settings for one material; the error is at directions no table holds."""
-    made = tabulation(source)
+    made = Tabulation(source)
     found: list[Setting] = []
     ranked: dict[Kind, float] = {}
     for k, kind in enumerate(made.kinds):
@@ -107,12 +107,12 @@ def _rms(chosen: tuple[Any, float] | None) -> float:
 
 
 def _measured(made: Tabulation, chosen: Any, n: int, crossed: bool) -> list[dict[str, Any]]:
-    grid = made.resized(chosen, n)
+    grid = resized(chosen, n)
     if not made.texels(grid):
         return []
     samples, rows = made.values(grid), []
     for filter, storages in variants(crossed):
-        values = made.coefficients(samples, filter)
+        values = made.coefficients(grid, samples, filter)
         lookups = {storage: made.stored(grid, values, filter, storage) for storage in storages}
         # Only codes have to be decoded.
         timed = {storage is Storage.LOG: lookup for storage, lookup in lookups.items()}

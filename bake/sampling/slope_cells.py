@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from .. import xp_numpy
-from ..anisotropic.grid import azimuth_index, slope_unwarp, slope_warp
 from ..directions import spherical
 from ..source import Array
+from ..tables.anisotropic_grids import azimuth_index, slope_unwarp, slope_warp
 from .cell_sampler import HalfVector
 
 # Viewers per bin side.

@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 
 from .. import VERSION
 from ..albedo import directional_albedo
-from ..bake_brdf import BakeResult, TableSource
 from ..brdf.common import kind_of
 from ..brdf.record import BrdfRecord
 from ..bundle import StoredImage, read_bundle, write_bundle
 from ..errors import BakeError
 from ..origin import photographs_origin
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from ..result import BakeResult
 from ..source import BrdfSource
 from ..storage import IMAGE_STORAGES, Storage
-from ..table import BrdfTable
 from .light_angle import level_by_cosine
 from .lobe_fit import fit_lobe
 from .map_albedo import map_albedo_facts
@@ -197,9 +196,7 @@ def _measured_brdf(path: Path | None) -> tuple[BrdfRecord | None, BrdfSource | N
     if record.anisotropic:
         raise BakeError(path, "is anisotropic, and a swatch has no direction of its own", "name an isotropic one")
     record.load_sampler()
-    table = record.load_table()
-    assert isinstance(table, BrdfTable)
-    return record, TableSource(table, record.table.filter)
+    return record, record.load_table()
 
 
 def _f_r_facts(record: BrdfRecord | None, f_r: BrdfSource | None) -> dict[str, Any]:

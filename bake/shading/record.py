@@ -11,12 +11,13 @@ import numpy as np
 
 from ..brdf.baked_table import BakedTable
 from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
-from ..brdf.grids import is_anisotropic, texture_size
+from ..brdf.grids import is_anisotropic
 from ..brdf.parts import TableRecord, sampler_of
 from ..bundle import MATERIAL, Bundle
 from ..errors import BakeError
 from ..material_json import Fields
 from ..sampling.half_vector_cells import SamplerLayout
+from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
 from .record_parts import (
     LitAlbedoRecord,
@@ -170,7 +171,7 @@ def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> Meas
         raise BakeError(fields.where, "takes f_r from an anisotropic BRDF", "bake it again with an isotropic one")
     layout = sampler_of(fields.part("sampler"), anisotropic=False)
     assert isinstance(layout, SamplerLayout)
-    check_size(images, "table", texture_size(table.grid), fields)
+    check_size(images, "table", AtlasLayout.of(table.grid).size, fields)
     check_size(images, "sampler", (layout.cells, layout.n_o), fields)
     told = fields.part("f_r") if fields.has("f_r") else None
     albedo = told.number("albedo", 0, 10) if told and told.has("albedo") else None

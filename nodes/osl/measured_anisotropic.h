@@ -5,10 +5,10 @@
 
 #include "measured_materials.h"
 
-#define MM_LEAST_SUM 1e-3       // bake/anisotropic/grid.py
+#define MM_LEAST_SUM 1e-3       // bake/tables/anisotropic_grids.py
 #define MM_CELL_EDGE 0.999999   // bake/sampling/slope_cells.py
 
-// A four-dimensional table: the atlas of bake/anisotropic/atlas.py, its grid's sizes [a, b, r, c], and the shapes of
+// A four-dimensional table: the atlas of bake/tables/atlas.py, its grid's sizes [a, b, r, c], and the shapes of
 // two kinds of axes: in the half basis the slope widths along x and y, first of each; in the normal one what mm_forward
 // takes for the elevations and for phi_delta.
 struct MMTable4 {
@@ -57,7 +57,7 @@ float mm_slope_unwarp(float u, float width)
   return width * u / (1 - abs(u));
 }
 
-// NormalGrid.coordinates
+// AnisotropicNormalGrid.coordinates
 void mm_normal_coordinates4(MMTable4 table, vector wi, vector wo, output float at[4])
 {
   MMGrid grid = {"normal", table.parameterization, table.shape[0], table.shape[0], table.shape[1], 0};
@@ -70,7 +70,7 @@ void mm_normal_coordinates4(MMTable4 table, vector wi, vector wo, output float a
   at[3] = turn * (table.sizes[3] / 2);
 }
 
-// HalfGrid.coordinates
+// AnisotropicHalfGrid.coordinates
 void mm_half_coordinates4(MMTable4 table, vector wi, vector wo, output float at[4])
 {
   vector total = wi + wo;
@@ -83,7 +83,7 @@ void mm_half_coordinates4(MMTable4 table, vector wi, vector wo, output float at[
   at[3] = (0.5 + 0.5 * mm_slope_warp(total[0] / total[2], table.shape[0][0])) * (table.sizes[3] - 1);
 }
 
-// slice_uv, and the texture there; a and b whole, a at most two beyond its ends
+// bake/tables/atlas.py: atlas_uv, and the texture there; a and b whole, a at most two beyond its ends
 color mm_slice4(MMTable4 table, float a, float b, float r, float c)
 {
   int count = table.sizes[0];
@@ -127,9 +127,11 @@ color mm_lookup4(MMTable4 table, vector wi, vector wo, float random)
 {
   float at[4];
   float factor = 1;
-  if (table.basis == "half") {
+  if (startswith(table.basis, "half")) {
     mm_half_coordinates4(table, wi, wo, at);
     factor = max(0.5 * (wi[2] + wo[2]), MM_LEAST_SUM);
+    if (table.basis == "half squared")
+      factor *= max(0.5 * length(wi + wo), MM_LEAST_SUM);
   }
   else
     mm_normal_coordinates4(table, wi, wo, at);

@@ -10,11 +10,11 @@
 
 #include "stdcycles.h"
 
-#define MM_GUTTER 2          // bake/table.py
+#define MM_GUTTER 2          // bake/tables/padding.py
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py
 #define MM_LEAST_WEIGHT 2e-5 // above that of nodes/stochastic_mirror_group.py, where a metal carries most of these
 
-// A tabulated BRDF: the atlas of bake/atlas.py, and what its values are multiplied by, or their codes stand for.
+// A tabulated BRDF: the atlas of bake/tables/atlas.py, and what its values are multiplied by, or their codes stand for.
 struct MMTable {
   string image;
   float scale;
@@ -30,7 +30,7 @@ struct MMTable {
   int stochastic;
 };
 
-// Where its samples lie: bake/table.py: TableGrid, or bake/half_grid.py. A shape is Bezier's alpha in [0], or the
+// Where its samples lie: bake/tables/normal_grid.py or half_vector_grid.py. A shape is Bezier's alpha in [0], or the
 // constants of a LogWarp.
 struct MMGrid {
   string basis;
@@ -81,7 +81,7 @@ color mm_tap(string image, float s, float t, string interpolation, output float 
   return texture(image, s, t, 0.0, 0.0, 0.0, 0.0, "wrap", "clamp", "interp", interpolation, "alpha", alpha);
 }
 
-// bake/log_storage.py: LogCodes.decode; a range of 0 says that these are values
+// bake/tables/log_codes.py: LogCodes.decode; a range of 0 says that these are values
 color mm_decode(color code, vector range, vector gain)
 {
   return range[0] > 0 ? color(gain) * (exp(color(range) * code) - 1) : code;
@@ -143,7 +143,7 @@ vector mm_coordinates(MMGrid grid, vector wi, vector wo)
   return grid.basis == "half" ? mm_half_coordinates(grid, wi, wo) : mm_normal_coordinates(grid, wi, wo);
 }
 
-// bake/atlas.py: atlas_uv, and the texture there
+// bake/tables/atlas.py: atlas_uv, and the texture there
 color mm_slice(MMTable table, float index, float u_row, float u_phi)
 {
   int width = table.slice_columns + 2 * MM_GUTTER;
@@ -162,7 +162,7 @@ color mm_slice(MMTable table, float index, float u_row, float u_phi)
   return mm_decode(texel, table.log_range, table.log_gain);
 }
 
-// bake/table.py: bspline_weights
+// bake/tables/table.py: bspline_weights
 void mm_bspline_weights(float t, output float weights[4])
 {
   float r = 1 - t;

@@ -12,17 +12,18 @@ import numpy as np
 from mathutils import Matrix
 from measured_materials.addon.renderer import set_unbiased
 from measured_materials.addon.studio import remove_studio, render_linear
-from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
-from measured_materials.bake.anisotropic.atlas import SliceLayout
-from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry
-from measured_materials.bake.anisotropic.grid import NORMAL_KINDS
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.image_io import write_png
 from measured_materials.bake.preview import to_srgb
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources.analytic import AshikhminShirley, Ggx, Ward
 from measured_materials.bake.storage import Storage
+from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
+from measured_materials.bake.tables.anisotropic_grids import NORMAL_KINDS
+from measured_materials.bake.tables.atlas import AtlasLayout
+from measured_materials.bake.tables.grid_search import choose_grid
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
 from record import put
@@ -57,17 +58,16 @@ def run(out: Path, quick: bool) -> None:
 
 
 def _errors(resolutions: tuple[int, ...]) -> None:
-    pairs = turned_pairs(8192)
+    pairs = direction_pairs(8192, turned=True)
     heads = f"{'material':20s} {'basis':6s} {'spacing':8s} {'samples':>20s}"
     print(f"{heads} {'MB (half)':>9s} {'RMS 1/sr':>9s} {'energy off':>10s}")
     for name, source in SOURCES.items():
         truth = source.evaluate(pairs.wi, pairs.wo)
-        symmetry = measured_symmetry(source, pairs, truth)
         for n in resolutions:
             for basis, kind in (("half", "auto"), *(("normal", kind) for kind in NORMAL_KINDS)):
-                grid, _ = choose_grid(source, n, symmetry, basis, parameterization=kind)
-                error = quadrilinear_estimate(source, grid, pairs) - truth
-                width, height = SliceLayout.of(grid).size
+                grid = choose_grid(source, n, (basis,), kind).grid  # type: ignore[arg-type]
+                error = linear_estimate(source, grid, pairs) - truth
+                width, height = AtlasLayout.of(grid).size
                 memory = width * height * Storage.HALF.render_bytes(3) / 1e6
                 size = " x ".join(map(str, grid.shape))
                 words = f"{name:20s} {basis:6s} {'slopes' if kind == 'auto' else kind:8s} {size:>20s}"

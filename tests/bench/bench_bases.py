@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 from materials import merl_sources, rgl_files
-from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, trilinear_estimate
-from measured_materials.bake.grid_search import choose_grid
 from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
-from measured_materials.bake.table import Grid, TreatedSource
+from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.treated_source import TreatedSource
 from record import put
 from rich.progress import track
 
@@ -33,7 +34,7 @@ def measure(source: BrdfSource, pairs: DirectionPairs) -> dict[str, Any]:
     row["peakedness"] = row["signal"] / max(float((pairs.weight * truth.mean(-1) * pairs.wi[:, 2]).mean()), 1e-30)
 
     def rms(grid: Grid) -> float:
-        return pairs.rms(trilinear_estimate(treated, grid, pairs) - truth)
+        return pairs.rms(linear_estimate(treated, grid, pairs) - truth)
 
     choice = choose_grid(treated, N)
     found = {_column(c.grid): c.grid for c in sorted(choice.candidates, key=lambda c: -c.rms)}

@@ -14,20 +14,21 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from materials import merl_sources, rgl_files
-from measured_materials.bake.accuracy import DirectionPairs, direction_pairs, estimator_variance
-from measured_materials.bake.atlas import pack
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.grid_search import choose_grid
 from measured_materials.bake.image_io import write_image
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.storage import TABLE_STORAGES, Storage
-from measured_materials.bake.table import TreatedSource, pad_slices, tabulate
-from measured_materials.bake.table_storage import store_table
+from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, estimator_variance
+from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.stored_table import store_table
+from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 from record import put, put_range
 from rich.progress import track
 
@@ -46,8 +47,8 @@ def size_curve(source: BrdfSource, pairs: DirectionPairs, resolutions: tuple[int
     for n in resolutions:
         table = tabulate(treated, choose_grid(treated, n).grid)
         for storage in map(Storage, TABLE_STORAGES):
-            kept = store_table(table, pad_slices(table.values), storage, "trilinear", pairs, truth)
-            image = kept.image(pack(kept.table.values))
+            kept = store_table(table, storage, pairs, truth)
+            image = kept.image()
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / f"table{storage.suffix}"
                 write_image(file, image.pixels, image.storage)

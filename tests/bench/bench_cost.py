@@ -10,13 +10,14 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from measured_materials.addon.demo import PAINT
-from measured_materials.bake.accuracy import direction_pairs, table_errors
-from measured_materials.bake.alpha_search import search_alpha, with_alpha
-from measured_materials.bake.atlas import AtlasLayout
-from measured_materials.bake.bspline_fit import fit_coefficients
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import BrdfTable, TableGrid, pad_slices, tabulate
-from measured_materials.bake.table_storage import store_table
+from measured_materials.bake.tables.accuracy import direction_pairs, table_errors
+from measured_materials.bake.tables.alpha_search import search_alpha, with_alpha
+from measured_materials.bake.tables.atlas import AtlasLayout
+from measured_materials.bake.tables.bspline_fit import fit_coefficients
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.stored_table import store_table
+from measured_materials.bake.tables.table import Table, tabulate
 from record import put
 
 
@@ -30,18 +31,18 @@ def run(out: Path, quick: bool) -> None:
         width, height = AtlasLayout((n, n, 2 * n)).size
         memory = {storage: width * height * storage.render_bytes(3) / 1e6 for storage in (Storage.HALF, Storage.LOG)}
         started = time.perf_counter()
-        bezier = with_alpha(TableGrid(n, "bezier"), search_alpha(PAINT, n).by_error)
+        bezier = with_alpha(NormalVectorGrid(n, "bezier"), search_alpha(PAINT, n).by_error)
         search_seconds = time.perf_counter() - started
         for kind, grid in {"identity": None, "uniform": None, "bezier": bezier}.items():
             started = time.perf_counter()
-            table = tabulate(PAINT, grid or TableGrid(n, kind))  # type: ignore[arg-type]
+            table = tabulate(PAINT, grid or NormalVectorGrid(n, kind))  # type: ignore[arg-type]
             seconds = time.perf_counter() - started + (search_seconds if grid else 0)
             variants = {f"{kind}, trilinear": (table, "trilinear", Storage.HALF)}
             if grid:
                 variants[f"{kind}, nearest"] = (table, "nearest", Storage.HALF)
-                fitted = BrdfTable(grid, fit_coefficients(table.values))
+                fitted = Table(grid, fit_coefficients(table.grid, table.values))
                 variants[f"{kind}, B-spline fitted"] = (fitted, "bspline", Storage.HALF)
-                codes = store_table(table, pad_slices(table.values), Storage.LOG, "trilinear", pairs, truth).table
+                codes = store_table(table, Storage.LOG, pairs, truth).table
                 variants[f"{kind}, trilinear, log"] = (codes, "trilinear", Storage.LOG)
             for label, (values, filter, storage) in variants.items():
                 errors = table_errors(values, filter, pairs, truth)

@@ -13,7 +13,7 @@ import numpy as np
 from measured_materials.addon.lamps import lamp_image
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear, render_rgba
-from measured_materials.bake.bake_brdf import bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array, BrdfSource

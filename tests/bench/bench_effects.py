@@ -23,7 +23,8 @@ from measured_materials.addon.arc_material import set_repeat
 from measured_materials.addon.brdf_build import build_brdf
 from measured_materials.addon.choices import Choices, show_choices
 from measured_materials.addon.studio import render_linear
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image

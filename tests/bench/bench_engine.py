@@ -30,7 +30,7 @@ from materials import SHARED
 from measured_materials.addon.brdf_build import build_brdf
 from measured_materials.addon.choices import AUTO, NEVER, Choices
 from measured_materials.addon.principled_match import Principled, fit_principled
-from measured_materials.bake.bake_brdf import BakeSettings
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from record import put
 from rich.console import Console

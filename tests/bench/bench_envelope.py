@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from materials import merl_file, rgl_files
-from measured_materials.bake.accuracy import direction_pairs
 from measured_materials.bake.directions import normalize
 from measured_materials.bake.envelope import (
     BASIS,
@@ -27,7 +26,10 @@ from measured_materials.bake.envelope.views import gauss_chords, sample_views
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
-from measured_materials.bake.table import TableGrid, TreatedSource, tabulate
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 
 MERL = (
     "pink-felt", "white-fabric2", "beige-fabric", "green-latex", "pvc", "specular-black-phenolic",
@@ -39,7 +41,7 @@ TRIAL = {
     "pink-felt": 0.90, "white-fabric2": 0.90, "beige-fabric": 0.90, "alum-bronze": 0.60, "chrome": 0.05,
     "irid_flake_paint1_rgb": 0.36, "satin_rosaline_rgb": 0.74, "paper_white_rgb": 0.86,
 }  # fmt: skip
-GRID = TableGrid(64, "bezier", 0.5, 0.5)
+GRID = NormalVectorGrid(64, "bezier", 0.5, 0.5)
 
 
 def run(out: Path, quick: bool) -> None:

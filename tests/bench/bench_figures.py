@@ -18,8 +18,9 @@ import numpy as np
 from materials import SHARED, has_measurements, merl_file
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.image_io import read_image, write_image
 from measured_materials.bake.source import Array, BrdfSource

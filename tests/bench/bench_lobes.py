@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from measured_materials.addon.lobe_timing import BARE_POWER
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from measured_materials.addon.lobe_timing import BARE_POWER, measure_rendered
+from measured_materials.addon.lobe_timing import measure_rendered
 from measured_materials.addon.render_timing import Effort
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.cosine_lobes import (

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from materials import cornell_files, rgl_files
-from measured_materials.bake.accuracy import estimator_variance
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import read_source
-from measured_materials.bake.table import TreatedSource
+from measured_materials.bake.tables.accuracy import estimator_variance
+from measured_materials.bake.tables.treated_source import TreatedSource
 
 ANGLES = (0.1, 0.6, 1.1, 1.4)
 

@@ -13,14 +13,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import FILTERS
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
 from record import put
@@ -30,7 +31,8 @@ from speed_of_kinds import compare_kinds
 _BAKE = """
 import json, resource, sys, time
 started = time.perf_counter()
-from measured_materials.bake.bake_brdf import BakeSettings, bake_file
+from measured_materials.bake.brdf.bake import bake_file
+from measured_materials.bake.brdf.settings import BakeSettings
 result = bake_file(sys.argv[1], sys.argv[2], BakeSettings(filter=sys.argv[3]))
 seconds = time.perf_counter() - started
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3

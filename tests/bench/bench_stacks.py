@@ -16,10 +16,10 @@ from measured_materials.addon.arc_material import set_repeat
 from measured_materials.addon.lamps import lamp_image, update_scene
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.bake_brdf import BakeResult
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.image_io import load_openimageio
 from measured_materials.bake.photographs.stack import StackSettings
+from measured_materials.bake.result import BakeResult
 from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
 from measured_materials.bake.shading.power_law import fit
 from measured_materials.bake.shading.record import ShadingMapRecord

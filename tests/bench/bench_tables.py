@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 from materials import merl_sources, rgl_files
-from measured_materials.bake.accuracy import direction_pairs, trilinear_estimate
-from measured_materials.bake.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
-from measured_materials.bake.table import TableGrid, TreatedSource, tabulate
+from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
+from measured_materials.bake.tables.alpha_search import search_alpha, with_alpha
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 from record import put
 from rich.progress import track
 
@@ -27,10 +29,10 @@ def measure(source: BrdfSource) -> dict[str, Any]:
     pairs = direction_pairs(32768)
     truth = treated.evaluate(pairs.wi, pairs.wo)
     search = search_alpha(treated, N, direction_pairs(8192, offset=0.25), intensity_n=N)
-    bezier = TableGrid(N, "bezier")
+    bezier = NormalVectorGrid(N, "bezier")
     grids = {
-        "identity": TableGrid(N, "identity"),
-        "uniform": TableGrid(N, "uniform"),
+        "identity": NormalVectorGrid(N, "identity"),
+        "uniform": NormalVectorGrid(N, "uniform"),
         "by intensity": with_alpha(bezier, search.by_intensity),
         "by error": with_alpha(bezier, search.by_error),
     }
@@ -38,7 +40,7 @@ def measure(source: BrdfSource) -> dict[str, Any]:
     # How much the value varies over the cosine-weighted directions says glossy or matte, without any table.
     row["peakedness"] = row["signal"] / max(float((pairs.weight * truth.mean(-1) * pairs.wi[:, 2]).mean()), 1e-30)
     for name, grid in grids.items():
-        row[f"rms {name}"] = pairs.rms(trilinear_estimate(treated, grid, pairs) - truth)
+        row[f"rms {name}"] = pairs.rms(linear_estimate(treated, grid, pairs) - truth)
         row[f"intensity {name}"] = tabulate(treated, grid).total_intensity
         if name.startswith("by"):
             row[f"alpha {name}"] = f"{grid.alpha_theta:.3f} {grid.alpha_phi:.3f}"

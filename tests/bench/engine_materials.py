@@ -10,7 +10,8 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from materials import SHARED, merl_file
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import analytic, read_source
 

@@ -20,12 +20,15 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from materials import all_sources
-from measured_materials.bake.accuracy import direction_pairs
-from measured_materials.bake.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.grid_search import choose_grid
-from measured_materials.bake.half_grid import HalfGrid
-from measured_materials.bake.table import Grid, TableGrid, TreatedSource, tabulate
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.alpha_search import search_alpha, with_alpha
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 from rich.progress import track
 
 N = 64
@@ -99,22 +102,22 @@ def mean_over_angles(source: TreatedSource, count: int = 1 << 17) -> float:
 def _grids(source: TreatedSource, n: int) -> Iterator[tuple[str, str, Grid]]:
     """(basis, table, grid) of all tables of about equal bytes."""
     search = search_alpha(source, n, direction_pairs(8192, offset=0.25))
-    bezier = TableGrid(n, "bezier")
+    bezier = NormalVectorGrid(n, "bezier")
     for kind in _PLAIN:
-        yield "normal", kind, TableGrid(n, kind)  # type: ignore[arg-type]
+        yield "normal", kind, NormalVectorGrid(n, kind)  # type: ignore[arg-type]
     yield "normal", "Bezier of most intensity", with_alpha(bezier, search.by_intensity)
     yield "normal", "Bezier of least error", with_alpha(bezier, search.by_error)
     yield "normal", "fitted", choose_grid(source, n, ("normal",), "fitted").grid
     for kind in _PLAIN:
         yield "half", kind, choose_grid(source, n, ("half",), kind).grid  # type: ignore[arg-type]
     by_error = choose_grid(source, n, ("half",), "bezier").grid
-    assert isinstance(by_error, HalfGrid)
+    assert isinstance(by_error, HalfVectorGrid)
     yield "half", "Bezier of most intensity", replace(by_error, alphas=_brightest(source, by_error))
     yield "half", "Bezier of least error", by_error
     yield "half", "fitted", choose_grid(source, n, ("half",), "fitted").grid
 
 
-def _brightest(source: TreatedSource, grid: HalfGrid) -> tuple[float, float, float]:
+def _brightest(source: TreatedSource, grid: HalfVectorGrid) -> tuple[float, float, float]:
     """Shapes of the largest intensity, on a grid of a quarter of the resolution."""
     n_d, n_h, n_phi = (max(4, size // 4) for size in grid.sizes)
     coarse = replace(grid, sizes=(n_d, n_h, n_phi))

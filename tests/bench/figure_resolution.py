@@ -24,15 +24,16 @@ from bench_anisotropic import SOURCES as ANISOTROPIC
 from engine_materials import KINDS
 from figure_turning import grids
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.accuracy import direction_pairs, trilinear_estimate
-from measured_materials.bake.anisotropic.accuracy import quadrilinear_estimate, turned_pairs
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
-from measured_materials.bake.bspline_fit import fit_coefficients
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.grid_search import BASES, choose_grid
 from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.source import BrdfSource
-from measured_materials.bake.table import FILTERS, BrdfTable, TreatedSource, tabulate
+from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
+from measured_materials.bake.tables.bspline_fit import fit_coefficients
+from measured_materials.bake.tables.grid_search import BASES, choose_grid
+from measured_materials.bake.tables.table import FILTERS, Table, tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 from measured_materials.nodes.material import build_material
 from rich.progress import track
 
@@ -89,25 +90,25 @@ def _errors(name: str, source: BrdfSource, resolutions: tuple[int, ...]) -> Iter
                 grid = choose_grid(treated, n, (basis,), kind).grid  # type: ignore[arg-type]
                 row = {"material": name, "basis": basis, "table": kind, "n": n, "shape": " ".join(map(str, grid.shape))}
                 row["entries"] = int(np.prod(grid.shape))
-                rms = pairs.rms(trilinear_estimate(treated, grid, pairs) - truth)
+                rms = pairs.rms(linear_estimate(treated, grid, pairs) - truth)
                 yield {**row, "filter": "trilinear", "rms": rms}
                 if kind != "fitted":
                     continue
                 table = tabulate(treated, grid)
-                spline = BrdfTable(grid, fit_coefficients(table.values))
+                spline = Table(grid, fit_coefficients(table.grid, table.values))
                 for filter, stored in (("nearest", table), ("bspline", spline)):
                     difference = stored.evaluate(pairs.wi, pairs.wo, filter) - truth  # type: ignore[arg-type]
                     yield {**row, "filter": filter, "rms": pairs.rms(difference)}
 
 
 def _anisotropic_errors(name: str, source: BrdfSource, resolutions: tuple[int, ...]) -> Iterator[dict[str, Any]]:
-    pairs = turned_pairs(16384)
+    pairs = direction_pairs(16384, turned=True)
     truth = source.evaluate(pairs.wi, pairs.wo)
     for n in track(resolutions, f"{name}, errors"):
         for kind, grid in grids(source, n).items():
             row = {"material": name, "basis": grid.basis, "table": kind, "n": n}
             row |= {"shape": " ".join(map(str, grid.shape)), "entries": int(np.prod(grid.shape))}
-            rms = pairs.rms(quadrilinear_estimate(source, grid, pairs) - truth)
+            rms = pairs.rms(linear_estimate(source, grid, pairs) - truth)
             yield {**row, "filter": "trilinear", "rms": rms}
 
 

@@ -23,14 +23,14 @@ from measured_materials.addon import lamps, studio_shapes
 from measured_materials.addon.picture_sheet import Cell, write_sheet
 from measured_materials.addon.renderer import set_unbiased
 from measured_materials.addon.studio import remove_studio, render_linear
-from measured_materials.bake.anisotropic.accuracy import turned_pairs
-from measured_materials.bake.anisotropic.choice import choose_grid, measured_symmetry
-from measured_materials.bake.anisotropic.grid import Grid
-from measured_materials.bake.anisotropic.table import tabulate
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.source import Array, BrdfSource
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.table import tabulate
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
 from rich.progress import track
@@ -117,13 +117,9 @@ def direction_of(azimuth: float) -> Array:
 
 def grids(source: BrdfSource, n: int) -> dict[str, Grid]:
     """Of about equal bytes."""
-    pairs = turned_pairs(8192)
-    symmetry = measured_symmetry(source, pairs, source.evaluate(pairs.wi, pairs.wo))
-    normal = {
-        kind: choose_grid(source, n, symmetry, "normal", parameterization=kind)[0]
-        for kind in ("identity", "uniform", "bezier", "fitted")
-    }
-    return normal | {"half vectors": choose_grid(source, n, symmetry, "half")[0]}
+    kinds: tuple[Any, ...] = ("identity", "uniform", "bezier", "fitted")
+    normal = {kind: choose_grid(source, n, ("normal",), kind).grid for kind in kinds}
+    return normal | {"half vectors": choose_grid(source, n, ("half",)).grid}
 
 
 def _sheet(path: Path, name: str, source: BrdfSource, scene: Scene, n: int, samples: int) -> list[dict[str, Any]]:

@@ -14,7 +14,8 @@ from bench_anisotropic import BRUSHED, anisotropic_principled
 from measured_materials.addon.brdf_build import build_brdf
 from measured_materials.addon.choices import Choices
 from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import MetallicPaint

@@ -8,10 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake.anisotropic.grid import Grid
 from measured_materials.bake.errors import BakeError
-from measured_materials.nodes.osl_anisotropic import grid_constants
-from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
+from measured_materials.bake.tables.grid import Grid
+from measured_materials.nodes.osl_script import (
+    grid_constants,
+    output,
+    require_osl,
+    script_node,
+    shader_source,
+    with_headers,
+)
 
 from .cards import card
 
@@ -22,7 +28,7 @@ def declared_table4(grid: Grid, file: Path, filter: str, log: str = "vector(0), 
     sizes, (first, second) = ", ".join(map(str, grid.shape)), (c["Shape1"], c["Shape2"])
     return f"""int sizes[4] = {{{sizes}}};
       vector shape[2] = {{vector{first}, vector{second}}};
-      MMTable4 table = {{"{file}", 1, 0, {log}, "{grid.basis}", sizes, {c["Columns"]}, {c["Rows"]},
+      MMTable4 table = {{"{file}", 1, 0, {log}, "{c["Basis"]}", sizes, {c["Columns"]}, {c["Rows"]},
                          "{c["Parameterization"]}", shape, {c["Folded"]}, "{filter}", 0}};"""
 
 

@@ -10,13 +10,12 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 from measured_materials.bake import parameterization as par
-from measured_materials.bake.anisotropic.grid import HalfGrid as SlopeGrid
-from measured_materials.bake.anisotropic.grid import NormalGrid
-from measured_materials.bake.half_grid import HalfGrid
 from measured_materials.bake.parameterization import NARROWEST_END, WIDEST_END, LogWarp
-from measured_materials.bake.table import TableGrid
+from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_material import grid_constants
+from measured_materials.nodes.osl_script import grid_constants
 from measured_materials.nodes.table_lookup_group import coordinates_group
 
 from . import truth
@@ -38,11 +37,11 @@ SHAPES: dict[str, tuple[Any, ...]] = {
     "bezier": ALPHAS,
     "fitted": WARPS,
 }
-NORMAL = TableGrid(16, "bezier", 0.3, 0.15)
-NORMAL_FITTED = TableGrid(16, "fitted", warps=(LogWarp(0.003, 0.4), LogWarp(0.01, 0.1)))
-HALF = HalfGrid((12, 20, 9), "fitted", warps=(LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4)))
-SLOPES = SlopeGrid((12, 6, 15, 17), 0.2, 0.6)
-AROUND = NormalGrid((12, 7, 8, 20), 0.4, 0.3)
+NORMAL = NormalVectorGrid(16, "bezier", 0.3, 0.15)
+NORMAL_FITTED = NormalVectorGrid(16, "fitted", warps=(LogWarp(0.003, 0.4), LogWarp(0.01, 0.1)))
+HALF = HalfVectorGrid((12, 20, 9), "fitted", warps=(LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4)))
+SLOPES = AnisotropicHalfGrid((12, 6, 15, 17), 0.2, 0.6)
+AROUND = AnisotropicNormalGrid((12, 7, 8, 20), 0.4, 0.3)
 _TINY = "0, 1, 0.5, an ulp beside each, 1e-7 to 1e-45"
 
 
@@ -169,8 +168,8 @@ def _angles(function: Callable[..., Any]) -> Callable[..., Array]:
     return lambda wi, wo: np.nan_to_num(truth.each(function)(wi, wo))
 
 
-def _normal(name: str, grid: TableGrid) -> Case:
-    kind, (theta, phi) = grid.parameterization, grid.shapes
+def _normal(name: str, grid: NormalVectorGrid) -> Case:
+    kind, (theta, phi) = grid.parameterization, grid.axis_shapes
 
     def row(wi: Any, wo: Any) -> tuple[Any, ...]:
         theta_o, theta_i, phi_delta = truth.normal_angles(wi, wo)

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured_materials.bake.bake_brdf import BakeSettings, TableSource, bake_source
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.image_io import write_image
@@ -92,7 +93,7 @@ def _baked(source: Any, folder: Path, settings: BakeSettings) -> tuple[Any, dict
     for name in bundle.material["images"]:
         pixels = bundle.load(name)
         assert np.isfinite(pixels).all() and pixels.min() >= 0, name
-    return TableSource(BrdfRecord.read(bundle).load_table(), settings.filter), bundle.material
+    return replace(BrdfRecord.read(bundle).load_table(), filter=settings.filter), bundle.material
 
 
 def _constant(value: float, storage: str, folder: Path, **settings: Any) -> float:

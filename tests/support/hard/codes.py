@@ -7,7 +7,7 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from measured_materials.bake.log_storage import LEAST_PEAK, LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
+from measured_materials.bake.tables.log_codes import LEAST_PEAK, LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 
 from .case import Array, Case, Osl
 from .truth import each

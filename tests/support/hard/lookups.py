@@ -9,10 +9,6 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.anisotropic.atlas import pack as pack_slopes
-from measured_materials.bake.anisotropic.table import AnisotropicTable
-from measured_materials.bake.atlas import pack
-from measured_materials.bake.bake_brdf import TableSource
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.image_io import write_image
 from measured_materials.bake.sampling.cell_sampler import build_sampler
@@ -20,12 +16,13 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
-from measured_materials.bake.table import BrdfTable, tabulate
+from measured_materials.bake.tables.atlas import pack
+from measured_materials.bake.tables.table import Table, tabulate
 from measured_materials.nodes import expr
 from measured_materials.nodes.alias_sampler_group import alias_sampler_group
 from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_material import grid_constants
+from measured_materials.nodes.osl_script import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 
 from ..cards import data_image
@@ -79,7 +76,7 @@ def _values(kind: Kind) -> Array:
 
 
 def _table(kind: Kind) -> Any:
-    return (AnisotropicTable if kind.four else BrdfTable)(kind.grid, _values(kind))
+    return Table(kind.grid, _values(kind))
 
 
 def _probes(kind: Kind) -> tuple[Array, Array]:
@@ -105,7 +102,7 @@ def _steps(axes: int) -> list[tuple[int, ...]]:
 def _tent(kind: Kind, wi: Array, wo: Array) -> Array:
     """Weight of the bright texel from the distance to it along every axis, in samples."""
     grid = kind.grid
-    position = grid.coordinates(xp_numpy, wi, wo) if kind.four else grid.coordinates(wi, wo)
+    position = grid.coordinates(xp_numpy, wi, wo)
     weight = np.ones(len(wi))
     for axis, (p, i) in enumerate(zip(position, kind.texel)):
         distance = np.abs(p - i)
@@ -151,15 +148,15 @@ def _lookup(kind: Kind) -> Case:
 
 def _lookup_group(kind: Kind) -> Any:
     if kind.four:
-        image = data_image(kind.name, pack_slopes(kind.grid, _values(kind)))
+        image = data_image(kind.name, pack(kind.grid, _values(kind)))
         return anisotropic_lookup_group(f"hard {kind.name}", image, kind.grid, kind.filter)
-    image = data_image(kind.name, pack(_values(kind)))
+    image = data_image(kind.name, pack(kind.grid, _values(kind)))
     return table_lookup_group(f"hard {kind.name}", image, kind.grid, kind.filter)
 
 
 def _osl_lookup(kind: Kind, folder: Path) -> Osl:
     file = folder / f"{kind.name.replace(' ', '_')}.exr"
-    packed = pack_slopes(kind.grid, _values(kind)) if kind.four else pack(_values(kind))
+    packed = pack(kind.grid, _values(kind))
     write_image(file, packed, Storage.FLOAT32)
     table = declared_table4(kind.grid, file, kind.filter) if kind.four else osl_table(kind.grid, file, kind.filter)
     header = "measured_anisotropic.h" if kind.four else "measured_materials.h"
@@ -177,7 +174,7 @@ def osl_table(grid: Any, file: Path, filter: str = "trilinear") -> str:
 
 
 @cache
-def _glossy() -> BrdfTable:
+def _glossy() -> Table:
     return tabulate(GLOSSY, HALF)
 
 
@@ -186,13 +183,13 @@ def _reciprocal() -> Case:
 
     def osl(folder: Path) -> Osl:
         file = folder / "reciprocal.exr"
-        write_image(file, pack(_glossy().values), Storage.FLOAT32)
+        write_image(file, pack(_glossy().grid, _glossy().values), Storage.FLOAT32)
         body = osl_table(HALF, file) + "color c = mm_lookup(table, g, wi, wo, 0.5) - mm_lookup(table, g, wo, wi, 0.5);"
         return Osl(body + "for (int k = 0; k < 3; ++k) y[k] = c[k];", 3, ("wi", "wo"))
 
     def nodes(folder: Path, wi: Any, wo: Any) -> Any:
         group = table_lookup_group(
-            "hard reciprocal", data_image("reciprocal", pack(_glossy().values)), HALF, "trilinear"
+            "hard reciprocal", data_image("reciprocal", pack(_glossy().grid, _glossy().values)), HALF, "trilinear"
         )
         return call(group, wi, wo, 0.5) - call(group, wo, wi, 0.5)
 
@@ -252,7 +249,7 @@ _ENDS = "random numbers exactly 0 and 1; viewers from the normal to 89.99 degree
 
 def _alias() -> Case:
     layout = SamplerLayout(16, 24, 16)
-    sampler = build_sampler(TableSource(_table(KINDS[2]), "trilinear"), layout)
+    sampler = build_sampler(_table(KINDS[2]), layout)
 
     def osl(folder: Path) -> Osl:
         file = folder / "cells.exr"

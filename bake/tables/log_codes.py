@@ -20,10 +20,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from . import xp_numpy
-from .errors import BakeError
-from .source import Array
-from .storage import BYTE_STEP
+from .. import xp_numpy
+from ..errors import BakeError
+from ..source import Array
+from ..storage import BYTE_STEP
 
 Triple = tuple[float, float, float]
 

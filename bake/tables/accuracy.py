@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from . import xp_numpy
-from .directions import normalize, spherical
-from .source import Array, BrdfSource
-from .table import Filter, Grid, TreatedSource
+from .. import xp_numpy
+from ..directions import normalize, spherical
+from ..source import Array, BrdfSource
+from .grid import Grid
+from .table import Filter
 
-# Exponent of the half-vector warp m = u^4: it resolves peaks of 0.02 degrees, see `sampling.half_vector_cells`.
 _WARP = 4.0
+_GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True)
 class DirectionPairs:
     """Weighted direction pairs: `weight` turns a mean over them into a mean over both hemispheres.
 
-    wi, wo : (P, 3), wo in the x-z plane; weight : (P,)
+    wi, wo : (P, 3); weight : (P,)
     """
 
     wi: Array
@@ -36,6 +38,10 @@ class DirectionPairs:
         degrees of the horizon, and to the luck of which pairs fell there.
         """
         return self.wi[:, 2:] * self.wo[:, 2:]
+
+    def first(self, count: int) -> DirectionPairs:
+        """So many of them, from the first."""
+        return DirectionPairs(self.wi[:count], self.wo[:count], self.weight[:count])
 
     def rms(self, difference: Array) -> float:
         """Cosine-weighted root mean square over uniform wi and wo, of a BRDF difference (P, 3) in 1/sr."""
@@ -74,7 +80,7 @@ def table_errors(table: Reconstructed, filter: Filter, pairs: DirectionPairs, tr
     }
 
 
-def direction_pairs(count: int, offset: float = 0.5) -> DirectionPairs:
+def direction_pairs(count: int, offset: float = 0.5, turned: bool = False) -> DirectionPairs:
     """A low-discrepancy set of direction pairs, half of it crowding round the mirror direction.
 
     Uniform directions alone would meet a chrome peak in one of a hundred thousand draws. Half the pairs are drawn
@@ -84,6 +90,8 @@ def direction_pairs(count: int, offset: float = 0.5) -> DirectionPairs:
     ----------
     count : number of pairs; about 5 % fall below the horizon and are dropped
     offset : start of the sequence in [0, 1): another value gives other points, shifted from the first
+    turned : each pair turned about the normal by an angle of its own, for an anisotropic source; otherwise wo lies in
+        the x-z plane
     """
     u = _additive_recurrence(count, 4, offset)
     wo = spherical(np.arccos(u[:, 0]), 0.0)
@@ -99,7 +107,18 @@ def direction_pairs(count: int, offset: float = 0.5) -> DirectionPairs:
     weight = 1 / (0.5 + 0.5 * (2 * np.pi) * pdf_half)
     keep = (wi[:, 2] > 1e-3) & (wo[:, 2] > 1e-3)
     # Dropped pairs lie outside the domain; the mean must still be over all draws.
-    return DirectionPairs(wi[keep], wo[keep], weight[keep] * (keep.sum() / count))
+    pairs = DirectionPairs(wi[keep], wo[keep], weight[keep] * (keep.sum() / count))
+    return _turned(pairs, offset) if turned else pairs
+
+
+def _turned(pairs: DirectionPairs, offset: float) -> DirectionPairs:
+    phi = 2 * np.pi * ((offset + np.arange(len(pairs.wi)) * _GOLDEN) % 1)
+    cosine, sine = np.cos(phi), np.sin(phi)
+
+    def turn(w: Array) -> Array:
+        return np.stack([cosine * w[:, 0] - sine * w[:, 1], sine * w[:, 0] + cosine * w[:, 1], w[:, 2]], -1)
+
+    return DirectionPairs(turn(pairs.wi), turn(pairs.wo), pairs.weight)
 
 
 def _additive_recurrence(count: int, dimensions: int, offset: float) -> Array:
@@ -111,19 +130,25 @@ def _additive_recurrence(count: int, dimensions: int, offset: float) -> Array:
     return (offset + np.arange(1, count + 1)[:, None] * steps) % 1.0
 
 
-def trilinear_estimate(source: BrdfSource | TreatedSource, grid: Grid, pairs: DirectionPairs) -> Array:
-    """What a trilinear table on this grid would return at the pairs, (P, 3), without building the table.
+def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Array:
+    """What a table on this grid, linear along each axis, would return at the pairs, (P, 3), without building the table.
 
-    Only the eight samples round each pair are evaluated, so that a search over many grids costs little.
+    Only the 8 or 16 samples round each pair are evaluated, so that a search over many grids costs little.
     """
-    position = grid.coordinates(pairs.wi, pairs.wo)
-    base = [np.minimum(np.floor(p), n - 2).astype(np.intp) for p, n in zip(position, grid.shape)]
-    t = [p - b for p, b in zip(position, base)]
-    corner = np.array([[o, i, p] for o in (0, 1) for i in (0, 1) for p in (0, 1)])
-    index = [b[:, None] + corner[:, k] for k, b in enumerate(base)]
-    weight = np.prod([np.where(corner[:, k], t[k][:, None], 1 - t[k][:, None]) for k in range(3)], 0)
-    values = source.evaluate(*grid.directions(*index))
-    return (values * weight[..., None]).sum(1)
+    position = grid.coordinates(xp_numpy, pairs.wi, pairs.wo)
+    corners = np.array(list(itertools.product((0, 1), repeat=len(position))))
+    index, weights = [], []
+    for axis, (place, n, boundary) in enumerate(zip(position, grid.shape, grid.boundaries, strict=True)):
+        around = boundary == "around"
+        base = np.floor(place) if around else np.minimum(np.floor(place), n - 2)
+        t = (place - base)[:, None]
+        whole = base.astype(np.intp)[:, None] + corners[:, axis]
+        index.append(whole % n if around else whole)
+        weights.append(np.where(corners[:, axis], t, 1 - t))
+    wi, wo = grid.directions(*index)
+    weight = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
+    values = (source.evaluate(wi, wo) * weight[..., None]).sum(1)
+    return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
 
 
 def estimator_variance(

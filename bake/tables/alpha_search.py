@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from .accuracy import DirectionPairs, direction_pairs, trilinear_estimate
-from .source import Array, BrdfSource
-from .table import TableGrid, TreatedSource
+from ..source import Array, BrdfSource
+from .accuracy import DirectionPairs, direction_pairs, linear_estimate
+from .normal_grid import NormalVectorGrid
 
 _COARSE = (0.0, 0.25, 0.5, 0.75, 1.0)
 _FINE = (-0.125, 0.0, 0.125)
@@ -57,7 +57,7 @@ class AlphaSearch:
 
 
 def search_alpha(
-    source: BrdfSource | TreatedSource,
+    source: BrdfSource,
     n: int,
     pairs: DirectionPairs | None = None,
     truth: Array | None = None,
@@ -80,8 +80,8 @@ def search_alpha(
     def attempt(alpha_theta: float, alpha_phi: float) -> None:
         key = (min(max(alpha_theta, 0.0), 1.0), min(max(alpha_phi, 0.0), 1.0))
         if key not in tried:
-            rms = pairs.rms(trilinear_estimate(source, TableGrid(n, "bezier", *key), pairs) - truth)
-            intensity = estimate_intensity(source, TableGrid(min(n, intensity_n), "bezier", *key))
+            rms = pairs.rms(linear_estimate(source, NormalVectorGrid(n, "bezier", *key), pairs) - truth)
+            intensity = estimate_intensity(source, NormalVectorGrid(min(n, intensity_n), "bezier", *key))
             tried[key] = AlphaTrial(*key, intensity, rms)
         if progress:
             progress(min(len(tried) / 41, 1.0))
@@ -97,7 +97,7 @@ def search_alpha(
     return AlphaSearch(tuple(tried.values()))
 
 
-def estimate_intensity(source: BrdfSource | TreatedSource, grid: TableGrid, stride: int = 8) -> float:
+def estimate_intensity(source: BrdfSource, grid: NormalVectorGrid, stride: int = 8) -> float:
     """Total intensity of the table on this grid from about a third of its samples.
 
     The sum lives in the mirror direction and, for some materials, in the retro-reflection: azimuths near pi and near
@@ -113,6 +113,6 @@ def estimate_intensity(source: BrdfSource | TreatedSource, grid: TableGrid, stri
     return float((values * weight).sum(dtype=np.float64))
 
 
-def with_alpha(grid: TableGrid, trial: AlphaTrial) -> TableGrid:
+def with_alpha(grid: NormalVectorGrid, trial: AlphaTrial) -> NormalVectorGrid:
     """The grid with a trial's shape parameters."""
     return replace(grid, alpha_theta=trial.alpha_theta, alpha_phi=trial.alpha_phi)

@@ -3,43 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
+from ..bundle import StoredImage
+from ..source import Array
+from ..storage import Storage, as_stored, offset_for, raised, scale_for
 from .accuracy import DirectionPairs
-from .bundle import StoredImage
-from .log_storage import LogCodes, fit_codes
-from .source import Array
-from .storage import Storage, as_stored, offset_for, raised, scale_for
-from .table import Filter
-
-
-class _Table(Protocol):
-    """A `table.BrdfTable` or an `anisotropic.table.AnisotropicTable`."""
-
-    @property
-    def values(self) -> Array: ...
-
-    @property
-    def log(self) -> LogCodes | None: ...
-
-    def evaluate(self, wi: Array, wo: Array, filter: Filter) -> Array: ...
-
-
-T = TypeVar("T", bound=_Table)
+from .atlas import pack
+from .log_codes import LogCodes, fit_codes
+from .padding import pad_slices
+from .table import Table
 
 
 @dataclass(frozen=True)
-class StoredTable(Generic[T]):
+class StoredTable:
     """A table of the values that come back, the storage, and what they were multiplied by in the file."""
 
-    table: T
+    table: Table
     storage: Storage
     scale: float = 1.0
 
-    def image(self, atlas: Array) -> StoredImage:
-        """Of its packed values."""
+    def image(self) -> StoredImage:
+        """Its atlas."""
+        atlas = pack(self.table.grid, self.table.values)
         texels = raised(atlas, self.scale, self.storage) if self.table.log is None else self.table.log.encode(atlas)
         return StoredImage(texels, self.storage.image)
 
@@ -49,27 +37,26 @@ class StoredTable(Generic[T]):
         return {"scale": self.scale, "offset": offset_for(self.storage), **log}
 
 
-def store_table(
-    table: T, padded: Array, storage: Storage, filter: Filter, pairs: DirectionPairs, truth: Array
-) -> StoredTable[T]:
+def store_table(table: Table, storage: Storage, pairs: DirectionPairs, truth: Array) -> StoredTable:
     """The table as it comes back.
 
     Parameters
     ----------
-    padded : its values with all that continues them beyond poles, which may exceed every sample
-    filter, pairs, truth : what the codes of storage "log" are fitted for, truth (P, 3) the BRDF that was tabulated
+    pairs, truth : what the codes of storage "log" are fitted for, truth (P, 3) the BRDF that was tabulated
 
     Raises ValueError or BakeError for values that the storage cannot hold.
     """
+    # What continues the values beyond poles may exceed every sample.
+    padded = pad_slices(table.grid, table.values)
     if storage is not Storage.LOG:
         scale = scale_for(padded, storage)
-        return StoredTable(replace(table, values=as_stored(table.values, scale, storage)), storage, scale)  # type: ignore[type-var]
+        return StoredTable(replace(table, values=as_stored(table.values, scale, storage)), storage, scale)
     light = truth * pairs.cosines
 
     def channel_errors(codes: LogCodes) -> Array:
         # Of values as they are, for these come to the same codes as rounded ones: the table is decoded once, not at
         # every trial.
-        found = replace(table, log=codes).evaluate(pairs.wi, pairs.wo, filter) * pairs.cosines  # type: ignore[type-var]
+        found = replace(table, log=codes).evaluate(pairs.wi, pairs.wo) * pairs.cosines
         # The RMS alone is of highlights: on chrome it would leave a tenth of the energy, all that is dark, in code 0.
         # Roots are about what a display shows.
         shown = pairs.weight @ np.abs(np.sqrt(found) - np.sqrt(light))
@@ -80,7 +67,6 @@ def store_table(
     return StoredTable(with_codes(table, codes), storage)
 
 
-def with_codes(table: T, codes: LogCodes) -> T:
+def with_codes(table: Table, codes: LogCodes) -> Table:
     """The table as it comes back from these codes."""
-    made: T = replace(table, values=codes.rounded(table.values), log=codes)  # type: ignore[type-var]
-    return made
+    return replace(table, values=codes.rounded(table.values), log=codes)

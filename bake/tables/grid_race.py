@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .accuracy import direction_pairs, trilinear_estimate
-from .source import Array, BrdfSource
-from .table import Grid, TreatedSource
+from ..source import Array, BrdfSource
+from .accuracy import direction_pairs, linear_estimate
+from .grid import Grid
 
 # Sets of directions, (count, start of the sequence); bakes measure at 0.5, searches descend at 0.25.
 _SETS = ((8192, 0.75), (8192, 0.125), (16384, 0.375), (32768, 0.625))
@@ -26,7 +26,7 @@ class Candidate:
     rms: float
 
 
-def race(source: BrdfSource | TreatedSource, grids: Sequence[Grid]) -> tuple[Candidate, ...]:
+def race(source: BrdfSource, grids: Sequence[Grid]) -> tuple[Candidate, ...]:
     """Measure grids at directions that fitted none of them, as often as it takes to tell which is the best.
 
     The squared error of a table on a matte material has a heavy tail (a thousandth of the directions holds a third of
@@ -37,11 +37,11 @@ def race(source: BrdfSource | TreatedSource, grids: Sequence[Grid]) -> tuple[Can
     weights: list[int] = []
     running = list(squares)
     for count, offset in _SETS:
-        pairs = direction_pairs(count, offset)
+        pairs = direction_pairs(count, offset, turned=not source.isotropic)
         truth = source.evaluate(pairs.wi, pairs.wo)
         weights.append(len(truth))
         for grid in running:
-            error = (trilinear_estimate(source, grid, pairs) - truth) * pairs.cosines
+            error = (linear_estimate(source, grid, pairs) - truth) * pairs.cosines
             square = pairs.weight * (error**2).mean(-1)
             squares[grid].append(np.array([square[k::_PARTS].sum() for k in range(_PARTS)]))
         running = _not_behind({grid: np.sum(squares[grid], 0) for grid in running})

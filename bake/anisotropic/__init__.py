@@ -1,1 +1,0 @@
-"""Anisotropic BRDFs: four-dimensional tables, their samplers and envelopes (DESIGN.md sections 4 and 5)."""

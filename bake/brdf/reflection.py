@@ -1,0 +1,206 @@
+"""What of a bake depends on whether the viewer has one angle or two: nodes of weights, cells of samplers, albedos."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..albedo import albedo_facts, directional_albedo, white_sky_albedo
+from ..envelope import (
+    Elevations,
+    EnvelopeFit,
+    EnvelopeSettings,
+    PreviewFit,
+    ResidualSource,
+    ViewerGrid,
+    fit_envelope,
+    fit_preview,
+    lamp_shares,
+)
+from ..sampling.cell_sampler import build_sampler
+from ..sampling.half_vector_cells import SamplerLayout
+from ..sampling.slope_cells import SlopeLayout
+from ..source import Array, BrdfSource
+from ..tables.anisotropic_grids import AnisotropicHalfGrid
+from ..tables.bspline_fit import sample_spline
+from ..tables.grid import Grid
+from ..tables.grid_search import GridChoice
+from ..tables.isotropic_search import refit_grid
+from ..tables.table import Table
+from ..tables.treated_source import TreatedSource
+from .settings import BakeSettings
+
+# Nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth.
+ViewerCounts = tuple[int, int]
+Share = Callable[[float], None]
+
+_DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
+_AZIMUTHS = 8
+# Cells follow the lobe more closely than samples, which have to serve its tail too.
+_CELL_WIDTH = 0.5
+# The normal basis knows no slopes.
+_USUAL_WIDTHS = 0.3, 0.3
+
+
+class Reflection(ABC):
+    """A treated source as seen by viewers of one angle or two.
+
+    Attributes
+    ----------
+    layout : sizes of the sampler of the table and of the residual
+    """
+
+    layout: SamplerLayout | SlopeLayout
+
+    def __init__(self, treated: TreatedSource) -> None:
+        self._treated = treated
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that only sources of this kind have, JSON-ready."""
+        return {}
+
+    def cells(self, table: Table, progress: Share) -> Array:
+        """Texels of alias tables that follow a table."""
+        return build_sampler(table, self.layout, progress).texels
+
+    def fit_envelope(self, progress: Share) -> EnvelopeFit:
+        """Native closures under the source."""
+        return fit_envelope(self._treated, EnvelopeSettings(viewers=self.nodes()), progress)
+
+    def residual(self, fit: EnvelopeFit) -> BrdfSource:
+        """What is left of the source above an envelope."""
+        return ResidualSource(self._treated, fit)
+
+    @abstractmethod
+    def nodes(self) -> Elevations | ViewerGrid:
+        """Of the envelope's weights."""
+
+    @abstractmethod
+    def preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
+        """The closures of mode Preview, given the envelope where there is one."""
+
+    @abstractmethod
+    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+        """As `bake.albedo.albedo_facts`."""
+
+    @abstractmethod
+    def table_albedo(self, table: Table) -> dict[str, Any]:
+        """The same of a table, by fewer directions."""
+
+    @abstractmethod
+    def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
+        """Of the residual's table, given that of the whole."""
+
+    @abstractmethod
+    def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
+        """Images of the mirror's probability beside that of the weights, by name."""
+
+
+class IsotropicReflection(Reflection):
+    """Seen from the plane of the normal and the viewer, whatever its azimuth."""
+
+    def __init__(self, treated: TreatedSource, settings: BakeSettings) -> None:
+        super().__init__(treated)
+        self._settings, self.layout = settings, settings.sampler
+
+    def nodes(self) -> Elevations:
+        """Elevations."""
+        return Elevations()
+
+    def preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
+        """Closures of their own, fitted to the source."""
+        return fit_preview(self._treated)
+
+    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+        """By elevation."""
+        return albedo_facts(source)
+
+    def table_albedo(self, table: Table) -> dict[str, Any]:
+        """By elevation."""
+        return albedo_facts(table, n=48)
+
+    def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
+        """What the envelope leaves of a highlight has another width, and no reciprocity."""
+        if self._settings.bases == ("normal",) and self._settings.spacing != "auto":
+            return grid
+        return refit_grid(source, grid, self._settings.resolution)
+
+    def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
+        """Following the direction of a lamp."""
+        return {"residual_share": lamp_shares(fit, residual)}
+
+
+class AnisotropicReflection(Reflection):
+    """Seen from all around: cells and weights follow the viewer's azimuth, or half a turn of it."""
+
+    layout: SlopeLayout
+
+    def __init__(
+        self, treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
+    ) -> None:
+        super().__init__(treated)
+        self._counts = counts
+        widths = (grid.width_x, grid.width_y) if isinstance(grid, AnisotropicHalfGrid) else _USUAL_WIDTHS
+        self.layout = slope_layout(settings.sampler, widths, choice.half_turn)
+
+    def settings(self) -> dict[str, Any]:
+        """Numbers of the nodes."""
+        return {"viewers": list(self._counts)}
+
+    def nodes(self) -> ViewerGrid:
+        """Elevations and azimuths."""
+        layout, (n_theta, n_phi) = self.layout, self._counts
+        return ViewerGrid(n_theta, n_phi * (1 if layout.folded else 2), layout.folded, (layout.width_x, layout.width_y))
+
+    def preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
+        """The envelope's closures, with weights of their own."""
+        return fit_preview(self._treated, self.nodes(), envelope.closures if envelope else None)
+
+    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+        """By elevation the mean over the viewer's azimuth; "largest" and "above_one_deg" are those of any."""
+        return self._albedo(source, 48)
+
+    def table_albedo(self, table: Table) -> dict[str, Any]:
+        """As `albedo`. Of a spline, whose 256 taps would take minutes, that of its values at the nodes."""
+        if table.filter == "bspline":
+            table = replace(table, values=sample_spline(table.grid, table.values), filter="trilinear")
+        return self._albedo(table, 24)
+
+    def _albedo(self, source: BrdfSource, n: int) -> dict[str, Any]:
+        azimuths = np.arange(_AZIMUTHS) * (2 * np.pi / _AZIMUTHS) + 0.1
+        rows = np.array([directional_albedo(source, np.radians(_DEGREES), n, float(phi)) for phi in azimuths])
+        degrees = np.array(_DEGREES)
+        return {
+            "theta_o_deg": degrees.tolist(),
+            "directional": rows.mean(0).round(6).tolist(),
+            "white_sky": white_sky_albedo(source, n).round(6).tolist(),
+            "largest": round(float(rows.max()), 6),
+            "above_one_deg": degrees[rows.max((0, 2)) > 1.001].tolist(),
+        }
+
+    def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
+        """That of the whole."""
+        return grid
+
+    def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
+        """None: the weights' share serves every lamp."""
+        return {}
+
+
+def reflection_of(
+    treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
+) -> Reflection:
+    """Of a source that is isotropic, or is not."""
+    if treated.isotropic:
+        return IsotropicReflection(treated, settings)
+    return AnisotropicReflection(treated, grid, choice, settings, counts)
+
+
+def slope_layout(wanted: SamplerLayout, widths: tuple[float, float], half_turn: bool) -> SlopeLayout:
+    """Bins and cells of the sizes that the settings have for isotropic materials, shared between two axes each."""
+    bins, cells = max(4, wanted.n_o // 4), max(8, round((wanted.n_h * wanted.n_phi) ** 0.5) * 2 // 3)
+    return SlopeLayout(bins, bins, cells, cells, _CELL_WIDTH * widths[0], _CELL_WIDTH * widths[1], half_turn)

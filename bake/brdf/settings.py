@@ -1,0 +1,89 @@
+"""What the user chooses of a BRDF's bake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from ..errors import BakeError
+from ..parameterization import PARAMETERIZATIONS, Parameterization
+from ..sampling.half_vector_cells import SamplerLayout
+from ..storage import TABLE_STORAGES, Storage
+from ..tables.grid_search import BASES, Basis
+from ..tables.normal_grid import MAX_RESOLUTION
+from ..tables.table import FILTERS, Filter
+
+AlphaChoice = Literal["error", "intensity"]
+SplineFit = Literal["auto", "plain", "fitted"]
+
+
+@dataclass(frozen=True)
+class BakeSettings:
+    """What the user chooses.
+
+    Parameters
+    ----------
+    resolution : samples per elevation, N of the N x N x 2N table in the normal-vector basis; one in the half-vector
+        basis has as many bytes
+    parameterization : of the table's axes, or "auto": of least error
+    alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
+        are of the normal-vector basis: with them "auto" means a Bezier table in that basis
+    storage : of the table's texels
+    filter : that the material reconstructs with
+    spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
+        two has the smaller measured error (a peak between two samples is better left smooth)
+    sampler : sizes of the alias tables
+    envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
+    basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
+    """
+
+    resolution: int = 64
+    parameterization: Parameterization | Literal["auto"] = "auto"
+    alpha: AlphaChoice | tuple[float, float] = "error"
+    storage: Storage = Storage.HALF
+    filter: Filter = "trilinear"
+    spline: SplineFit = "auto"
+    sampler: SamplerLayout = field(default_factory=SamplerLayout)
+    envelope: bool = True
+    basis: Basis | Literal["auto"] = "auto"
+
+    def __post_init__(self) -> None:
+        _check(
+            "resolution",
+            4 <= self.resolution <= MAX_RESOLUTION,
+            f"from 4 to {MAX_RESOLUTION}",
+            self.resolution,
+        )
+        _check_choice("basis", self.basis, (*BASES, "auto"))
+        _check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
+        _check_choice("filter", self.filter, FILTERS)
+        _check_choice("spline", self.spline, get_args(SplineFit))
+        _check_choice("storage", str(self.storage), TABLE_STORAGES)
+        object.__setattr__(self, "storage", Storage(self.storage))
+        if isinstance(self.alpha, str):
+            _check_choice("alpha", self.alpha, get_args(AlphaChoice))
+        else:
+            _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+        if self.alpha != "error":
+            _check("alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis")
+
+    @property
+    def bases(self) -> tuple[str, ...]:
+        """Those to choose from."""
+        if self.basis == "auto":
+            return BASES if self.alpha == "error" else ("normal",)
+        return (self.basis,)
+
+    @property
+    def spacing(self) -> Parameterization | Literal["auto"]:
+        """The parameterisation, or "auto" where it is to be chosen."""
+        return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
+
+
+def _check(name: str, ok: bool, wanted: str, given: object) -> None:
+    if not ok:
+        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")
+
+
+def _check_choice(name: str, given: str, choices: tuple[str, ...]) -> None:
+    _check(name, given in choices, " or ".join(choices), given)

@@ -1,0 +1,20 @@
+"""What a bake returns, and what it tells on its way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+# Called with the name of a stage and its share done.
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class BakeResult:
+    """Where the bundle is, the facts that were written into it, and the time from the call to the finished bundle."""
+
+    path: Path
+    facts: dict[str, Any]
+    seconds: float
