@@ -18,6 +18,7 @@ from measured_materials.bake.shading.shading_map import at_level, averages_of, l
 from measured_materials.bake.shading.slice_atlas import GUTTER
 from measured_materials.bake.sources.analytic import Ggx
 from measured_materials.bake.storage import Storage
+from measured_materials.bake.tables.atlas import AtlasLayout
 from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes import expr
 
@@ -46,7 +47,7 @@ def test_timed_lookups_are_whole(kind: tabulation.Kind, anisotropic: bool, tmp_p
     """A graph too large for Cycles would be timed as well, and show nothing: white tables must be seen as white."""
     grid = report_lookups._grid(kind, 8, anisotropic)
     four_halves = kind == ("half", "slopes")
-    size = report_lookups._layout(grid).size
+    size = AtlasLayout.of(grid).size
     for storage, filter in [*((Storage.HALF, filter) for filter in FILTERS), (Storage.LOG, "trilinear")]:
         image = report_lookups._white(tmp_path / f"white{storage.suffix}", size, storage)
         group = report_lookups._group(f"Test {filter}", image, grid, filter, storage)
@@ -54,7 +55,7 @@ def test_timed_lookups_are_whole(kind: tabulation.Kind, anisotropic: bool, tmp_p
             lambda place, group=group: report_lookups._looked_up(group, place), 8, False
         ) as scene:
             pixels = render_linear(scene)
-        # The half basis of four axes stores f times the mean cosine: there a white table is above 1.
+        # The half basis of four axes stores f times cosines: there a white table is above 1.
         expected = (
             (pixels > report_lookups.LOOKUPS) if four_halves else np.isclose(pixels, report_lookups.LOOKUPS, 1e-4)
         )
