@@ -28,7 +28,6 @@ from ..bake.report.tabulation import ANISOTROPIC_KINDS, KINDS, Kind
 from ..bake.storage import TABLE_STORAGES, Storage
 from ..bake.table import FILTERS, Grid, TableGrid
 from ..nodes import expr
-from ..nodes.anisotropic_groups import anisotropic_lookup_group
 from ..nodes.data_image import load_data_image
 from ..nodes.group import call
 from ..nodes.table_lookup_group import table_lookup_group
@@ -128,9 +127,7 @@ def _group(
     name: str, image: bpy.types.Image, grid: Grid | AnisotropicGrid, filter: str, storage: Storage
 ) -> bpy.types.ShaderNodeTree:
     log = _CODES if storage is Storage.LOG else None
-    if isinstance(grid, TableGrid | HalfGrid):
-        return table_lookup_group(name, image, grid, filter, stochastic=True, log=log)
-    return anisotropic_lookup_group(name, image, grid, filter, stochastic=True, log=log)
+    return table_lookup_group(name, image, grid, filter, stochastic=True, log=log)
 
 
 def _looked_up(group: bpy.types.ShaderNodeTree, place: Any) -> Any:

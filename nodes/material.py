@@ -10,24 +10,18 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.alias_sampler import SamplerLayout
-from ..bake.brdf.baked_table import BakedTable
+from ..bake.anisotropic.envelope import AnisotropicFit
 from ..bake.brdf.common import Colour
-from ..bake.brdf.grids import IsotropicGrid
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import Bundle
-from ..bake.envelope import EnvelopeFit, PreviewFit
 from ..bake.errors import BakeError
 from ..bake.shading.record import ShadingMapRecord
 from . import compat
-from .alias_sampler_group import alias_pdf_group, alias_sampler_group
-from .anisotropic_material import anisotropic_group
 from .brdf_group import BrdfParts, brdf_group
 from .data_image import bundle_image, name_made
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash, trees_below
-from .table_groups import TableGroups
-from .table_lookup_group import table_lookup_group
+from .table_groups import table_groups
 from .tangent_frame_group import surface_tangent_group
 from .weighted_closures import WeightedClosures
 
@@ -81,9 +75,6 @@ def build_material(
         raise BakeError(record.where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
-        if record.anisotropic:
-            group = anisotropic_group(record, name, mode, filter, stochastic, pack, lamps, residual)
-            return with_feature_outputs(group, albedo_polynomial(record)) if features else group
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = "table" if mode == "reference" else "residual"
@@ -97,7 +88,9 @@ def build_material(
         if local and record.has("residual_share"):
             record.check_shares()
             shares = bundle_image(record.files(), "residual_share", f"{name} residual share", pack=pack)
-        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
+        group = brdf_group(
+            f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares, record.anisotropic)
+        )
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
     return build_from(record, material, make)
@@ -119,9 +112,8 @@ def usual_mode(record: BrdfRecord) -> str:
 def _closures(record: BrdfRecord, name: str, part: str, pack: bool) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    assert isinstance(fit, EnvelopeFit | PreviewFit)
     image = bundle_image(record.files(), part, f"{name} {part.replace('_', ' ')}", pack=pack)
-    return WeightedClosures(fit.closures, image, len(fit.weights))
+    return WeightedClosures(fit.closures, image, fit.grid if isinstance(fit, AnisotropicFit) else len(fit.weights))
 
 
 def build_from(
@@ -146,32 +138,6 @@ def build_from(
         raise
     material[BUNDLE_KEY] = str(record.files().path)
     return material
-
-
-def table_groups(
-    table: BakedTable, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
-) -> TableGroups:
-    """Groups of an isotropic table, its textures loaded. Raises BakeError."""
-    bundle, stored, grid, layout = table.bundle, table.stored, table.stored.grid, table.layout
-    assert isinstance(grid, IsotropicGrid) and isinstance(layout, SamplerLayout)
-    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    bundle.load(table.part)
-    table.load_sampler()
-    atlas = bundle_image(bundle, table.part, f"{name} {table.part}", pack=pack)
-    lookup = table_lookup_group(
-        f"MM Lookup {name}",
-        atlas,
-        grid,
-        table.filter if filter is None else filter,
-        1 / stored.scale,
-        stochastic,
-        stored.offset,
-        stored.log,
-    )
-    cells = bundle_image(bundle, table.sampler, f"{name} {table.sampler.replace('_', ' ')}", pack=pack)
-    sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
-    density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
-    return TableGroups(lookup, sampler, density)
 
 
 def safe_name(name: str, room: int = 0) -> str:

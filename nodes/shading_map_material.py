@@ -21,9 +21,10 @@ from ..bake.shading.render_settings import RenderSettings
 from ..bake.table import BrdfTable
 from .data_image import bundle_image
 from .map_models import basis_group, power_group
-from .material import build_from, new_data_image, table_groups
+from .material import build_from, new_data_image
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
+from .table_groups import table_groups
 
 
 def build_shading_map(

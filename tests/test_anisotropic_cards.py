@@ -13,12 +13,9 @@ from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.table import FILTERS
-from measured_materials.nodes.anisotropic_groups import (
-    anisotropic_lookup_group,
-    slope_pdf_group,
-    slope_sampler_group,
-)
+from measured_materials.nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
 from measured_materials.nodes.group import call
+from measured_materials.nodes.table_lookup_group import table_lookup_group
 from measured_materials.nodes.tangent_frame_group import tangent_frame_group
 from support.cards import card, data_image
 
@@ -63,7 +60,7 @@ def test_lookup(name: str, filter: str) -> None:
     grid = GRIDS[name]
     table = random_table(grid)
     image = data_image(f"table {name}", pack(grid, table.values))
-    group = anisotropic_lookup_group(f"card {name} {filter}", image, grid, filter)
+    group = table_lookup_group(f"card {name} {filter}", image, grid, filter)
     wi, wo = directions()
     (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
     wi, wo = wi.astype(float), wo.astype(float)
@@ -86,7 +83,7 @@ def test_stochastic_slice_averages_to_the_blend(name: str, filter: str) -> None:
     grid = GRIDS[name]
     table = random_table(grid)
     image = data_image(f"stochastic {name}", pack(grid, table.values))
-    group = anisotropic_lookup_group(f"stochastic {name} {filter}", image, grid, filter, stochastic=True)
+    group = table_lookup_group(f"stochastic {name} {filter}", image, grid, filter, stochastic=True)
     wi, wo = (w[-40:] for w in directions())
     steps = 1600
     u = np.tile((np.arange(steps) + 0.5) / steps, len(wi)).astype(np.float32)
@@ -108,7 +105,7 @@ def test_sampler(folded: bool) -> None:
     layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, folded)
     sampler = build_slope_sampler(BRUSHED, layout)
     image = data_image("slopes", sampler.texels)
-    draw, ask = (make(f"card slopes {folded}", image, layout) for make in (slope_sampler_group, slope_pdf_group))
+    draw, ask = (make(f"card slopes {folded}", image, layout) for make in (alias_sampler_group, alias_pdf_group))
     rng = np.random.default_rng(5)
     count = 6000
     theta = np.concatenate([[0, 1e-4, np.pi / 2 - 1e-3], np.arccos(rng.random(count - 3))])

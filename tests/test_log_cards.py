@@ -18,7 +18,6 @@ from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import FILTERS, BrdfTable, Grid, TableGrid
 from measured_materials.nodes import expr
-from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.data_image import load_data_image
 from measured_materials.nodes.group import call
 from measured_materials.nodes.osl_material import grid_constants
@@ -118,7 +117,7 @@ def test_anisotropic_lookup(tmp_path: Path, name: str, filter: str, language: st
     wi, wo = directions(3000)
     if language == "nodes":
         image = load_data_image(tmp_path / "table.png", f"log {name}")
-        group = anisotropic_lookup_group(f"card log {name} {filter}", image, grid, filter, log=CODES)
+        group = table_lookup_group(f"card log {name} {filter}", image, grid, filter, log=CODES)
         (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
     else:
         skip_without_osl()

@@ -22,7 +22,6 @@ from measured_materials.bake.storage import Storage
 from measured_materials.bake.table import BrdfTable, tabulate
 from measured_materials.nodes import expr
 from measured_materials.nodes.alias_sampler_group import alias_sampler_group
-from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group, slope_sampler_group
 from measured_materials.nodes.group import call
 from measured_materials.nodes.osl_material import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
@@ -149,10 +148,8 @@ def _lookup(kind: Kind) -> Case:
 
 
 def _lookup_group(kind: Kind) -> Any:
-    if kind.four:
-        image = data_image(kind.name, pack_slopes(kind.grid, _values(kind)))
-        return anisotropic_lookup_group(f"hard {kind.name}", image, kind.grid, kind.filter)
-    image = data_image(kind.name, pack(_values(kind)))
+    packed = pack_slopes(kind.grid, _values(kind)) if kind.four else pack(_values(kind))
+    image = data_image(kind.name, packed)
     return table_lookup_group(f"hard {kind.name}", image, kind.grid, kind.filter)
 
 
@@ -283,6 +280,6 @@ def _slopes() -> Case:
         "alias tables of slopes, anisotropic",
         _ENDS + "GGX of alpha 0.01 and 0.4",
         sampler.sample,
-        lambda: slope_sampler_group("hard slopes", data_image("hard slopes", sampler.texels), layout),
+        lambda: alias_sampler_group("hard slopes", data_image("hard slopes", sampler.texels), layout),
         osl,
     )
