@@ -7,8 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from ..bake.anisotropic.envelope import AnisotropicFit
 from ..bake.brdf.common import Colour
@@ -18,7 +16,7 @@ from ..bake.errors import BakeError
 from ..bake.shading.record import ShadingMapRecord
 from . import compat
 from .brdf_group import BrdfParts, brdf_group
-from .data_image import bundle_image, name_made
+from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import HASH_KEY, content_hash, trees_below
 from .table_groups import table_groups
@@ -41,6 +39,7 @@ def build_material(
     *,
     filter: str | None = None,
     stochastic: bool = True,
+    images: Images | None = None,
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
     mode: str | None = None,
@@ -56,7 +55,8 @@ def build_material(
     material : to rebuild in place, so that objects keep it; a new one by default
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them (unbiased, fewer taps)
-    pack : store the textures inside the .blend
+    images : the textures; by default those of the bundle, loaded
+    pack : store the textures that are loaded inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.light_sampling`
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
@@ -75,19 +75,20 @@ def build_material(
         raise BakeError(record.where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
+        textures = images or bundle_images(record.files(), name, pack=pack)
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = "table" if mode == "reference" else "residual"
             # A residual's ridges lie elsewhere in the next slice, and few samples pay for blending.
             chosen = stochastic and part == "table"
-            table = table_groups(record.baked(part), name, filter, chosen, pack, aimed=lamps is not None)
-        envelope = _closures(record, name, "envelope", pack) if mode in ("exact", "balanced") else None
-        preview = _closures(record, name, "preview_weights", pack) if record.has("preview_weights") else None
+            table = table_groups(record.baked(part), name, textures, filter, chosen, aimed=lamps is not None)
+        envelope = _closures(record, "envelope", textures) if mode in ("exact", "balanced") else None
+        preview = _closures(record, "preview_weights", textures) if record.has("preview_weights") else None
         shares = None
         local = lamp_share and lamps is not None and envelope is not None and table is not None
         if local and record.has("residual_share"):
             record.check_shares()
-            shares = bundle_image(record.files(), "residual_share", f"{name} residual share", pack=pack)
+            shares = textures("residual_share")
         group = brdf_group(
             f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares, record.anisotropic)
         )
@@ -109,11 +110,12 @@ def usual_mode(record: BrdfRecord) -> str:
     return "exact" if record.has("envelope") else "reference"
 
 
-def _closures(record: BrdfRecord, name: str, part: str, pack: bool) -> WeightedClosures:
+def _closures(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    image = bundle_image(record.files(), part, f"{name} {part.replace('_', ' ')}", pack=pack)
-    return WeightedClosures(fit.closures, image, fit.grid if isinstance(fit, AnisotropicFit) else len(fit.weights))
+    return WeightedClosures(
+        fit.closures, images(part), fit.grid if isinstance(fit, AnisotropicFit) else len(fit.weights)
+    )
 
 
 def build_from(
@@ -153,22 +155,6 @@ def safe_name(name: str, room: int = 0) -> str:
 def part_name(name: str) -> str:
     """What a material's groups and textures are called after, which say before or behind it what they are."""
     return safe_name(name, _ROOM)
-
-
-def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
-    """An image of these numbers (H, W, 3 or 4), top row first, packed so that the .blend keeps it."""
-    height, width, channels = pixels.shape
-    full = np.ones((height, width, 4), np.float32)
-    full[..., :channels] = pixels[::-1]
-    image = bpy.data.images.new(name, width, height, float_buffer=True, is_data=True, alpha=True)
-    image.colorspace_settings.name = "Non-Color"
-    image.alpha_mode = "CHANNEL_PACKED"
-    image.use_half_precision = half
-    image.pixels.foreach_set(full.ravel())
-    image.update()
-    image.pack()
-    name_made(image)
-    return image
 
 
 def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: Colour) -> None:

@@ -11,7 +11,7 @@ from ..bake.anisotropic.grid import NormalGrid
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
-from .data_image import bundle_image
+from .data_image import Images
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
 from .table_lookup_group import table_lookup_group
@@ -44,19 +44,18 @@ class TableGroups:
 
 
 def table_groups(
-    table: BakedTable, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
+    table: BakedTable, name: str, images: Images, filter: str | None, stochastic: bool, *, aimed: bool
 ) -> TableGroups:
-    """Groups of a table, its textures loaded; of an anisotropic one without a tangent yet. Raises BakeError.
+    """Groups of a table, of its textures; of an anisotropic one without a tangent yet. Raises BakeError.
 
     Blended, sixteen taps of an anisotropic spline, or four beside the normal basis' longer formulas, would not leave a
     material room on SVM's stack: there one slice is chosen in any case.
     """
-    bundle, stored, grid = table.bundle, table.stored, table.stored.grid
+    stored, grid = table.stored, table.stored.grid
     # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    bundle.load(table.part)
+    table.bundle.load(table.part)
     table.load_sampler()
-    atlas = bundle_image(bundle, table.part, f"{name} {table.part}", pack=pack)
-    cells = bundle_image(bundle, table.sampler, f"{name} {table.sampler.replace('_', ' ')}", pack=pack)
+    atlas, cells = images(table.part), images(table.sampler)
     filter = table.filter if filter is None else filter
     if is_anisotropic(grid):
         stochastic = stochastic or filter == "bspline" or isinstance(grid, NormalGrid)

@@ -252,7 +252,7 @@ tell(once=once, anew=len(counted) - once)
 def test_textures_made_in_the_blend_are_unpacked_apart(tmp_path: Path) -> None:
     """Names that differ by a sign or a capital, of which some file systems make one."""
     script = """
-from measured_materials.nodes.material import new_data_image
+from measured_materials.nodes.data_image import new_data_image
 values = {"a/b": 0.25, "a_b": 0.5, "A_b": 0.75}
 for name, value in values.items():
     new_data_image(name, np.full((4, 5, 3), value, np.float32)).use_fake_user = True
