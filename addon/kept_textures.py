@@ -14,7 +14,7 @@ from ..bake.errors import BakeError
 from ..bake.image_names import title_of
 from ..bake.records import Record, read_record
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, Images, LoadedBundle, bundle_images
-from ..nodes.material import BUNDLE_KEY, part_name
+from ..nodes.material_tree import BUNDLE_KEY, part_name
 from .texture_content import is_of_content
 
 # With the name of a bundle's image behind it: the texture.

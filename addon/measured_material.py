@@ -15,7 +15,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.sources.analytic import by_name
-from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
+from ..nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices
 from .choices import choices_of, show_choices
 from .describe import error_rows

@@ -23,7 +23,8 @@ from ..bake.table import FILTERS
 from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
-from .material import build_from, usual_mode
+from .material import usual_mode
+from .material_tree import build_from
 from .osl_parameters import cell_constants, grid_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
 

@@ -21,7 +21,7 @@ from ..bake.shading.render_settings import RenderSettings
 from ..bake.table import BrdfTable
 from .data_image import Images, bundle_images, new_data_image
 from .map_models import basis_group, power_group
-from .material import build_from
+from .material_tree import build_from
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
 from .table_groups import table_groups
