@@ -9,6 +9,7 @@ import bpy
 from ..bake.bundle import Bundle
 from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
+from ..nodes.data_image import Images
 from ..nodes.shading_map_material import build_shading_map
 from .aim import what_to_aim_at
 from .choices import choices_of
@@ -26,6 +27,7 @@ def build_map(
     material: bpy.types.Material,
     settings: RenderSettings,
     *,
+    images: Images | None = None,
     pack: bool,
     scene: bpy.types.Scene | None = None,
 ) -> dict[str, Any]:
@@ -44,7 +46,7 @@ def build_map(
     if settings.mode != "preview":
         effects += [aim, plan_bounces(settings.mode)]
     lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None
-    build_shading_map(record, material, settings=settings, pack=pack, lamps=lamps, reduce=reduce)
+    build_shading_map(record, material, settings=settings, images=images, pack=pack, lamps=lamps, reduce=reduce)
     kept = {key: getattr(choices, key) for key in ("aim", "detail")}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
 

@@ -15,6 +15,7 @@ from ..bake.shading.map_albedo import map_albedo_facts
 from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.shading.shading_map import ShadingMap
+from ..nodes.data_image import Images
 from .arc_build import build_map
 from .facts import facts_of, keep_facts, record_of
 from .kept_textures import rebuild
@@ -36,9 +37,9 @@ def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.t
     if settings.lobe is None and not record.has("table"):
         raise BakeError(material.name, "holds no measured BRDF to use as f_r", "choose a bundle below and bake again")
 
-    def build(loaded: ShadingMapRecord) -> None:
+    def build(loaded: ShadingMapRecord, images: Images | None) -> None:
         facts["albedo"] = _albedo(loaded)
-        facts["rendering"] = build_map(loaded, material, settings, pack=record.packed, scene=scene)
+        facts["rendering"] = build_map(loaded, material, settings, images=images, pack=record.packed, scene=scene)
 
     rebuild(material, record, images_of_map(record, settings), build)
     keep_facts(material, facts)

@@ -9,6 +9,7 @@ import bpy
 
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import Bundle
+from ..nodes.data_image import Images
 from ..nodes.feature_passes import ALBEDO
 from ..nodes.material import build_material, usual_mode
 from .aim import lamps_are_alone, what_to_aim_at
@@ -23,6 +24,7 @@ def build_brdf(
     material: bpy.types.Material | None = None,
     *,
     choices: Choices | None = None,
+    images: Images | None = None,
     pack: bool = False,
     scene: bpy.types.Scene | None = None,
 ) -> tuple[bpy.types.Material, BrdfPlan]:
@@ -32,6 +34,7 @@ def build_brdf(
     ----------
     source : the bundle's record, or the bundle, which is then read
     choices : by default the bundle's usual mode, all else automatic
+    images : the textures; by default those of the bundle, loaded
     scene : that it is fitted to; by default the current one, and ready for lamps that come later
 
     Raises
@@ -49,6 +52,7 @@ def build_brdf(
         record,
         material,
         filter=plan.filter,
+        images=images,
         pack=pack,
         lamps=lamp_image() if plan.aim else None,
         mode=plan.mode,

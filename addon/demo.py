@@ -23,7 +23,8 @@ from ..bake.sources.merl import write_merl
 from ..nodes.alias_sampler_group import alias_sampler_group
 from ..nodes.brdf_group import BrdfParts, brdf_group
 from ..nodes.data_image import bundle_image
-from ..nodes.material import assemble, build_material
+from ..nodes.material import build_material
+from ..nodes.material_tree import assemble
 from ..nodes.metallic_paint_group import metallic_paint_group
 from ..nodes.table_groups import TableGroups
 from .picture_sheet import Cell, to_display, write_sheet

@@ -14,7 +14,7 @@ from ..bake.brdf.common import ImageRecord
 from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
 from ..bake.records import Record, parse_record
-from ..nodes.material import SOURCE_KEY
+from ..nodes.material_tree import SOURCE_KEY
 
 # The bundle's facts as JSON text, kept with the material.
 FACTS_KEY = "measured_materials_facts"

@@ -13,8 +13,8 @@ from ..bake.bundle import Bundle, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.image_names import title_of
 from ..bake.records import Record, read_record
-from ..nodes.data_image import CONTENT_KEY, PART_KEY, LoadedBundle, bundle_image
-from ..nodes.material import BUNDLE_KEY, part_name
+from ..nodes.data_image import CONTENT_KEY, PART_KEY, Images, LoadedBundle, bundle_images
+from ..nodes.material_tree import BUNDLE_KEY, part_name
 from .texture_content import is_of_content
 
 # With the name of a bundle's image behind it: the texture.
@@ -28,10 +28,10 @@ def keep_textures(material: bpy.types.Material, bundle: Bundle, *, pack: bool, o
     """
     images = (node.image for node in image_nodes(material.node_tree))
     found = {image[PART_KEY]: image for image in images if _is_of(bundle, image)}
-    title = part_name(title_of(bundle.material, material.name))
+    load = bundle_images(bundle, part_name(title_of(bundle.material, material.name)), pack=pack)
     for name in others:
         if name not in found and bundle.has(name):
-            found[name] = bundle_image(bundle, name, f"{title} {name.replace('_', ' ')}", pack=pack)
+            found[name] = load(name)
     older = set(textures_of(material).values())
     for key in [key for key in material.keys() if key.startswith(TEXTURE_KEY)]:
         del material[key]
@@ -69,7 +69,10 @@ def bundle_path(material: bpy.types.Material) -> Path:
 
 
 def rebuild(
-    material: bpy.types.Material, record: Record, needed: Collection[str], build: Callable[[Any], object]
+    material: bpy.types.Material,
+    record: Record,
+    needed: Collection[str],
+    build: Callable[[Any, Images | None], object],
 ) -> None:
     """Call `build` with this record and the material's own textures, or the files of its bundle if one is missing.
 
@@ -77,7 +80,7 @@ def rebuild(
     ----------
     needed : names of the images that the material is to be built of
     record : what is known of the material, without images
-    build : builds the material in place from the record it is given, which has them
+    build : builds the material in place from the record and of the textures it is given; None for those of the bundle
 
     Raises
     ------
@@ -85,10 +88,11 @@ def rebuild(
     """
     if why := missing_texture(material, record, needed):
         bundle = _read_again(material, record, why)
-        build(read_record(bundle))
+        build(read_record(bundle), None)
         keep_textures(material, bundle, pack=record.packed, others={*needed, *textures_of(material)})
     else:
-        build(read_record(LoadedBundle(bundle_path(material), dict(record.document), textures_of(material))))
+        loaded = LoadedBundle(bundle_path(material), dict(record.document), textures_of(material))
+        build(read_record(loaded), loaded.texture)
 
 
 def missing_texture(material: bpy.types.Material, record: Record, needed: Collection[str]) -> str:

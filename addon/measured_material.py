@@ -17,7 +17,7 @@ from ..bake.bundle import SUFFIX, Bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.result import BakeResult, Progress
 from ..bake.sources.analytic import by_name
-from ..nodes.material import BUNDLE_KEY, SOURCE_KEY
+from ..nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from .brdf_build import account_of, build_brdf, usual_choices
 from .choices import choices_of, show_choices
 from .describe import error_rows

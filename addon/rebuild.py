@@ -8,6 +8,7 @@ import bpy
 
 from ..bake.brdf.common import RenderingRecord
 from ..bake.brdf.record import BrdfRecord
+from ..nodes.data_image import Images
 from .brdf_build import account_of, build_brdf, choices_from
 from .choices import Choices
 from .effects import Effect
@@ -39,8 +40,8 @@ def rebuild_brdf(
     chosen = choices or current_choices(material)
     account: dict[str, Any] = {}
 
-    def build(loaded: BrdfRecord) -> None:
-        _, plan = build_brdf(loaded, material, choices=chosen, pack=record.packed, scene=scene)
+    def build(loaded: BrdfRecord, images: Images | None) -> None:
+        _, plan = build_brdf(loaded, material, choices=chosen, images=images, pack=record.packed, scene=scene)
         account.update(account_of(chosen, plan))
 
     rebuild(material, record, images_of_brdf(record, chosen), build)

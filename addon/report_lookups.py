@@ -27,7 +27,6 @@ from ..bake.tables.log_codes import LogCodes
 from ..bake.tables.normal_grid import NormalVectorGrid
 from ..bake.tables.table import FILTERS
 from ..nodes import expr
-from ..nodes.anisotropic_groups import anisotropic_lookup_group
 from ..nodes.data_image import load_data_image
 from ..nodes.group import call
 from ..nodes.table_lookup_group import table_lookup_group
@@ -125,9 +124,7 @@ def _white(path: Path, size: tuple[int, int], storage: Storage) -> bpy.types.Ima
 
 def _group(name: str, image: bpy.types.Image, grid: Grid, filter: str, storage: Storage) -> bpy.types.ShaderNodeTree:
     log = _CODES if storage is Storage.LOG else None
-    if isinstance(grid, NormalVectorGrid | HalfVectorGrid):
-        return table_lookup_group(name, image, grid, filter, stochastic=True, log=log)
-    return anisotropic_lookup_group(name, image, grid, filter, stochastic=True, log=log)
+    return table_lookup_group(name, image, grid, filter, stochastic=True, log=log)
 
 
 def _looked_up(group: bpy.types.ShaderNodeTree, place: Any) -> Any:

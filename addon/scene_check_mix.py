@@ -8,7 +8,7 @@ import bpy
 
 from ..nodes import compat
 from ..nodes.aimed_light_group import SLOTS_KEY
-from ..nodes.material import measured_nodes
+from ..nodes.material_tree import measured_nodes
 from ..nodes.mix_factor_group import insert_mix_factor, is_mix_factor
 from .scene_check_subject import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees
 

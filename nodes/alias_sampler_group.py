@@ -1,4 +1,4 @@
-"""Node groups: draw a light direction for a viewer direction from a material's alias tables, and its density."""
+"""Node groups: a light direction for a viewer direction, drawn from a material's alias tables, and its density."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -12,7 +12,7 @@ from .exact_closure import exact_closure, reference_closure
 from .group import node_group
 from .native_closure import choose_closure
 from .table_groups import TableGroups
-from .weighted_closures import WeightedClosures, preview_closure
+from .weighted_closures import WeightedClosures
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class BrdfParts:
     preview : native closures close to it
     lamps : table of lamps to aim at
     shares : of a lamp's light that is the residual's, for its probability
+    anisotropic : the parts lie in the frame of a tangent, which the group then takes
     """
 
     table: TableGroups | None = None
@@ -33,6 +34,15 @@ class BrdfParts:
     preview: WeightedClosures | None = None
     lamps: bpy.types.Image | None = None
     shares: bpy.types.Image | None = None
+    anisotropic: bool = False
+
+    def along(self, tangent: Any) -> BrdfParts:
+        """The same parts in the frame of this tangent, in world space."""
+        table, envelope, preview = (
+            None if part is None else replace(part, tangent=tangent)
+            for part in (self.table, self.envelope, self.preview)
+        )
+        return replace(self, table=table, envelope=envelope, preview=preview)
 
     def traced(self, normal: Any, tint: Any) -> Any:
         """Closure that is as good as the table."""
@@ -40,24 +50,26 @@ class BrdfParts:
             assert self.table is not None
             return reference_closure(self.table, normal, tint, self.lamps)
         if self.table is None:
-            return preview_closure(self.envelope, normal, tint)
+            return self.envelope.alone(normal, tint)
         return exact_closure(self.envelope, self.table, normal, tint, self.lamps, self.shares)
 
 
 def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTree:
-    """(Normal, Tint) to a shader, and to one for EEVEE where there is a preview."""
+    """(Normal, Tint), and Tangent if anisotropic, to a shader, and to one for EEVEE where there is a preview."""
 
-    def build(normal: Any, tint: Any) -> Any:
-        preview = None if parts.preview is None else preview_closure(parts.preview, normal, tint)
+    def build(normal: Any, tint: Any, *tangent: Any) -> Any:
+        placed = parts.along(*tangent) if tangent else parts
+        preview = None if placed.preview is None else placed.preview.alone(normal, tint)
         if mode == "preview":
             return preview, preview
-        traced = parts.traced(normal, tint)
+        traced = placed.traced(normal, tint)
         if mode == "balanced":
             traced = choose_closure(after_diffuse(), traced, preview)
         return traced if preview is None else (traced, preview)
 
+    inputs = ["Normal", "Tint", "Tangent"] if parts.anisotropic else ["Normal", "Tint"]
     outputs = {"BSDF": "shader"} | ({} if parts.preview is None else {"EEVEE": "shader"})
-    return node_group(name, {"Normal": "vector", "Tint": "vector"}, outputs, build)
+    return node_group(name, dict.fromkeys(inputs, "vector"), outputs, build)
 
 
 def after_diffuse() -> Any:

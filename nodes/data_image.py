@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from ..bake.errors import BakeError
 from ..bake.image_names import common_name, title_of, unique_name
 from ..bake.storage import Storage
 
+# A material's textures, by the names of the bundle's images.
+Images = Callable[[str], bpy.types.Image]
 # Custom properties of an image: which of the bundle's it is, and the SHA-256 of its file.
 PART_KEY, CONTENT_KEY = "measured_materials_part", "measured_materials_sha256"
 
@@ -43,15 +46,18 @@ class LoadedBundle(Bundle):
 
 
 def bundle_image(bundle: Bundle, name: str, label: str, *, pack: bool = False) -> bpy.types.Image:
-    """Image `name` of a bundle under this label; of a `LoadedBundle` the one that is there. Raises BakeError."""
-    if isinstance(bundle, LoadedBundle):
-        return bundle.texture(name)
+    """Image `name` of a bundle, loaded under this label. Raises BakeError."""
     path, entry = bundle.image_path(name), bundle.material["images"][name]
     image = load_data_image(path, label, half=entry["storage"] == Storage.HALF, pack=pack)
     image[PART_KEY], image[CONTENT_KEY] = name, entry["sha256"]
     if pack:
         rename_packed(image, title_of(bundle.material, bundle.path.stem), name, entry["sha256"])
     return image
+
+
+def bundle_images(bundle: Bundle, title: str, *, pack: bool = False) -> Images:
+    """A bundle's textures: loaded when asked for, each once, and called after `title`. Asking raises BakeError."""
+    return functools.cache(lambda name: bundle_image(bundle, name, f"{title} {name.replace('_', ' ')}", pack=pack))
 
 
 def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = False) -> bpy.types.Image:
@@ -69,6 +75,22 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
     image.use_half_precision = half
     if pack:
         image.pack()
+    return image
+
+
+def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
+    """An image of these numbers (H, W, 3 or 4), top row first, packed so that the .blend keeps it."""
+    height, width, channels = pixels.shape
+    full = np.ones((height, width, 4), np.float32)
+    full[..., :channels] = pixels[::-1]
+    image = bpy.data.images.new(name, width, height, float_buffer=True, is_data=True, alpha=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.use_half_precision = half
+    image.pixels.foreach_set(full.ravel())
+    image.update()
+    image.pack()
+    name_made(image)
     return image
 
 

@@ -13,6 +13,7 @@ from .aimed_light_group import aimed_light_group
 from .group import call
 from .local_frame_group import to_world, viewer_frame_group
 from .stochastic_mirror_group import mirror_closure, more_random_numbers_group, random_numbers_group
+from .tangent_frame_group import tangent_frame_group
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def drawn_direction(
     sample: Callable[..., tuple[Any, Any]],
     density: Callable[[Any, Any], Any],
     lamps: bpy.types.Image | None = None,
-    frame: Callable[[Any, Any], tuple[Any, Any, Any]] | None = None,
+    tangent: Any = None,
 ) -> DrawnDirection:
     """Draw a direction.
 
@@ -55,14 +56,14 @@ def drawn_direction(
     sample : (wo, four random numbers) to local (wi, pdf)
     density : (wi, wo) to that pdf for any wi; used with `lamps` only
     lamps : table of lamps to aim at by one-sample MIS with the balance heuristic over all of them
-    frame : (normal, incoming) to local wo and the two tangents; by default the viewer's own
+    tangent : of the surface, world, in whose frame wi and wo are local; by default in the viewer's own
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
     u = call(random_numbers_group())
-    wo, tangent, bitangent = frame(normal, incoming) if frame else call(viewer_frame_group(), normal, incoming)
+    wo, along, across = frame_of(normal, incoming, tangent)
     wi, pdf = sample(wo, *u[:4])
-    world = to_world(wi, tangent, bitangent, normal)
+    world = to_world(wi, along, across, normal)
     roulette = None
     if lamps is not None:
         position = expr.Vector(geometry.outputs["Position"])
@@ -70,6 +71,15 @@ def drawn_direction(
         # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
         world, aimed, rest = call(aimed_light_group(lamps), position, normal, world, *more[:2], u[0], u[1])
         roulette = more[2]
-        wi = expr.vec(*(expr.dot(world, axis) for axis in (tangent, bitangent, normal)))
+        wi = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
         pdf = aimed + rest * density(wi, wo)
     return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6], roulette)
+
+
+def frame_of(normal: Any, incoming: Any, tangent: Any = None) -> tuple[Any, Any, Any]:
+    """Local wo, and the two tangents in world space: of the surface's tangent or, without one, of the viewer."""
+    if tangent is None:
+        wo, along, across = call(viewer_frame_group(), normal, incoming)
+    else:
+        wo, along, across = call(tangent_frame_group(), normal, incoming, tangent)
+    return wo, along, across

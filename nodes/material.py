@@ -2,43 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable
-from typing import Any
-
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
-from ..bake.brdf.baked_table import BakedTable
-from ..bake.brdf.common import Colour
-from ..bake.brdf.grids import IsotropicGrid
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import Bundle
-from ..bake.envelope import EnvelopeFit, PreviewFit
+from ..bake.envelope.fitted import EnvelopeFit
 from ..bake.errors import BakeError
-from ..bake.sampling.half_vector_cells import SamplerLayout
-from ..bake.shading.record import ShadingMapRecord
-from . import compat
-from .alias_sampler_group import alias_pdf_group, alias_sampler_group
-from .anisotropic_material import anisotropic_group
 from .brdf_group import BrdfParts, brdf_group
-from .data_image import bundle_image, name_made
+from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
-from .group import HASH_KEY, content_hash, trees_below
-from .table_groups import TableGroups
-from .table_lookup_group import table_lookup_group
-from .tangent_frame_group import surface_tangent_group
+from .material_tree import build_from
+from .table_groups import table_groups
 from .weighted_closures import WeightedClosures
-
-# Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
-# is kept here only, not in the bundle that people share.
-BUNDLE_KEY = "measured_materials_bundle"
-SOURCE_KEY = "measured_materials_source"
-# Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
-_ROOM = 24
-_NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
-_VIEWPORT_KEY, _STAND_IN_KEY = "measured_materials_viewport", "measured_materials_stand_in"
 
 
 def build_material(
@@ -47,6 +22,7 @@ def build_material(
     *,
     filter: str | None = None,
     stochastic: bool = True,
+    images: Images | None = None,
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
     mode: str | None = None,
@@ -62,7 +38,8 @@ def build_material(
     material : to rebuild in place, so that objects keep it; a new one by default
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them (unbiased, fewer taps)
-    pack : store the textures inside the .blend
+    images : the textures; by default those of the bundle, loaded
+    pack : store the textures that are loaded inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     mode : of `bake.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
@@ -81,23 +58,23 @@ def build_material(
         raise BakeError(record.where, f"mode {mode} needs its {missing[0]}, which it does not hold", "bake it again")
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
-        if record.anisotropic:
-            group = anisotropic_group(record, name, mode, filter, stochastic, pack, lamps, residual)
-            return with_feature_outputs(group, albedo_polynomial(record)) if features else group
+        textures = images or bundle_images(record.files(), name, pack=pack)
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = "table" if mode == "reference" else "residual"
             # A residual's ridges lie elsewhere in the next slice, and few samples pay for blending.
             chosen = stochastic and part == "table"
-            table = table_groups(record.baked(part), name, filter, chosen, pack, aimed=lamps is not None)
-        envelope = _closures(record, name, "envelope", pack) if mode in ("exact", "balanced") else None
-        preview = _closures(record, name, "preview_weights", pack) if record.has("preview_weights") else None
+            table = table_groups(record.baked(part), name, textures, filter, chosen, aimed=lamps is not None)
+        envelope = _closures(record, "envelope", textures) if mode in ("exact", "balanced") else None
+        preview = _closures(record, "preview_weights", textures) if record.has("preview_weights") else None
         shares = None
         local = lamp_share and lamps is not None and envelope is not None and table is not None
         if local and record.has("residual_share"):
             record.check_shares()
-            shares = bundle_image(record.files(), "residual_share", f"{name} residual share", pack=pack)
-        group = brdf_group(f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares))
+            shares = textures("residual_share")
+        group = brdf_group(
+            f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares, record.anisotropic)
+        )
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
     return build_from(record, material, make)
@@ -116,238 +93,7 @@ def usual_mode(record: BrdfRecord) -> str:
     return "exact" if record.has("envelope") else "reference"
 
 
-def _closures(record: BrdfRecord, name: str, part: str, pack: bool) -> WeightedClosures:
+def _closures(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    assert isinstance(fit, EnvelopeFit | PreviewFit)
-    image = bundle_image(record.files(), part, f"{name} {part.replace('_', ' ')}", pack=pack)
-    return WeightedClosures(fit.closures, image, len(fit.weights))
-
-
-def build_from(
-    record: BrdfRecord | ShadingMapRecord,
-    material: bpy.types.Material | None,
-    make_group: Callable[[str], bpy.types.ShaderNodeTree],
-) -> bpy.types.Material:
-    """A material of the group that `make_group` builds under a name; what a failure has made is removed."""
-    compat.ensure_cycles()
-    name, albedo = safe_name(record.name), record.albedo.normal
-    before = {*bpy.data.images, *bpy.data.node_groups}
-    if material is not None and material.get(BUNDLE_KEY) and not measured_nodes(compat.node_tree(material)):
-        cause = "its measured group is no longer among its nodes, and these are not to be lost"
-        raise BakeError(material.name, cause, "undo its removal, or import the measurement as a new material")
-    try:
-        group = make_group(part_name(name))
-        material = bpy.data.materials.new(name) if material is None else material
-        assemble(material, group, albedo)
-    except Exception:
-        for block in {*bpy.data.images, *bpy.data.node_groups} - before:
-            (bpy.data.images if isinstance(block, bpy.types.Image) else bpy.data.node_groups).remove(block)
-        raise
-    material[BUNDLE_KEY] = str(record.files().path)
-    return material
-
-
-def table_groups(
-    table: BakedTable, name: str, filter: str | None, stochastic: bool, pack: bool, *, aimed: bool
-) -> TableGroups:
-    """Groups of an isotropic table, its textures loaded. Raises BakeError."""
-    bundle, stored, grid, layout = table.bundle, table.stored, table.stored.grid, table.layout
-    assert isinstance(grid, IsotropicGrid) and isinstance(layout, SamplerLayout)
-    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    bundle.load(table.part)
-    table.load_sampler()
-    atlas = bundle_image(bundle, table.part, f"{name} {table.part}", pack=pack)
-    lookup = table_lookup_group(
-        f"MM Lookup {name}",
-        atlas,
-        grid,
-        table.filter if filter is None else filter,
-        1 / stored.scale,
-        stochastic,
-        stored.offset,
-        stored.log,
-    )
-    cells = bundle_image(bundle, table.sampler, f"{name} {table.sampler.replace('_', ' ')}", pack=pack)
-    sampler = alias_sampler_group(f"MM Sampler {name}", cells, layout)
-    density = alias_pdf_group(f"MM Sampler Density {name}", cells, layout) if aimed else None
-    return TableGroups(lookup, sampler, density)
-
-
-def safe_name(name: str, room: int = 0) -> str:
-    """A name for data-blocks: printable, and cut only where Blender must, by bytes, with `room` of them to spare.
-
-    Blender cuts further by itself where it adds a number to a name that is taken.
-    """
-    printable = "".join(c if c.isprintable() else "_" for c in name.encode("utf-8", "replace").decode("utf-8"))
-    most = compat.longest_name() - room
-    return printable.encode("utf-8")[:most].decode("utf-8", "ignore") or "measured"
-
-
-def part_name(name: str) -> str:
-    """What a material's groups and textures are called after, which say before or behind it what they are."""
-    return safe_name(name, _ROOM)
-
-
-def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
-    """An image of these numbers (H, W, 3 or 4), top row first, packed so that the .blend keeps it."""
-    height, width, channels = pixels.shape
-    full = np.ones((height, width, 4), np.float32)
-    full[..., :channels] = pixels[::-1]
-    image = bpy.data.images.new(name, width, height, float_buffer=True, is_data=True, alpha=True)
-    image.colorspace_settings.name = "Non-Color"
-    image.alpha_mode = "CHANNEL_PACKED"
-    image.use_half_precision = half
-    image.pixels.foreach_set(full.ravel())
-    image.update()
-    image.pack()
-    name_made(image)
-    return image
-
-
-def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: Colour) -> None:
-    """Output <- group <- normal and, where it has them, texture coordinates.
-
-    EEVEE, which cannot follow the mirror, gets the group's own "EEVEE" output or a stand-in of the same albedo.
-    In a material that has such a group already, the group is exchanged and everything else stays: links to Normal and
-    Tint, and whatever else an artist has added.
-    """
-    tree = compat.node_tree(material)
-    lookup = any(item.name == "EEVEE" for item in group.interface.items_tree)
-    places = measured_nodes(tree) or [(tree, _fresh_tree(tree, None if lookup else albedo))]
-    previous = {n.node_tree for _, n in places if n.node_tree and n.node_tree != group}
-    for inner, node in places:
-        _exchange(inner, node, group)
-    top = next((node for inner, node in places if inner == tree), None)
-    if top is not None:
-        _connect_outputs(tree, top)
-    for old in previous:
-        # A group that an artist has worked in is left in the file, for its work to be taken over.
-        if old.get(HASH_KEY) == content_hash(old):
-            remove_unused(old)
-        elif not old.users:
-            old.use_fake_user = True
-    material.diffuse_color = (*albedo, 1)
-    # Cycles would bend the mirror's facet where its reflection dips under the surface: +0.8 % light on a coarse sphere.
-    material.cycles.use_bump_map_correction = False
-
-
-def measured_nodes(tree: bpy.types.ShaderNodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:
-    """Nodes that hold a material's group, each after its tree; an artist may have put them into a group of his own."""
-    return [(inner, node) for inner in trees_below(tree) for node in inner.nodes if node.get(_NODE_KEY)]
-
-
-def _connect_outputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
-    """Link the group to the outputs made with it, where nothing else is linked to them."""
-    output = next((n for n in tree.nodes if n.get(_OUTPUT_KEY)), None)
-    if output is not None and not output.inputs["Surface"].is_linked:
-        tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
-    viewport = next((n for n in tree.nodes if n.get(_VIEWPORT_KEY)), None)
-    if viewport is not None and "EEVEE" in node.outputs:
-        _show_in_eevee(tree, node.outputs["EEVEE"], viewport.inputs["Surface"])
-
-
-def _show_in_eevee(tree: bpy.types.ShaderNodeTree, shown: Any, surface: Any) -> None:
-    """Link the group's own closure where nothing is, or only the stand-in of a material that had none."""
-    before = surface.links[0].from_node if surface.is_linked else None
-    if before is None or before.get(_STAND_IN_KEY):
-        tree.links.new(shown, surface)
-        if before is not None:
-            tree.nodes.remove(before)
-
-
-def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.types.ShaderNodeTree) -> None:
-    """Give the node another group; values and links of the inputs that both have stay."""
-    if node.node_tree == group:
-        return
-    fresh = node.node_tree is None
-    kept = {s.name: (getattr(s, "default_value", None), [k.from_socket for k in s.links]) for s in node.inputs}
-    kept = {name: (tuple(v) if hasattr(v, "__len__") else v, links) for name, (v, links) in kept.items()}
-    targets = [(s.name, [k.to_socket for k in s.links]) for s in node.outputs]
-    node.node_tree = group
-    for name, (value, sources) in kept.items():
-        socket = node.inputs.get(name)
-        if socket is not None:
-            # An artist may have changed the type of an input: then its old value does not fit.
-            with contextlib.suppress(TypeError, ValueError):
-                socket.default_value = value
-            for source in sources:
-                tree.links.new(source, socket)
-    for name, sockets in targets:
-        for socket in sockets if name in node.outputs else ():
-            tree.links.new(node.outputs[name], socket)
-    if fresh:
-        _connect_inputs(tree, node)
-    elif "Tangent" in node.inputs and "Tangent" not in kept:
-        _connect_tangent(tree, node)
-
-
-def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.types.Node:
-    """Empty the tree, make its outputs and any stand-in, and return the node that is to hold the group."""
-    tree.nodes.clear()
-    node = tree.nodes.new("ShaderNodeGroup")
-    node[_NODE_KEY] = True
-    node.location, node.width = (0, 200), 260
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    output[_OUTPUT_KEY] = True
-    output.target, output.location = "CYCLES", (340, 200)
-    preview = tree.nodes.new("ShaderNodeOutputMaterial")
-    preview[_VIEWPORT_KEY] = True
-    preview.target, preview.location = "EEVEE", (340, 0)
-    if albedo is not None:
-        stand_in = tree.nodes.new("ShaderNodeBsdfPrincipled")
-        stand_in.label, stand_in.location = "EEVEE stand-in", (0, 0)
-        stand_in[_STAND_IN_KEY] = True
-        stand_in.inputs["Base Color"].default_value = (*albedo, 1)
-        tree.links.new(stand_in.outputs[0], preview.inputs["Surface"])
-    return node
-
-
-def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
-    geometry = tree.nodes.new("ShaderNodeNewGeometry")
-    geometry.location = (-220, 200)
-    tree.links.new(geometry.outputs["Normal"], node.inputs["Normal"])
-    node.inputs["Tint"].default_value = (1, 1, 1)
-    if "Light Level" in node.inputs:
-        node.inputs["Light Level"].default_value = 1
-    if "Tangent" in node.inputs:
-        _connect_tangent(tree, node)
-    if "UV" in node.inputs:
-        coordinates, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
-        coordinates.location, mapping.location = (-420, -60), (-220, -60)
-        mapping.label = "Swatch size and rotation"
-        tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
-        tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
-
-
-def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """The direction in which UVs run; an artist may choose Radial, turn it, or link another vector.
-
-    Where an anisotropic material was isotropic for a while, the nodes that turned it are still there.
-    """
-    group = surface_tangent_group()
-    on_surface = next((n for n in tree.nodes if getattr(n, "node_tree", None) == group), None)
-    if on_surface is None:
-        made, on_surface = tree.nodes.new("ShaderNodeTangent"), tree.nodes.new("ShaderNodeGroup")
-        made.direction_type, made.location = "UV_MAP", (-420, 40)
-        on_surface.node_tree, on_surface.location = group, (-220, 40)
-        geometry = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeNewGeometry"), None)
-        geometry = geometry or tree.nodes.new("ShaderNodeNewGeometry")
-        tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
-        tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
-    tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
-
-
-def remove_unused(group: bpy.types.ShaderNodeTree) -> None:
-    """Remove a group that nothing uses, and with it the groups and textures that only it used."""
-    pending, images = {group.session_uid: group}, {}
-    while pending:
-        _, tree = pending.popitem()
-        if tree.users:
-            continue  # if by a group that goes too, that one leads here again
-        pending |= {t.session_uid: t for n in tree.nodes if (t := getattr(n, "node_tree", None))}
-        images |= {i.session_uid: i for n in tree.nodes if (i := getattr(n, "image", None))}
-        bpy.data.node_groups.remove(tree)
-    for image in images.values():
-        if not image.users:
-            bpy.data.images.remove(image)
+    return WeightedClosures(fit.closures, images(part), fit.grid if isinstance(fit, EnvelopeFit) else len(fit.weights))

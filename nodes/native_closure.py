@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.shading.lobes import PHONG, Lobe
 from . import expr
 from .lobe_group import oren_nayar_closure
 
 
-def native_closure(lobe: Lobe, weight: Any, normal: Any) -> Any:
-    """Closure of the lobe's native part times a colour."""
-    if lobe.name == "oren_nayar":
+def native_closure(lobe: Lobe | AnisotropicLobe, weight: Any, normal: Any, tangent: Any = None) -> Any:
+    """Closure of the lobe's native part times a colour; a lobe of two widths takes a tangent in world space."""
+    if isinstance(lobe, AnisotropicLobe):
+        kind, properties, inputs = _anisotropic(lobe, tangent)
+    elif lobe.name == "oren_nayar":
         return oren_nayar_closure(weight, normal, lobe.p1)
-    kind, properties, inputs = _NATIVE[lobe.name](lobe)
+    else:
+        kind, properties, inputs = _NATIVE[lobe.name](lobe)
     made = expr.node(kind, properties, {"Color": weight, "Normal": normal, **inputs})
     return expr.Scalar(made.outputs[0])
 
@@ -68,6 +72,13 @@ def _glossy(lobe: Lobe) -> _Closure:
 
 def _sheen(lobe: Lobe) -> _Closure:
     return "ShaderNodeBsdfSheen", {"distribution": "ASHIKHMIN"}, {"Roughness": lobe.p1}
+
+
+def _anisotropic(lobe: AnisotropicLobe, tangent: Any) -> _Closure:
+    if lobe.name == "lambert":
+        return "ShaderNodeBsdfDiffuse", {}, {"Roughness": 0.0}
+    widths = {"Roughness": lobe.roughness, "Anisotropy": lobe.anisotropy, "Rotation": 0.0, "Tangent": tangent}
+    return "ShaderNodeBsdfAnisotropic", {"distribution": "GGX"}, widths
 
 
 _NATIVE = {"lambert": _diffuse, "ggx": _glossy, "sheen": _sheen, **dict.fromkeys(PHONG, _diffuse)}

@@ -7,31 +7,27 @@ changes with every edit and frame; OSL's texture system would show a file as it 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import bpy
 
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.common import kind_of
-from ..bake.brdf.grids import IsotropicGrid
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle import MATERIAL, Bundle
-from ..bake.envelope import EnvelopeFit, PreviewFit
+from ..bake.envelope.fitted import EnvelopeFit
 from ..bake.errors import BakeError
 from ..bake.modes import MODES
-from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.sampling.lamps import TEXELS
-from ..bake.shading.lobes import Lobe
 from ..bake.tables.table import FILTERS
 from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
 from .material import build_from, usual_mode
-from .osl_anisotropic import anisotropic_constants
-from .osl_script import grid_constants, output, script_node, shader_source, texel_constants, texture_file
+from .osl_parameters import cell_constants, grid_constants, texel_constants, texture_file
+from .osl_script import output, script_node, shader_source
 
-SHADER, ANISOTROPIC = "measured_material.osl", "measured_anisotropic.osl"
+SHADER = "measured_material.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
 
 
@@ -68,17 +64,14 @@ def build_osl_material(
     mode = mode or usual_mode(record)
     if mode not in MODES:
         raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
-    if record.anisotropic:
-        shader, constants = ANISOTROPIC, anisotropic_constants(record, mode, filter, stochastic)
-    else:
-        shader, constants = SHADER, shader_constants(record, mode, filter, stochastic)
+    constants = shader_constants(record, mode, filter, stochastic)
     interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if record.anisotropic else {})
 
     def build(*values: Any) -> Any:
         inputs = dict(zip(interface, values)) | constants
         if lamps is not None and mode != "preview":
             inputs |= _lamp_inputs(lamps)
-        return output(script_node(shader, shader_source(shader), inputs), "BSDF")
+        return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
     return build_from(
         record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
@@ -89,59 +82,54 @@ def shader_constants(
     record: BrdfRecord, mode: str, filter: str | None = None, stochastic: bool = True
 ) -> dict[str, Any]:
     """Parameters of the shader that describe the bundle, its pixels read and checked. Raises BakeError."""
-    constants: dict[str, Any] = {"Mode": mode}
-    bundle = record.files()
+    constants: dict[str, Any] = {"Mode": mode, "Anisotropic": int(record.anisotropic)}
     if mode != "preview":
         table = record.baked("table" if mode == "reference" else "residual")
         constants |= table_constants(table, filter, stochastic) | sampler_constants(table)
     if mode in ("exact", "balanced"):
-        fit = record.load_envelope()
-        assert isinstance(fit, EnvelopeFit)
-        constants |= _closure_constants("Envelope", texture_file(bundle, "envelope"), fit.closures, len(fit.weights))
+        constants |= _closure_constants(record, "Envelope", "envelope")
         if record.has("residual_share"):
             record.check_shares()
-            constants["Shares"] = texture_file(bundle, "residual_share")
+            constants["Shares"] = texture_file(record.files(), "residual_share")
     if mode in ("preview", "balanced"):
-        preview = record.load_preview()
-        assert isinstance(preview, PreviewFit)
-        file = texture_file(bundle, "preview_weights")
-        constants |= _closure_constants("Preview", file, preview.closures, len(preview.weights))
+        constants |= _closure_constants(record, "Preview", "preview_weights")
     return constants
 
 
 def table_constants(table: BakedTable, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
-    """Those of `measured_lookup.osl`, of an isotropic table. Raises BakeError."""
+    """Those of `measured_lookup.osl`. Raises BakeError."""
     table.bundle.load(table.part)
-    grid, chosen = table.stored.grid, table.filter if filter is None else filter
-    assert isinstance(grid, IsotropicGrid)
+    chosen = table.filter if filter is None else filter
     if chosen not in FILTERS:
         raise BakeError(table.bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
         "Table": texture_file(table.bundle, table.part),
         **texel_constants(table.stored),
-        **grid_constants(grid),
+        **grid_constants(table.stored.grid),
         "Filter": chosen,
         "Stochastic": int(stochastic),
     }
 
 
 def sampler_constants(table: BakedTable) -> dict[str, Any]:
-    """Those of `measured_sampler.osl`, of an isotropic table. Raises BakeError."""
-    layout = table.layout
-    assert isinstance(layout, SamplerLayout)
+    """Those of `measured_sampler.osl`. Raises BakeError."""
     table.load_sampler()
-    return {
-        "Sampler": texture_file(table.bundle, table.sampler),
-        "Bins": layout.n_o,
-        "CellsTheta": layout.n_h,
-        "CellsPhi": layout.n_phi,
-        "Warp": layout.warp_power,
-    }
+    return {"Sampler": texture_file(table.bundle, table.sampler), **cell_constants(table.layout)}
 
 
-def _closure_constants(name: str, file: str, closures: Sequence[Lobe], nodes: int) -> dict[str, Any]:
-    words = " ".join(f"{lobe.name} {lobe.p1:.9g}" for lobe in closures)
-    return {name: file, f"{name}Nodes": nodes, f"{name}Closures": words}
+def _closure_constants(record: BrdfRecord, name: str, image: str) -> dict[str, Any]:
+    """Of the closures of one texture of weights: names, widths, and at which viewers weights are known."""
+    fit = record.load_envelope() if image == "envelope" else record.load_preview()
+    constants = {name: texture_file(record.files(), image)}
+    if isinstance(fit, EnvelopeFit):
+        widths = [(lobe.name, lobe.alpha_x, lobe.alpha_y) for lobe in fit.closures]
+        nodes, azimuths, half_turn = fit.grid.n_theta, fit.grid.n_phi, fit.grid.folded
+    else:
+        widths = [(lobe.name, lobe.p1, lobe.p1) for lobe in fit.closures]
+        nodes, azimuths, half_turn = len(fit.weights), 0, False
+    words = " ".join(f"{lobe} {along:.9g} {across:.9g}" for lobe, along, across in widths)
+    viewers = {"Nodes": nodes, "Azimuths": azimuths, "HalfTurn": int(half_turn), "Closures": words}
+    return constants | {f"{name}{key}": value for key, value in viewers.items()}
 
 
 def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:

@@ -23,13 +23,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.brdf.parts import StoredTableRecord
-from ..bake.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.image_io import load_openimageio
-from ..bake.tables.atlas import AtlasLayout
-from ..bake.tables.grid import Grid
-from ..bake.tables.log_codes import LogCodes
 from . import compat, expr
 
 SHADERS = Path(__file__).parent / "osl"
@@ -97,15 +92,6 @@ def output(node: Any, name: str) -> Any:
     """An output of a Script node as an expression, by the shader's name of it."""
     socket = next(s for s in node.outputs if s.identifier == name)
     return expr.Vector(socket) if socket.type in ("VECTOR", "RGBA") else expr.Scalar(socket)
-
-
-def texture_file(bundle: Bundle, name: str) -> str:
-    """Whole path of a bundle's image, for OSL to read. Raises BakeError."""
-    path = Path(bundle.image_path(name)).resolve()
-    # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
-    if odd := sorted(set("?%<#") & set(str(path))):
-        raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")
-    return str(path)
 
 
 def require_osl() -> None:
@@ -209,20 +195,3 @@ def _error_stream() -> Iterator[Callable[[], list[str]]]:
             os.close(before)
             file.seek(0)
             lines += file.read().decode("utf-8", "replace").splitlines()
-
-
-def grid_constants(grid: Grid) -> dict[str, Any]:
-    """Parameters of a lookup that say where the samples of a table lie, in its grid and in its atlas."""
-    layout = AtlasLayout.of(grid)
-    return {**grid.shader_constants(), "Columns": layout.columns, "Rows": layout.rows}
-
-
-def texel_constants(stored: StoredTableRecord) -> dict[str, Any]:
-    """Those that turn texels into values, of a table of either kind."""
-    log = stored.log or LogCodes((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    return {
-        "Scale": 1 / stored.scale,
-        "Offset": stored.offset,
-        "LogRange": log.ranges,
-        "LogGain": log.gains,
-    }

@@ -17,11 +17,12 @@ from ..bake.shading.record import ShadingMapRecord
 from ..bake.shading.record_parts import StoredMap
 from ..bake.shading.reduced_map import reduced_slices
 from ..bake.shading.render_settings import RenderSettings
-from .data_image import bundle_image
+from .data_image import Images, bundle_images, new_data_image
 from .map_models import basis_group, power_group
-from .material import build_from, new_data_image, table_groups
+from .material_tree import build_from
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
+from .table_groups import table_groups
 
 
 def build_shading_map(
@@ -29,6 +30,7 @@ def build_shading_map(
     material: bpy.types.Material | None = None,
     *,
     settings: RenderSettings | None = None,
+    images: Images | None = None,
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
     reduce: int = 1,
@@ -40,7 +42,8 @@ def build_shading_map(
     source : the bundle's record, or the bundle, which is then read
     material : to rebuild in place, so that objects keep it; a new one by default
     settings : how it is lit; by default as the bundle says
-    pack : store the textures inside the .blend
+    images : the textures; by default those of the bundle, loaded
+    pack : store the textures that are loaded inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     reduce : texels across that Cycles sees as their mean, for a swatch far away; for model "slices" only
 
@@ -54,7 +57,12 @@ def build_shading_map(
         record.measured_lobe()
     for name in {record.map.image, "envelope"} & set(record.images):
         record.files().load(name)  # pixels are read and checked once before Blender loads them
-    return build_from(record, material, lambda name: _group(record, settings, name, pack, lamps, reduce))
+
+    def make(name: str) -> bpy.types.ShaderNodeTree:
+        textures = images or bundle_images(record.files(), name, pack=pack)
+        return _group(record, settings, name, textures, lamps, reduce)
+
+    return build_from(record, material, make)
 
 
 def lighting_of(record: ShadingMapRecord, settings: RenderSettings) -> Lighting:
@@ -78,7 +86,7 @@ def _group(
     record: ShadingMapRecord,
     settings: RenderSettings,
     name: str,
-    pack: bool,
+    textures: Images,
     lamps: bpy.types.Image | None,
     reduce: int,
 ) -> bpy.types.ShaderNodeTree:
@@ -86,10 +94,10 @@ def _group(
     lighting = replace(lighting_of(record, settings), lamps=lamps)
     if settings.lobe is None:
         # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
-        table = table_groups(record.baked_lobe(), name, None, False, pack, aimed=lamps is not None)
+        table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lamps is not None)
         measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
-    images = load_slices(record, name, pack)
+    images = slice_images(record, textures)
     far = _reduced(record, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
     traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=True))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
@@ -106,15 +114,11 @@ def _f_r_albedo(record: ShadingMapRecord) -> float:
     return albedo
 
 
-def load_slices(record: ShadingMapRecord, name: str, pack: bool) -> SliceImages:
-    """The map's textures. Raises BakeError."""
+def slice_images(record: ShadingMapRecord, textures: Images) -> SliceImages:
+    """The map's textures, and how they are laid out. Raises BakeError."""
     facts = record.map
-
-    def load(image: str) -> bpy.types.Image:
-        return bundle_image(record.files(), image, f"{name} {image}", pack=pack)
-
-    main = load(facts.image)
-    envelope = load("envelope") if facts.model != "power" else main
+    main = textures(facts.image)
+    envelope = textures("envelope") if facts.model != "power" else main
     return SliceImages(main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
 
 

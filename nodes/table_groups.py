@@ -7,23 +7,61 @@ from typing import Any
 
 import bpy
 
+from ..bake.brdf.baked_table import BakedTable
+from ..bake.brdf.grids import is_anisotropic
+from ..bake.tables.anisotropic_grids import AnisotropicNormalGrid
+from .alias_sampler_group import alias_pdf_group, alias_sampler_group
+from .data_image import Images
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
+from .table_lookup_group import table_lookup_group
 
 
 @dataclass(frozen=True)
 class TableGroups:
     """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf.
 
-    The last is None where nothing is aimed.
+    Parameters
+    ----------
+    density : None where nothing is aimed
+    tangent : of the surface, in world space, in whose frame an anisotropic table lies; None of an isotropic one
     """
 
     lookup: bpy.types.ShaderNodeTree
     sampler: bpy.types.ShaderNodeTree
     density: bpy.types.ShaderNodeTree | None = None
+    tangent: Any = None
 
     def draw(self, normal: Any, lamps: bpy.types.Image | None) -> DrawnDirection:
         """A direction from the sampler or, with `density`, towards the lamps of a table."""
         return drawn_direction(
-            normal, lambda wo, *u: call(self.sampler, wo, *u), lambda wi, wo: call(self.density, wi, wo), lamps
+            normal,
+            lambda wo, *u: call(self.sampler, wo, *u),
+            lambda wi, wo: call(self.density, wi, wo),
+            lamps,
+            self.tangent,
         )
+
+
+def table_groups(
+    table: BakedTable, name: str, images: Images, filter: str | None, stochastic: bool, *, aimed: bool
+) -> TableGroups:
+    """Groups of a table, of its textures; of an anisotropic one without a tangent yet. Raises BakeError.
+
+    Blended, sixteen taps of an anisotropic spline, or four beside the normal basis' longer formulas, would not leave a
+    material room on SVM's stack: there one slice is chosen in any case.
+    """
+    stored, grid = table.stored, table.stored.grid
+    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
+    table.bundle.load(table.part)
+    table.load_sampler()
+    atlas, cells = images(table.part), images(table.sampler)
+    filter = table.filter if filter is None else filter
+    if is_anisotropic(grid):
+        stochastic = stochastic or filter == "bspline" or isinstance(grid, AnisotropicNormalGrid)
+    lookup = table_lookup_group(
+        f"MM Lookup {name}", atlas, grid, filter, 1 / stored.scale, stochastic, stored.offset, stored.log
+    )
+    sampler = alias_sampler_group(f"MM Sampler {name}", cells, table.layout)
+    density = alias_pdf_group(f"MM Sampler Density {name}", cells, table.layout) if aimed else None
+    return TableGroups(lookup, sampler, density)

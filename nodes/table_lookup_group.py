@@ -1,12 +1,19 @@
-"""Node group: the BRDF of a tabulated material for a pair of local directions (Mallett & Yuksel 2016)."""
+"""Node group: the BRDF of a table for a pair of local directions, of one slice axis or of two.
+
+A table of an isotropic material (Mallett & Yuksel 2016) is read between the slices of one axis, an anisotropic one
+between those of two. Within a slice the image's own filter serves.
+"""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
 
 from ..bake.tables.atlas import AtlasLayout, atlas_uv
+from ..bake.tables.grid import Grid
 from ..bake.tables.half_vector_grid import HalfVectorGrid
 from ..bake.tables.log_codes import LogCodes
 from ..bake.tables.normal_grid import NormalVectorGrid
@@ -14,7 +21,7 @@ from ..bake.tables.table import bspline_weights
 from . import expr
 from .group import call, node_group
 
-# Blender's "Cubic" is the uniform B-spline, in two dimensions; the third axis is ours.
+# Blender's "Cubic" is the uniform B-spline, in two dimensions; the slice axes are ours.
 _INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
 
 IsotropicGrid = NormalVectorGrid | HalfVectorGrid
@@ -33,65 +40,135 @@ def coordinates_group(grid: IsotropicGrid) -> bpy.types.ShaderNodeTree:
 def table_lookup_group(
     name: str,
     image: bpy.types.Image,
-    grid: IsotropicGrid,
+    grid: Grid,
     filter: str,
     scale: float = 1.0,
     stochastic: bool = False,
     offset: float = 0.0,
     log: LogCodes | None = None,
 ) -> bpy.types.ShaderNodeTree:
-    """(wi, wo, random) to the BRDF in 1/sr without the cosine.
+    """(wi, wo, random) to the BRDF in 1/sr without the cosine, of local directions.
 
     Parameters
     ----------
     image : the atlas of `bake.tables.atlas.pack`
-    filter : "nearest", "trilinear" or "bspline"
+    filter : "nearest", "trilinear" (linear along every axis) or "bspline"
     scale, offset : what stored values are multiplied by, after the offset was subtracted
     log : what stored values are the codes of; scale and offset are then 1 and 0
     stochastic : choose one slice with the filter's weights by the random number instead of blending all. Unbiased
-        where the value enters the picture linearly, as in Reference mode, and one tap instead of two or four.
+        where the value enters the picture linearly, as in Reference mode, and one tap instead of 2 or 4, of an
+        anisotropic table instead of 4 or 16
     """
-    layout = AtlasLayout(grid.shape)
-    count, rows, columns = grid.shape
 
     def lookup(wi: Any, wo: Any, random: Any) -> Any:
-        u_slice, u_row, u_phi = call(coordinates_group(grid), wi, wo)
+        position, texture_place = _place(grid, wi, wo)
 
-        def tap(index: Any) -> Any:
-            uv = atlas_uv(expr, layout, index, u_row * (rows - 1), u_phi * (columns - 1))
+        def tap(*slices: Any) -> Any:
+            uv = texture_place(_slice_index(grid, slices))
             texel = expr.image_tap(image, *uv, _INTERPOLATION[filter])[0]
             return log.decode(expr, texel) if log else texel
 
-        position = u_slice * (count - 1)
-        value = _across_slices(tap, position, layout.slices - 1, filter, random if stochastic else None)
+        value = _across_slices(tap, position, grid.shape[-3], filter, random if stochastic else None)
         value = value - expr.vec(offset, offset, offset) if offset else value
-        return value if scale == 1.0 else expr.scale(value, scale)
+        factor = grid.factor(expr, wi, wo)
+        gain = scale if isinstance(factor, float) else expr.divide(scale, factor)
+        return value if isinstance(gain, float | int) and gain == 1 else expr.scale(value, gain)
 
     return node_group(
         name, {"wi": "vector", "wo": "vector", "Random": "float"}, {"BRDF": "vector"}, lookup, {"Random": 0.5}
     )
 
 
-def _across_slices(tap: Any, position: Any, last: int, filter: str, random: Any) -> Any:
-    """Reconstruct across the slices: blend the filter's slices, or choose one of them by `random`."""
+def _place(grid: Grid, wi: Any, wo: Any) -> tuple[tuple[Any, ...], Callable[[Any], tuple[Any, Any]]]:
+    """Fractional indices along the slice axes, and texture coordinates within the slice of a whole index."""
+    layout = AtlasLayout.of(grid)
+    if isinstance(grid, NormalVectorGrid | HalfVectorGrid):
+        u_slice, u_row, u_phi = call(coordinates_group(grid), wi, wo)
+        count, rows, columns = grid.shape
+        # At every tap anew: a product fewer would be a live value more.
+        return (u_slice * (count - 1),), lambda index: atlas_uv(
+            expr, layout, index, u_row * (rows - 1), u_phi * (columns - 1)
+        )
+    *position, row, column = grid.coordinates(expr, wi, wo)
+    return tuple(position), lambda index: atlas_uv(expr, layout, index, row, column)
+
+
+def _slice_index(grid: Grid, slices: Sequence[Any]) -> Any:
+    """Place in the atlas of whole indices along the slice axes; the azimuth's, at most two beyond an end, is periodic.
+
+    Along the last of them one slice more lies beyond the pole.
+    """
+    if len(slices) == 1:
+        return slices[0]
+    azimuth, polar = slices
+    count = grid.shape[0]
+    azimuth = expr.where(azimuth > count - 0.5, azimuth - count, azimuth)
+    azimuth = expr.where(azimuth < -0.5, azimuth + count, azimuth)
+    return azimuth * (grid.shape[1] + 1) + polar
+
+
+def _across_slices(tap: Callable[..., Any], position: tuple[Any, ...], last: int, filter: str, random: Any) -> Any:
+    """Reconstruct along the axes that choose slices: blend the filter's taps, or choose one by `random`.
+
+    `last` is the last whole index of the last of these axes; an azimuth before it goes round.
+    """
     if filter == "nearest":
-        return tap(expr.floor(position + 0.5))
-    base = expr.floor(position)
-    t = position - base
-    if filter == "trilinear":
-        if random is not None:
-            return tap(base + (random < t))
-        return expr.scale(tap(base), 1 - t) + expr.scale(tap(base + 1), t)
-    weights = bspline_weights(expr, t)
-    indices = [expr.maximum(base - 1, 0.0), base, base + 1, expr.minimum(base + 2, float(last))]
+        return tap(*(expr.floor(p + 0.5) for p in position))
+    bases = [expr.floor(p) for p in position]
+    if random is not None and filter == "trilinear" and len(position) == 1:
+        return tap(bases[0] + (random < position[0] - bases[0]))
+    weights = [_weights(p - base, filter) for p, base in zip(position, bases, strict=True)]
+    first = 0 if filter == "trilinear" else -1
     if random is not None:
-        # How many of the running sums the number has passed is the tap's place among the four.
-        below, passed = weights[0], 0.0
-        for weight in weights[1:]:
-            passed = (random > below) + passed
-            below = below + weight
-        return tap(expr.minimum(expr.maximum(base - 1 + passed, 0.0), float(last)))
-    value = expr.scale(tap(indices[0]), weights[0])
-    for index, weight in zip(indices[1:], weights[1:], strict=True):
-        value = value + expr.scale(tap(index), weight)
-    return value
+        chosen = [base + first + step for base, step in zip(bases, _chosen(weights, random), strict=True)]
+        if first:
+            chosen[-1] = expr.minimum(expr.maximum(chosen[-1], 0.0), float(last))
+        return tap(*chosen)
+    total = None
+    for places in itertools.product(range(len(weights[0])), repeat=len(bases)):
+        slices = [base + (place + first) for base, place in zip(bases, places, strict=True)]
+        slices[-1] = _held(slices[-1], places[-1] + first, last)
+        weight = weights[0][places[0]]
+        for axis, place in zip(weights[1:], places[1:], strict=True):
+            weight = weight * axis[place]
+        part = expr.scale(tap(*slices), weight)
+        total = part if total is None else total + part
+    return total
+
+
+def _held(index: Any, step: int, last: int) -> Any:
+    """An index this many steps from the one below the position: only the outer ones can leave [0, last]."""
+    if step < 0:
+        return expr.maximum(index, 0.0)
+    return expr.minimum(index, float(last)) if step > 1 else index
+
+
+def _weights(t: Any, filter: str) -> tuple[Any, ...]:
+    return (1 - t, t) if filter == "trilinear" else bspline_weights(expr, t)
+
+
+def _chosen(weights: Sequence[tuple[Any, ...]], random: Any) -> list[Any]:
+    """For each axis the place of a weight chosen in proportion: one number serves both, the last axis first."""
+    *azimuth, polar = weights
+    places = [_passed(polar, random)]
+    if azimuth:
+        places.insert(0, _passed(azimuth[0], _rest(polar, random)))
+    return places
+
+
+def _passed(weights: tuple[Any, ...], random: Any) -> Any:
+    """How many of the running sums of the weights a number has passed."""
+    place: Any = 0.0
+    for below in itertools.accumulate(weights[:-1]):
+        place = (random > below) + place
+    return place
+
+
+def _rest(weights: tuple[Any, ...], random: Any) -> Any:
+    """Where in the share of the weight that it has chosen the number lies: again even in [0, 1]."""
+    start, share = 0.0, weights[0]
+    for below, weight in zip(itertools.accumulate(weights[:-1]), weights[1:], strict=True):
+        passed = random > below
+        start, share = expr.where(passed, below, start), expr.where(passed, weight, share)
+    # Rounding may lead past the last one, or to one of no weight.
+    return expr.minimum(expr.maximum(expr.divide(random - start, share), 0.0), 1.0)

@@ -1,42 +1,61 @@
-"""Native closures with weights that depend on theta_o: an envelope, or those of mode Preview (DESIGN.md section 5)."""
+"""Native closures with weights that depend on the viewer: an envelope, or those of mode Preview (DESIGN.md section 5).
+
+Weights of an isotropic material depend on theta_o alone, those of an anisotropic one on the azimuth too.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from ..bake.envelope import texture_coordinate
+from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
+from ..bake.envelope.texture import row_coordinate
+from ..bake.envelope.viewers import ViewerGrid
 from ..bake.shading.lobes import Lobe
 from . import expr
-from .group import call
-from .local_frame_group import viewer_frame_group
+from .drawn_direction import frame_of
 from .native_closure import add_closures, native_closure
 
 
 @dataclass(frozen=True)
 class WeightedClosures:
-    """Closures, and their weights as a texture over theta_o: one row for each, `nodes` texels wide."""
+    """Closures, and their weights as a texture of `bake.envelope.texture`.
 
-    closures: tuple[Lobe, ...]
+    Parameters
+    ----------
+    viewers : at which weights are known: how many over theta_o, or a grid of two angles
+    tangent : of the surface, in world space, along which the first of a closure's widths lies; None where there is one
+    """
+
+    closures: Sequence[Lobe | AnisotropicLobe]
     image: bpy.types.Image
-    nodes: int
+    viewers: int | ViewerGrid
+    tangent: Any = None
 
     def weights(self, wo: Any) -> list[tuple[Any, Any]]:
-        """Colour and alpha of each row, seen from local wo."""
-        u = texture_coordinate(expr, wo, self.nodes)
-        rows = len(self.closures)
-        return [expr.image_tap(self.image, u, 1 - (k + 0.5) / rows, "Linear") for k in range(rows)]
+        """Colour and alpha of each closure, seen from local wo."""
+        count = len(self.closures)
+        if isinstance(self.viewers, int):
+            u, rows = texture_coordinate(expr, wo, self.viewers), [1 - (k + 0.5) / count for k in range(count)]
+        else:
+            u = texture_coordinate(expr, wo, self.viewers.n_theta)
+            rows = [row_coordinate(expr, self.viewers, wo, k, count) for k in range(count)]
+        return [expr.image_tap(self.image, u, row, "Linear") for row in rows]
 
     def closure(self, weights: list[tuple[Any, Any]], normal: Any, factor: Any) -> Any:
         """Their sum, times a colour."""
-        parts = [native_closure(lobe, colour * factor, normal) for lobe, (colour, _) in zip(self.closures, weights)]
+        parts = [
+            native_closure(lobe, colour * factor, normal, self.tangent)
+            for lobe, (colour, _) in zip(self.closures, weights, strict=True)
+        ]
         return add_closures(parts)
 
-
-def preview_closure(preview: WeightedClosures, normal: Any, tint: Any) -> Any:
-    """The closures alone."""
-    incoming = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Incoming"])
-    wo, _, _ = call(viewer_frame_group(), normal, incoming)
-    return preview.closure(preview.weights(wo), normal, tint)
+    def alone(self, normal: Any, tint: Any) -> Any:
+        """The closures by themselves."""
+        incoming = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Incoming"])
+        wo, _, _ = frame_of(normal, incoming, self.tangent)
+        return self.closure(self.weights(wo), normal, tint)

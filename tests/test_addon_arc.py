@@ -28,7 +28,7 @@ from measured_materials.bake.shading.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import FAMILY_KEY
-from measured_materials.nodes.material import BUNDLE_KEY, SOURCE_KEY
+from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.scenes import purge_groups
 from support.stacks import write_stack

@@ -15,8 +15,8 @@ from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.grid import Grid
 from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
-from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.group import call
+from measured_materials.nodes.table_lookup_group import table_lookup_group
 from measured_materials.nodes.tangent_frame_group import tangent_frame_group
 from support.cards import card, data_image
 
@@ -61,7 +61,7 @@ def test_lookup(name: str, filter: str) -> None:
     grid = GRIDS[name]
     table = random_table(grid)
     image = data_image(f"table {name}", pack(grid, table.values))
-    group = anisotropic_lookup_group(f"card {name} {filter}", image, grid, filter)
+    group = table_lookup_group(f"card {name} {filter}", image, grid, filter)
     wi, wo = directions()
     (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
     wi, wo = wi.astype(float), wo.astype(float)
@@ -84,7 +84,7 @@ def test_stochastic_slice_averages_to_the_blend(name: str, filter: str) -> None:
     grid = GRIDS[name]
     table = random_table(grid)
     image = data_image(f"stochastic {name}", pack(grid, table.values))
-    group = anisotropic_lookup_group(f"stochastic {name} {filter}", image, grid, filter, stochastic=True)
+    group = table_lookup_group(f"stochastic {name} {filter}", image, grid, filter, stochastic=True)
     wi, wo = (w[-40:] for w in directions())
     steps = 1600
     u = np.tile((np.arange(steps) + 0.5) / steps, len(wi)).astype(np.float32)

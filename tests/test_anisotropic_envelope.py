@@ -30,7 +30,8 @@ from measured_materials.bake.material_json import Fields
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.nodes import compat, expr
-from measured_materials.nodes.anisotropic_closures import AnisotropicClosures, anisotropic_native_closure
+from measured_materials.nodes.native_closure import native_closure
+from measured_materials.nodes.weighted_closures import WeightedClosures
 from support.cards import card, data_image
 from test_native_closures import WEIGHT, Strips, weight
 
@@ -124,7 +125,7 @@ def test_share_never_excludes_what_is_there(fit: EnvelopeFit) -> None:
 def test_weights_on_cards(fit: EnvelopeFit) -> None:
     """The texture's taps against numpy, across the azimuth's seam."""
     image = data_image("anisotropic weights", pack_weights(fit))
-    closures = AnisotropicClosures(fit.closures, image, fit.viewers)
+    closures = WeightedClosures(fit.closures, image, fit.viewers)
     rng = np.random.default_rng(3)
     theta, phi = np.arccos(rng.uniform(0, 1, 3000)), rng.uniform(-np.pi, np.pi, 3000)
     phi[:40], phi[40:80] = np.linspace(-1e-3, 1e-3, 40), np.pi - np.linspace(0, 1e-3, 40)
@@ -149,7 +150,7 @@ def test_closures_equal_cycles_own() -> None:
             normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])
             along = expr.Vector(expr.node("ShaderNodeCombineXYZ", {}, dict(enumerate(map(float, tangent)))).outputs[0])
             output = tree.nodes.new("ShaderNodeOutputMaterial")
-            expr.feed(tree, output.inputs["Surface"], anisotropic_native_closure(lobe, weight(1.0), normal, along))
+            expr.feed(tree, output.inputs["Surface"], native_closure(lobe, weight(1.0), normal, along))
         return made
 
     axes = np.stack([tangent, np.cross([0, 0, 1], tangent), [0, 0, 1]], -1)

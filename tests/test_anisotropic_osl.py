@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_materials.addon.lamps import lamp_image
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -20,15 +21,14 @@ from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.grid import Grid
 from measured_materials.bake.tables.table import FILTERS
+from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 from support.monte_carlo import assert_agree, compare
-from support.osl import declared_table4, header_card, skip_without_osl
+from support.osl import declared_table, header_card, skip_without_osl
 from support.planes import SHAPES, plane_scene
 from test_anisotropic_cards import BRUSHED, GRIDS, away_from_borders, directions, random_table
-
-HEADER = "measured_anisotropic.h"
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -38,7 +38,7 @@ def osl() -> None:
 
 def lookup_body(file: Path, grid: Grid, filter: str, log: str = "vector(0), vector(0)") -> str:
     """Statements that look a table's file up; `log` are the range and gain of codes."""
-    return declared_table4(grid, file, filter, log) + "value = vector(mm_lookup4(table, wi, wo, 0.5));"
+    return declared_table(grid, file, filter, log) + "value = vector(mm_lookup(table, g, wi, wo, 0.5));"
 
 
 @pytest.mark.parametrize("name", GRIDS)
@@ -48,7 +48,7 @@ def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
     table, file = random_table(grid), tmp_path / "atlas.exr"
     write_image(file, pack(grid, table.values), Storage.FLOAT32)
     wi, wo = directions(3000)
-    (found,) = header_card(lookup_body(file, grid, filter), {"value": "vector"}, HEADER, wi=wi, wo=wo)
+    (found,) = header_card(lookup_body(file, grid, filter), {"value": "vector"}, wi=wi, wo=wo)
     wi, wo = wi.astype(float), wo.astype(float)
     factor = np.broadcast_to(grid.factor(xp_numpy, wi, wo), len(wi))
     off = np.abs(found - table.evaluate(wi, wo, filter)).max(-1) * factor
@@ -64,11 +64,11 @@ def test_sampler(tmp_path: Path, folded: bool) -> None:
     layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, folded)
     sampler, file = build_sampler(BRUSHED, layout), tmp_path / "slopes.exr"
     write_image(file, sampler.texels, Storage.FLOAT32)
-    facts = f'"{file}", 6, 8, 14, 12, 0.1, 0.4, {int(folded)}'
+    facts = f'"{file}", 6, 8, 12, 14, 0, 0.1, 0.4, {int(folded)}'
     body = f"""
-      MMSlopes slopes = {{{facts}}};
-      wi = mm_draw4(slopes, wo, first[0], first[1], first[2], last, pdf);
-      density = mm_density4(slopes, wi, wo);"""
+      MMSampler slopes = {{{facts}}};
+      wi = mm_draw(slopes, wo, first[0], first[1], first[2], last, pdf);
+      density = mm_density(slopes, wi, wo);"""
     rng = np.random.default_rng(5)
     count = 3000
     wo = spherical(np.arccos(rng.random(count)), rng.uniform(-np.pi, np.pi, count)).astype(np.float32)
@@ -76,7 +76,7 @@ def test_sampler(tmp_path: Path, folded: bool) -> None:
     keep = away_from_borders(sampler, wo, u)
     wo, u = wo[keep], u[keep]
     outputs = {"wi": "vector", "pdf": "float", "density": "float"}
-    wi, pdf, density = header_card(body, outputs, HEADER, wo=wo, first=u[:, :3], last=u[:, 3])
+    wi, pdf, density = header_card(body, outputs, wo=wo, first=u[:, :3], last=u[:, 3])
     expected, expected_pdf = sampler.sample(wo.astype(float), u.astype(float))
     assert np.quantile(np.abs(wi - expected).max(-1), 0.98) < 4e-6
     up = expected[:, 2] > 0.01
@@ -108,3 +108,12 @@ def test_material_equals_that_of_nodes(satin: Bundle, mode: str) -> None:
     result = compare(*pictures, mask)
     print(result)
     assert_agree(result, 0.01)
+
+
+@pytest.mark.parametrize("mode", ["exact", "balanced", "reference"])
+def test_a_material_that_aims_is_built(satin: Bundle, mode: str) -> None:
+    """With every parameter that describes lamps, those that only an isotropic material reads included."""
+    material = build_osl_material(satin, mode=mode, lamps=lamp_image())
+    scripts = [n for tree in trees_below(material.node_tree) for n in tree.nodes if n.bl_idname == "ShaderNodeScript"]
+    assert [[socket.name for socket in script.outputs] for script in scripts] == [["BSDF"]]
+    assert {link.to_socket.identifier for link in scripts[0].id_data.links} >= {"Tangent", "Strongest", "Centre4"}

@@ -16,7 +16,8 @@ from measured_materials.bake.modes import MODES
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
-from measured_materials.nodes.material import assemble, build_material
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.material_tree import assemble
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 
 ROOM = 39  # see test_svm_limits.py

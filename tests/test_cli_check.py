@@ -19,7 +19,6 @@ from pathlib import Path
 import bpy
 from measured_materials.addon import lamps
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle

@@ -19,10 +19,10 @@ from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes import expr
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_script import grid_constants
+from measured_materials.nodes.osl_parameters import grid_constants
 from measured_materials.nodes.table_lookup_group import coordinates_group, table_lookup_group
 from support.cards import card, data_image
-from support.osl import header_card, shader_card, skip_without_osl
+from support.osl import header_card, osl_grid, shader_card, skip_without_osl
 
 EPS = float(np.finfo(np.float32).eps)
 WARPS = (LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4))
@@ -89,13 +89,6 @@ def test_coordinates(name: str, language: str) -> None:
     for value, expected, tolerance in zip(found, truth, tolerances(grid, *wide), strict=True):
         assert np.isfinite(value).all() and value.min() >= -4 * EPS and value.max() <= 1 + 4 * EPS
         assert (np.abs(value - expected) <= tolerance)[above].all(), np.abs((value - expected) / tolerance)[above].max()
-
-
-def osl_grid(grid: Grid) -> str:
-    """The grid as an OSL initialiser."""
-    c = grid_constants(grid)
-    shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
-    return f'{{"{c["Basis"]}", "{c["Parameterization"]}", {shapes}, {c["Reciprocal"]}}}'
 
 
 @pytest.mark.parametrize("kind", ["fitted", "squared"])

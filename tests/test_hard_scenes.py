@@ -16,7 +16,8 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading.lobes import Lobe
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.group import call, node_group
-from measured_materials.nodes.material import assemble, build_material
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.material_tree import assemble
 from measured_materials.nodes.native_closure import add_closures, native_closure
 from measured_materials.nodes.stochastic_mirror_group import more_random_numbers_group, random_numbers_group
 from scipy import stats

@@ -18,15 +18,14 @@ from measured_materials.bake.tables.log_codes import LogCodes
 from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes import expr
-from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.data_image import load_data_image
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_script import grid_constants
+from measured_materials.nodes.osl_parameters import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 from support.cards import card
 from support.osl import header_card, shader_card, skip_without_osl
 from test_anisotropic_cards import GRIDS, directions
-from test_anisotropic_osl import HEADER, lookup_body
+from test_anisotropic_osl import lookup_body
 from test_node_cards import direction_grid, evaluate_at_horizon
 
 CODES = LogCodes.reaching(np.array([1.0, 2.0, 0.5]), np.array([4.0, 9.0, 14.0]))
@@ -118,13 +117,13 @@ def test_anisotropic_lookup(tmp_path: Path, name: str, filter: str, language: st
     wi, wo = directions(3000)
     if language == "nodes":
         image = load_data_image(tmp_path / "table.png", f"log {name}")
-        group = anisotropic_lookup_group(f"card log {name} {filter}", image, grid, filter, log=CODES)
+        group = table_lookup_group(f"card log {name} {filter}", image, grid, filter, log=CODES)
         (found,) = card(lambda a, b: call(group, a, b, 0.5), wi, wo)
     else:
         skip_without_osl()
         log = ", ".join("vector({:.9g}, {:.9g}, {:.9g})".format(*ends) for ends in (CODES.ranges, CODES.gains))
         body = lookup_body(tmp_path / "table.png", grid, filter, log)
-        (found,) = header_card(body, {"value": "vector"}, HEADER, wi=wi, wo=wo)
+        (found,) = header_card(body, {"value": "vector"}, wi=wi, wo=wo)
     wi, wo = wi.astype(float), wo.astype(float)
     factor = np.broadcast_to(grid.factor(xp_numpy, wi, wo), len(wi))
     difference = (np.abs(found - table.evaluate(wi, wo)) / CODES.peaks).max(-1) * factor

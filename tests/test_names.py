@@ -16,7 +16,8 @@ from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.compat import longest_name
-from measured_materials.nodes.material import build_material, part_name, safe_name
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.material_tree import part_name, safe_name
 
 
 @pytest.fixture(scope="module")

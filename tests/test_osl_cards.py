@@ -33,9 +33,9 @@ from measured_materials.bake.storage import Storage, quantize
 from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table
-from measured_materials.nodes.osl_script import grid_constants
+from measured_materials.nodes.osl_parameters import cell_constants, grid_constants
 from scipy import stats
-from support.osl import header_card, shader_card, skip_without_osl
+from support.osl import header_card, osl_grid, shader_card, skip_without_osl
 
 EPS = float(np.finfo(np.float32).eps)
 
@@ -60,8 +60,8 @@ def pairs(count: int = 1500) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", ["identity", "uniform", "bezier"])
 def test_coordinates(kind: str) -> None:
     wi, wo = pairs()
-    grid = f'MMGrid g = {{"normal", "{kind}", vector(0.3), vector(0.3), vector(0.15), 0}};'
-    body = grid + " at = mm_coordinates(g, wi, wo);"
+    grid = NormalVectorGrid(16, kind, 0.3, 0.15)
+    body = f"MMGrid g = {osl_grid(grid)}; at = mm_coordinates(g, wi, wo);"
     (found,) = header_card(body, {"at": "vector"}, wi=wi, wo=wo)
     truth = par.normal_basis_coordinates(xp_numpy, wi.astype(float), wo.astype(float), kind, 0.3, 0.15)
     # As for the nodes; the Newton step leaves of the arcsine's 4.5e-5 its square, and the sine's own error.
@@ -145,12 +145,11 @@ def test_sampler(tmp_path: Path, warp: int) -> None:
     layout = SamplerLayout(n_o=16, n_h=24, n_phi=16, warp_power=warp)
     sampler = build_sampler(analytic.Ggx(alpha=0.1), layout)
     write_image(tmp_path / "cells.exr", sampler.texels, Storage.FLOAT32)
-    sizes = {"Bins": layout.n_o, "CellsTheta": layout.n_h, "CellsPhi": layout.n_phi, "Warp": warp}
     wo, u = draws(sampler)
-    numbers = dict(zip(("RandomCell", "RandomAlias", "RandomTheta", "RandomPhi"), u.T, strict=True))
+    numbers = dict(zip(("RandomCell", "RandomAlias", "RandomU", "RandomV"), u.T, strict=True))
     expected_wi, expected_pdf = sampler.sample(wo.astype(float), u.astype(float))
     any_wi = np.random.default_rng(6).permutation(expected_wi).astype(np.float32)
-    constants = {"Sampler": str(tmp_path / "cells.exr"), **sizes}
+    constants = {"Sampler": str(tmp_path / "cells.exr"), **cell_constants(layout)}
     wi, pdf, density = shader_card(
         "measured_sampler.osl", ["wi", "pdf", "Density"], constants, wo=wo, Direction=any_wi, **numbers
     )

@@ -156,7 +156,7 @@ def test_native_closures_are_those_of_nodes(lobe: Lobe) -> None:
     """One sample under equal seeds: no noise between the two."""
     nodes, script = compat.new_material("nodes"), compat.new_material("osl")
     text = f'shader one(output closure color BSDF = 0) {{ BSDF = color(0.2, 0.5, 0.8) * mm_native("{lobe.name}", '
-    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, N); }}'
+    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, {lobe.p1}, vector(0), N); }}'
     with expr.building(nodes.node_tree) as tree:
         colour = expr.Vector(expr.node("ShaderNodeCombineXYZ", {}, {0: 0.2, 1: 0.5, 2: 0.8}).outputs[0])
         normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])
@@ -187,7 +187,7 @@ def test_parts_make_a_material(grey: Bundle) -> None:
         normal, incoming = expr.Vector(geometry["Normal"]), expr.Vector(geometry["Incoming"])
         wo, tangent, bitangent = call(viewer_frame_group(), normal, incoming)
         u = call(random_numbers_group())
-        names = ("RandomCell", "RandomAlias", "RandomTheta", "RandomPhi")
+        names = ("RandomCell", "RandomAlias", "RandomU", "RandomV")
         drawn = part("measured_sampler.osl", {"wo": wo, **dict(zip(names, u)), **sampler_constants(baked)})
         wi, pdf = output(drawn, "wi"), output(drawn, "pdf")
         lookup = part("measured_lookup.osl", {"wi": wi, "wo": wo, "Random": u[4], **table_constants(baked)})

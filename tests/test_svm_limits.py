@@ -23,7 +23,8 @@ from measured_materials.bake.sources import analytic
 from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
-from measured_materials.nodes.material import assemble, build_material
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.material_tree import assemble
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 from support.swatches import map_bundle, rough_map

@@ -15,7 +15,8 @@ from measured_materials.bake.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import expr
-from measured_materials.nodes.material import build_material, measured_nodes
+from measured_materials.nodes.material import build_material
+from measured_materials.nodes.material_tree import measured_nodes
 from support.clean_blend import clean_blend  # noqa: F401
 from support.planes import SHAPES, plane_scene
 from test_addon import Stage

@@ -21,7 +21,6 @@ from measured_materials.addon.facts import is_measured, record_of
 from measured_materials.addon import measured_material, scene_check, texture_repair
 from measured_materials.addon.kept_textures import TEXTURE_KEY, textures_of
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.bake_brdf import BakeSettings, bake_source
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle import read_bundle
@@ -254,7 +253,7 @@ tell(once=once, anew=len(counted) - once)
 def test_textures_made_in_the_blend_are_unpacked_apart(tmp_path: Path) -> None:
     """Names that differ by a sign or a capital, of which some file systems make one."""
     script = """
-from measured_materials.nodes.material import new_data_image
+from measured_materials.nodes.data_image import new_data_image
 values = {"a/b": 0.25, "a_b": 0.5, "A_b": 0.75}
 for name, value in values.items():
     new_data_image(name, np.full((4, 5, 3), value, np.float32)).use_fake_user = True

@@ -37,7 +37,7 @@ class SettingsRecord:
     ----------
     alpha : "error", "intensity", or the shapes (alpha_theta, alpha_phi) that were given
     viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
-    others : as of `bake.bake_brdf.BakeSettings`
+    others : as of `bake.brdf.settings.BakeSettings`
     """
 
     resolution: int

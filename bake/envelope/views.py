@@ -110,7 +110,7 @@ def light_directions(chords: Array, n_h: int, n_phi: int) -> Directions:
 
 
 def slope_directions(chords: Array, phi: Array, widths: Widths, sizes: Sizes) -> Directions:
-    """The midpoint rule over warped slopes of the half vector (`bake.anisotropic.grid.HalfGrid`), light on all sides.
+    """The midpoint rule over warped slopes of the half vector (`bake.tables.anisotropic_grids`), light on all sides.
 
     Parameters
     ----------

@@ -144,5 +144,5 @@ class HalfVectorGrid:
         }
 
     def shader_constants(self) -> dict[str, Any]:
-        """Of `measured_lookup.osl`."""
+        """Of each axis its own shape."""
         return lookup_constants(self.basis, self.parameterization, self.sizes, self.axis_shapes, self.reciprocal)

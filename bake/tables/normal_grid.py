@@ -116,7 +116,7 @@ class NormalVectorGrid:
         }
 
     def shader_constants(self) -> dict[str, Any]:
-        """Of `measured_lookup.osl`; both elevations share a shape."""
+        """Both elevations share a shape."""
         theta, phi = self.axis_shapes
         return lookup_constants(self.basis, self.parameterization, self.shape, (theta, theta, phi), False)
 
@@ -124,12 +124,14 @@ class NormalVectorGrid:
 def lookup_constants(
     basis: str, parameterization: str, shape: tuple[int, int, int], axis_shapes: tuple[Shape, ...], reciprocal: bool
 ) -> dict[str, Any]:
-    """Parameters of `measured_lookup.osl` of an isotropic grid of either basis."""
+    """Parameters of the OSL lookup of an isotropic grid of either basis."""
     shapes = zip(("ShapeSlice", "ShapeRow", "ShapePhi"), axis_shapes, strict=True)
     return {
         "Basis": basis,
+        "Azimuths": 0,
         **dict(zip(("Slices", "SliceRows", "SliceColumns"), shape, strict=True)),
         "Parameterization": parameterization,
         "Reciprocal": int(reciprocal),
+        "Folded": 0,
         **{name: shape_constants(one) for name, one in shapes},
     }

@@ -31,7 +31,7 @@ from measured_materials.nodes import compat, expr
 from measured_materials.nodes.data_image import load_data_image
 from measured_materials.nodes.group import call
 from measured_materials.nodes.local_frame_group import viewer_frame_group
-from measured_materials.nodes.material import remove_unused
+from measured_materials.nodes.material_tree import remove_unused
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 from pictures import picture
 

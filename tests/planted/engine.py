@@ -87,7 +87,7 @@ MISTAKES = (
     ),
     Mistake(
         "osl-place-shares-the-slice",
-        "nodes/osl/measured_anisotropic.osl",
+        "nodes/osl/measured_material.osl",
         "xi[6], xi[7], xi[0], xi[1]",
         "xi[6], xi[7], xi[4], xi[1]",
         (OSL_WALK,),

@@ -10,26 +10,25 @@ import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.tables.grid import Grid
-from measured_materials.nodes.osl_script import (
-    grid_constants,
-    output,
-    require_osl,
-    script_node,
-    shader_source,
-    with_headers,
-)
+from measured_materials.nodes.osl_parameters import grid_constants
+from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
 
 from .cards import card
 
 
-def declared_table4(grid: Grid, file: Path, filter: str, log: str = "vector(0), vector(0)") -> str:
-    """Statements that declare the `table` of an anisotropic atlas; `log` are the range and gain of codes."""
+def osl_grid(grid: Grid) -> str:
+    """A grid of either kind as the initialiser of an `MMGrid`."""
+    c = {"ShapeSlice": (0.0, 0.0, 0.0), **grid_constants(grid)}
+    sizes = ", ".join(str(c[key]) for key in ("Azimuths", "Slices", "SliceRows", "SliceColumns"))
+    shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
+    return f'{{"{c["Basis"]}", "{c["Parameterization"]}", {sizes}, {shapes}, {c["Reciprocal"]}, {c["Folded"]}}}'
+
+
+def declared_table(grid: Grid, file: Path, filter: str, log: str = "vector(0), vector(0)") -> str:
+    """Statements that declare `table` and its grid `g`; `log` are the range and gain of codes."""
     c = grid_constants(grid)
-    sizes, (first, second) = ", ".join(map(str, grid.shape)), (c["Shape1"], c["Shape2"])
-    return f"""int sizes[4] = {{{sizes}}};
-      vector shape[2] = {{vector{first}, vector{second}}};
-      MMTable4 table = {{"{file}", 1, 0, {log}, "{c["Basis"]}", sizes, {c["Columns"]}, {c["Rows"]},
-                         "{c["Parameterization"]}", shape, {c["Folded"]}, "{filter}", 0}};"""
+    return f"""MMGrid g = {osl_grid(grid)};
+      MMTable table = {{"{file}", 1, 0, {log}, {c["Columns"]}, {c["Rows"]}, "{filter}", 0}};"""
 
 
 def skip_without_osl() -> None:

@@ -15,9 +15,9 @@ from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid
 from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_script import grid_constants
 from measured_materials.nodes.table_lookup_group import coordinates_group
 
+from ..osl import osl_grid
 from . import truth
 from .case import Array, Case, Osl
 from .points import DIRECTIONS, EPS, pairs, ulps_around, unit_interval
@@ -120,9 +120,7 @@ def _inverse(kind: str) -> Case:
 
 
 def _osl_coordinates(grid: Any, folder: Path) -> Osl:
-    c = grid_constants(grid)
-    shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
-    body = f'MMGrid g = {{"{c["Basis"]}", "{c["Parameterization"]}", {shapes}, {c["Reciprocal"]}}};'
+    body = f"MMGrid g = {osl_grid(grid)};"
     return Osl(
         body + "vector at = mm_coordinates(g, wi, wo); for (int k = 0; k < 3; ++k) y[k] = at[k];", 3, ("wi", "wo")
     )

@@ -20,13 +20,11 @@ from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.table import Table, tabulate
 from measured_materials.nodes import expr
 from measured_materials.nodes.alias_sampler_group import alias_sampler_group
-from measured_materials.nodes.anisotropic_groups import anisotropic_lookup_group
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_script import grid_constants
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 
 from ..cards import data_image
-from ..osl import declared_table4
+from ..osl import declared_table
 from .angles import AROUND, HALF, NORMAL, NORMAL_FITTED, SLOPES
 from .case import Array, Case, Osl
 from .points import DIRECTIONS, pairs_above
@@ -147,9 +145,6 @@ def _lookup(kind: Kind) -> Case:
 
 
 def _lookup_group(kind: Kind) -> Any:
-    if kind.four:
-        image = data_image(kind.name, pack(kind.grid, _values(kind)))
-        return anisotropic_lookup_group(f"hard {kind.name}", image, kind.grid, kind.filter)
     image = data_image(kind.name, pack(kind.grid, _values(kind)))
     return table_lookup_group(f"hard {kind.name}", image, kind.grid, kind.filter)
 
@@ -158,19 +153,9 @@ def _osl_lookup(kind: Kind, folder: Path) -> Osl:
     file = folder / f"{kind.name.replace(' ', '_')}.exr"
     packed = pack(kind.grid, _values(kind))
     write_image(file, packed, Storage.FLOAT32)
-    table = declared_table4(kind.grid, file, kind.filter) if kind.four else osl_table(kind.grid, file, kind.filter)
-    header = "measured_anisotropic.h" if kind.four else "measured_materials.h"
-    value = "mm_lookup4(table, wi, wo, 0.5)" if kind.four else "mm_lookup(table, g, wi, wo, 0.5)"
-    return Osl(f"{table}\ncolor c = {value}; for (int k = 0; k < 3; ++k) y[k] = c[k];", 3, ("wi", "wo"), header)
-
-
-def osl_table(grid: Any, file: Path, filter: str = "trilinear") -> str:
-    """Statements that declare `table` and the grid `g`."""
-    c = grid_constants(grid)
-    shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
-    sizes = ", ".join(str(c[k]) for k in ("Slices", "SliceRows", "SliceColumns", "Columns", "Rows"))
-    return f"""MMTable table = {{"{file}", 1, 0, vector(0), vector(0), {sizes}, "{filter}", 0}};
-      MMGrid g = {{"{c["Basis"]}", "{c["Parameterization"]}", {shapes}, {c["Reciprocal"]}}};"""
+    table = declared_table(kind.grid, file, kind.filter)
+    body = f"{table}\ncolor c = mm_lookup(table, g, wi, wo, 0.5); for (int k = 0; k < 3; ++k) y[k] = c[k];"
+    return Osl(body, 3, ("wi", "wo"))
 
 
 @cache
@@ -184,7 +169,8 @@ def _reciprocal() -> Case:
     def osl(folder: Path) -> Osl:
         file = folder / "reciprocal.exr"
         write_image(file, pack(_glossy().grid, _glossy().values), Storage.FLOAT32)
-        body = osl_table(HALF, file) + "color c = mm_lookup(table, g, wi, wo, 0.5) - mm_lookup(table, g, wo, wi, 0.5);"
+        body = declared_table(HALF, file, "trilinear")
+        body += "color c = mm_lookup(table, g, wi, wo, 0.5) - mm_lookup(table, g, wo, wi, 0.5);"
         return Osl(body + "for (int k = 0; k < 3; ++k) y[k] = c[k];", 3, ("wi", "wo"))
 
     def nodes(folder: Path, wi: Any, wo: Any) -> Any:
@@ -254,7 +240,8 @@ def _alias() -> Case:
     def osl(folder: Path) -> Osl:
         file = folder / "cells.exr"
         write_image(file, sampler.texels, Storage.FLOAT32)
-        body = f'MMSampler s = {{"{file}", 16, 24, 16, 2}}; float pdf; vector wi = mm_draw(s, wo, a, b, c, d, pdf);'
+        body = f'MMSampler s = {{"{file}", 16, 0, 24, 16, 2, 0, 0, 0}}; float pdf;'
+        body += "vector wi = mm_draw(s, wo, a, b, c, d, pdf);"
         return Osl(body + "y[0] = length(wi); y[1] = pdf > 0;", 2, ("wo", "a", "b", "c", "d"))
 
     return _sampler_case(
@@ -273,9 +260,9 @@ def _slopes() -> Case:
     def osl(folder: Path) -> Osl:
         file = folder / "slopes.exr"
         write_image(file, sampler.texels, Storage.FLOAT32)
-        body = f'MMSlopes s = {{"{file}", 6, 8, 14, 12, 0.1, 0.4, 1}}; float pdf;'
-        body += "vector wi = mm_draw4(s, wo, a, b, c, d, pdf); y[0] = length(wi); y[1] = pdf > 0;"
-        return Osl(body, 2, ("wo", "a", "b", "c", "d"), "measured_anisotropic.h")
+        body = f'MMSampler s = {{"{file}", 6, 8, 12, 14, 0, 0.1, 0.4, 1}}; float pdf;'
+        body += "vector wi = mm_draw(s, wo, a, b, c, d, pdf); y[0] = length(wi); y[1] = pdf > 0;"
+        return Osl(body, 2, ("wo", "a", "b", "c", "d"))
 
     return _sampler_case(
         "alias tables of slopes, anisotropic",

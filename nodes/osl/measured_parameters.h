@@ -1,0 +1,85 @@
+// Parameters that several of the OSL shaders take, as lists to be put among a shader's own, and the structs of them.
+
+#ifndef MEASURED_PARAMETERS_H
+#define MEASURED_PARAMETERS_H
+
+#include "measured_lamps.h"
+
+#define MM_TABLE_PARAMETERS                                                                                            \
+  string Table = "" [[ string label = "Table", string widget = "filename",                                             \
+      string help = "Atlas of the samples; in a material of the BRDF in mode reference, else of the residual" ]],      \
+  float Scale = 1 [[ string label = "Scale", string help = "What stored values are multiplied by" ]],                  \
+  float Offset = 0 [[ string label = "Offset", string help = "What is subtracted from stored values before" ]],        \
+  vector LogRange = vector(0) [[ string label = "Log Range",                                                           \
+      string help = "Of stored codes, by channel; 0 where values are stored" ]],                                       \
+  vector LogGain = vector(0) [[ string label = "Log Gain", string help = "Factor of what the codes stand for" ]],      \
+  string Basis = "normal" [[ string label = "Basis", string help = "normal, half or half squared" ]],                  \
+  int Azimuths = 0 [[ string label = "Azimuths",                                                                       \
+      string help = "Samples of the azimuth that chooses slices too; 0 of an isotropic table" ]],                      \
+  int Slices = 64 [[ string label = "Slices", string help = "Samples of theta_o or theta_d" ]],                        \
+  int SliceRows = 64 [[ string label = "Slice Rows",                                                                   \
+      string help = "Samples of theta_i, theta_h or the half vector's slope across the tangent" ]],                    \
+  int SliceColumns = 128 [[ string label = "Slice Columns",                                                            \
+      string help = "Samples of phi_delta, phi_d or the half vector's slope along the tangent" ]],                     \
+  int Columns = 6 [[ string label = "Columns", string help = "Slices side by side in the atlas" ]],                    \
+  int Rows = 11 [[ string label = "Rows", string help = "Slices one below the other in the atlas" ]],                  \
+  string Parameterization = "bezier" [[ string label = "Parameterization",                                             \
+      string help = "identity, uniform, bezier, squared or fitted" ]],                                                 \
+  vector ShapeSlice = vector(0.5, 0, 0) [[ string label = "Shape Slice",                                               \
+      string help = "Of the axis across slices: Bezier alpha, or the constants of a fitted warp" ]],                   \
+  vector ShapeRow = vector(0.5, 0, 0) [[ string label = "Shape Row",                                                   \
+      string help = "The same, of rows; of slopes their width" ]],                                                     \
+  vector ShapePhi = vector(0.5, 0, 0) [[ string label = "Shape Phi",                                                   \
+      string help = "The same, of columns" ]],                                                                         \
+  int Reciprocal = 0 [[ string label = "Reciprocal", string widget = "checkBox",                                       \
+      string help = "phi_d ends at pi / 2" ]],                                                                         \
+  int Folded = 0 [[ string label = "Folded", string widget = "checkBox",                                               \
+      string help = "Azimuths of half a turn" ]],                                                                      \
+  string Filter = "trilinear" [[ string label = "Filter", string help = "nearest, trilinear or bspline" ]],            \
+  int Stochastic = 0 [[ string label = "Stochastic", string widget = "checkBox",                                       \
+      string help = "One slice by the filter's weights, unbiased, rather than a blend of all" ]]
+
+#define MM_GRID                                                                                                        \
+  {Basis, Parameterization, Azimuths, Slices, SliceRows, SliceColumns, ShapeSlice, ShapeRow, ShapePhi, Reciprocal,     \
+   Folded}
+#define MM_TABLE {Table, Scale, Offset, LogRange, LogGain, Columns, Rows, Filter, Stochastic}
+
+#define MM_SAMPLER_PARAMETERS                                                                                          \
+  string Sampler = "" [[ string label = "Sampler", string help = "Alias tables", string widget = "filename" ]],        \
+  int Bins = 64 [[ string label = "Bins", string help = "Of the viewer's elevation" ]],                                \
+  int BinsPhi = 0 [[ string label = "Bins Phi",                                                                        \
+      string help = "Of the viewer's azimuth; 0 of an isotropic table" ]],                                             \
+  int CellRows = 64 [[ string label = "Cell Rows",                                                                     \
+      string help = "Of the half vector's elevation, or of its slope across the tangent" ]],                           \
+  int CellColumns = 32 [[ string label = "Cell Columns",                                                               \
+      string help = "Of the half vector's azimuth, or of its slope along the tangent" ]],                              \
+  int Warp = 2 [[ string label = "Warp", string help = "Power of the elevations' edges" ]],                            \
+  float WidthX = 0.3 [[ string label = "Width X", string help = "Slope in the middle of the columns" ]],               \
+  float WidthY = 0.3 [[ string label = "Width Y", string help = "Slope in the middle of the rows" ]],                  \
+  int HalfTurn = 0 [[ string label = "Half Turn", string widget = "checkBox",                                          \
+      string help = "Viewers after half a turn share their cells" ]]
+
+#define MM_SAMPLER {Sampler, Bins, BinsPhi, CellRows, CellColumns, Warp, WidthX, WidthY, HalfTurn}
+
+#define MM_CLOSURE_PARAMETERS(NAME, LABEL, HELP)                                                                       \
+  string NAME = "" [[ string label = LABEL, string widget = "filename", string help = HELP ]],                         \
+  int NAME##Nodes = 64 [[ string label = LABEL " Nodes", string help = "Viewer's elevations, texels across" ]],        \
+  int NAME##Azimuths = 0 [[ string label = LABEL " Azimuths",                                                          \
+      string help = "Viewer's azimuths; 0 of an isotropic material" ]],                                                \
+  int NAME##HalfTurn = 0 [[ string label = LABEL " Half Turn", string widget = "checkBox",                             \
+      string help = "Viewers after half a turn share their weights" ]],                                                \
+  string NAME##Closures = "" [[ string label = LABEL " Closures",                                                      \
+      string help = "Name and widths along and across of each: lambert 0 0 ggx 0.1 0.3" ]]
+
+#define MM_CLOSURES(NAME) {NAME, NAME##Nodes, NAME##Azimuths, NAME##HalfTurn, NAME##Closures}
+
+#define MM_LAMP_PARAMETERS(K)                                                                                          \
+  vector Centre##K = vector(0) [[ string label = "Centre " #K, string help = "Of the lamp" ]],                         \
+  vector U##K = vector(0) [[ string label = "U " #K, string help = "Edge or diameter" ]],                              \
+  vector V##K = vector(0) [[ string label = "V " #K, string help = "The same, across" ]],                              \
+  vector Axis##K = vector(0) [[ string label = "Axis " #K, string help = "Emission, or towards the sun" ]],            \
+  vector Facts##K = vector(0) [[ string label = "Facts " #K, string help = "Kind, power and extent" ]]
+
+#define MM_LAMP(K) {Centre##K, U##K, V##K, Axis##K, Facts##K}
+
+#endif

@@ -1,0 +1,56 @@
+"""Parameters of the OSL shaders that describe a table, its grid, its cells and its textures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..bake.brdf.baked_table import Layout
+from ..bake.brdf.parts import StoredTableRecord
+from ..bake.bundle import Bundle
+from ..bake.errors import BakeError
+from ..bake.sampling.half_vector_cells import SamplerLayout
+from ..bake.tables.atlas import AtlasLayout
+from ..bake.tables.grid import Grid
+from ..bake.tables.log_codes import LogCodes
+
+
+def texture_file(bundle: Bundle, name: str) -> str:
+    """Whole path of a bundle's image, for OSL to read. Raises BakeError."""
+    path = Path(bundle.image_path(name)).resolve()
+    # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
+    if odd := sorted(set("?%<#") & set(str(path))):
+        raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")
+    return str(path)
+
+
+def texel_constants(stored: StoredTableRecord) -> dict[str, Any]:
+    """Those that turn texels into values."""
+    log = stored.log or LogCodes((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return {
+        "Scale": 1 / stored.scale,
+        "Offset": stored.offset,
+        "LogRange": log.ranges,
+        "LogGain": log.gains,
+    }
+
+
+def grid_constants(grid: Grid) -> dict[str, Any]:
+    """Those that say where the samples of a table lie, in its grid and in its atlas. Raises BakeError."""
+    layout = AtlasLayout.of(grid)
+    return {**grid.shader_constants(), "Columns": layout.columns, "Rows": layout.rows}
+
+
+def cell_constants(layout: Layout) -> dict[str, Any]:
+    """Those of alias tables' bins and cells."""
+    if isinstance(layout, SamplerLayout):
+        return {"Bins": layout.n_o, "CellRows": layout.n_h, "CellColumns": layout.n_phi, "Warp": layout.warp_power}
+    return {
+        "Bins": layout.n_theta,
+        "BinsPhi": layout.n_phi,
+        "CellRows": layout.n_y,
+        "CellColumns": layout.n_x,
+        "WidthX": layout.width_x,
+        "WidthY": layout.width_y,
+        "HalfTurn": int(layout.folded),
+    }
