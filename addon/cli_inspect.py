@@ -14,7 +14,7 @@ from ..bake.errors import BakeError
 from ..bake.material_json import Fields
 from ..bake.photographs.settings import StackSettings
 from ..bake.photographs.stack import read_stack
-from ..bake.records import Record, read_record
+from ..bake.shading.record import Record, read_record
 from ..bake.shading.record_parts import PhotographsRecord
 from ..bake.sources import read_source
 from . import describe, describe_map

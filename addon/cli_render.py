@@ -12,8 +12,7 @@ from ..bake.bundle import read_bundle
 from ..bake.errors import BakeError
 from ..bake.origin import mark_of
 from ..bake.png_plain import png_about
-from ..bake.records import Record, read_record
-from ..bake.shading.record import ShadingMapRecord
+from ..bake.shading.record import Record, ShadingMapRecord, read_record
 from ..bake.shading.render_settings import RenderSettings
 from ..bake.tables.table import FILTERS
 from .cli_lighting import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe

@@ -8,7 +8,7 @@ from typing import Any
 from ..bake.brdf.common import AlbedoRecord
 from ..bake.brdf.grids import AnisotropicGrid
 from ..bake.brdf.record import BrdfRecord
-from ..bake.records import Record
+from ..bake.shading.record import Record
 from ..bake.source import BrdfSource
 from ..bake.tables.anisotropic_grids import AnisotropicNormalGrid
 from ..bake.tables.normal_grid import NormalVectorGrid

@@ -13,7 +13,7 @@ import bpy
 from ..bake.brdf.common import ImageRecord
 from ..bake.errors import BakeError
 from ..bake.material_json import dump_json
-from ..bake.records import Record, parse_record
+from ..bake.shading.record import Record, parse_record
 from ..nodes.material_tree import SOURCE_KEY
 
 # The bundle's facts as JSON text, kept with the material.

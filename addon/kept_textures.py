@@ -12,7 +12,7 @@ import bpy
 from ..bake.bundle import Bundle, is_bundle, read_bundle
 from ..bake.errors import BakeError
 from ..bake.image_names import title_of
-from ..bake.records import Record, read_record
+from ..bake.shading.record import Record, read_record
 from ..nodes.data_image import CONTENT_KEY, PART_KEY, Images, LoadedBundle, bundle_images
 from ..nodes.material_tree import BUNDLE_KEY, part_name
 from .texture_content import is_of_content

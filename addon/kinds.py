@@ -20,7 +20,6 @@ from ..bake.errors import BakeError
 from ..bake.result import Progress
 from . import describe, describe_map
 from .arc_material import bake_arc_again, map_words
-from .arc_relight import current_lighting, images_of_map, relight
 from .choices import choices_of, is_rebuilding, show_choices, without_rebuilding
 from .effects import plan_filter
 from .expectation import expectation
@@ -28,7 +27,7 @@ from .facts import facts_of, is_measured, record_of, source_file
 from .kept_textures import bundle_path, missing_texture
 from .lighting import lighting_of, show_lighting, uses_mode
 from .measured_material import analytic_of, bake_again, error_words, exists
-from .rebuild import current_choices, images_of_brdf, rebuild_brdf
+from .rebuild import current_choices, current_lighting, images_of_brdf, images_of_map, rebuild_brdf, relight
 from .text import one_line
 
 Source = Path | Sequence[Path] | None

@@ -13,10 +13,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..bake.errors import BakeError
-from .arc_relight import current_lighting
 from .choices import without_rebuilding
 from .events import listen, stop_listening
 from .kinds import SHADING_MAP, kind_of
+from .rebuild import current_lighting
 
 
 def show_modes() -> None:

@@ -1,14 +1,24 @@
-"""A measured BRDF's material in another mode, or fitted to its scene: rebuilt at once, without a bake."""
+"""A material in another mode, fitted to its scene or under another light: rebuilt at once, without a bake.
+
+The bundle's folder may be gone by then: what a builder asks of a bundle is answered by the material itself.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..bake.brdf.common import RenderingRecord
 from ..bake.brdf.record import BrdfRecord
+from ..bake.errors import BakeError
+from ..bake.shading.map_albedo import map_albedo_facts
+from ..bake.shading.record import ShadingMapRecord
+from ..bake.shading.render_settings import RenderSettings
+from ..bake.shading.shading_map import ShadingMap
 from ..nodes.data_image import Images
+from .arc_build import build_map
 from .brdf_build import account_of, build_brdf, choices_from
 from .choices import Choices
 from .effects import Effect
@@ -58,6 +68,47 @@ def images_of_brdf(record: BrdfRecord, choices: Choices) -> list[str]:
     return [name for name in (*_IMAGES[choices.mode], "preview_weights") if record.has(name)]
 
 
+def current_lighting(material: bpy.types.Material) -> RenderSettings:
+    """How the material is lit. Raises BakeError."""
+    render: RenderSettings = record_of(material).render
+    return render
+
+
+def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.types.Scene | None = None) -> None:
+    """Rebuild the material under another light, of the textures it has, else of its bundle's. Raises BakeError.
+
+    What the scene, by default the current one, does not call for is left out, as far as the quality properties allow.
+    """
+    facts = {**facts_of(material), "render": settings.facts()}
+    record = ShadingMapRecord.parse(facts, material.name)
+    if settings.lobe is None and not record.has("table"):
+        raise BakeError(material.name, "holds no measured BRDF to use as f_r", "choose a bundle below and bake again")
+
+    def build(loaded: ShadingMapRecord, images: Images | None) -> None:
+        facts["albedo"] = _albedo(loaded)
+        facts["rendering"] = build_map(loaded, material, settings, images=images, pack=record.packed, scene=scene)
+
+    rebuild(material, record, images_of_map(record, settings), build)
+    keep_facts(material, facts)
+
+
+def images_of_map(record: ShadingMapRecord, settings: RenderSettings) -> list[str]:
+    """Names of the bundle's images that a map so lit is built of."""
+    unused = ("table", "sampler") if settings.lobe is not None else ()
+    return [name for name in record.images if name not in unused]
+
+
 def _rendering_of(material: bpy.types.Material) -> RenderingRecord:
     """Also where nothing else can be read of what the material keeps."""
     return RenderingRecord.parse(facts_of(material).get("rendering"))
+
+
+def _albedo(record: ShadingMapRecord) -> dict[str, Any]:
+    """Under the light of the record, by the slices' mean colours. Raises BakeError."""
+    stored, f_r = record.map, None
+    if stored.means is None:
+        raise BakeError(record.where, "does not say the slices' mean colours", "bake it again")
+    if record.render.lobe is None:
+        f_r = record.baked_lobe().load()
+    means = np.array(stored.means, np.float32).reshape(stored.slices, 1, 1, 3)
+    return map_albedo_facts(ShadingMap(means), record.render, stored.a_max, f_r)

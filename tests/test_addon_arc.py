@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import arc_material, arc_operator, arc_relight, kept_textures, panel
+from measured_materials.addon import arc_material, arc_operator, kept_textures, panel, rebuild
 from measured_materials.addon.facts import FACTS_KEY, facts_of
 from measured_materials.addon.kinds import SHADING_MAP, kind_of
 from measured_materials.addon.lamps import lamp_image
@@ -69,7 +69,7 @@ def assert_lit_as(material: Any, settings: RenderSettings, bundle_path: Path) ->
     facts = {**read_bundle(bundle_path).material, "albedo": facts_of(material)["albedo"]}
     fresh = build_shading_map(Bundle(bundle_path, facts), settings=settings, lamps=lamp_image())
     assert shape_of(group_of(material)) == shape_of(group_of(fresh))
-    assert arc_relight.current_lighting(material) == settings
+    assert rebuild.current_lighting(material) == settings
 
 
 def shape_of(tree: Any) -> list[Any]:
@@ -271,7 +271,7 @@ def test_measured_brdf_as_f_r(stack: Path, measured_brdf: Path, plate: Any, tmp_
     shutil.rmtree(tmp_path / "felt.mmat")
     light.lobe = "lambert"
     light.lobe = "measured"
-    assert light.problem == "" and arc_relight.current_lighting(material).lobe is None
+    assert light.problem == "" and rebuild.current_lighting(material).lobe is None
     assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
     assert read_bundle(tmp_path / "felt.mmat").has("table")
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..brdf.baked_table import BakedTable
-from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
+from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
 from ..brdf.grids import is_anisotropic
 from ..brdf.parts import TableRecord, sampler_of
+from ..brdf.record import BrdfRecord
 from ..bundle import MATERIAL, Bundle
 from ..errors import BakeError
 from ..material_json import Fields
@@ -176,3 +177,17 @@ def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> Meas
     told = fields.part("f_r") if fields.has("f_r") else None
     albedo = told.number("albedo", 0, 10) if told and told.has("albedo") else None
     return MeasuredLobeRecord(table, layout, albedo)
+
+
+Record = BrdfRecord | ShadingMapRecord
+
+
+def read_record(bundle: Bundle) -> Record:
+    """Of a bundle of either kind. Raises BakeError where an entry is missing or wrong."""
+    return parse_record(bundle.material, bundle.path / MATERIAL, bundle)
+
+
+def parse_record(document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> Record:
+    """Of a document from anywhere, named `where` in errors. Raises BakeError as `read_record`."""
+    kind = ShadingMapRecord if kind_of(document) == "shading_map" else BrdfRecord
+    return kind.parse(document, where, bundle)
