@@ -1,5 +1,5 @@
 """`python -m measured_materials`: the command line."""
 
-from .addon.cli import main
+from .addon.cli.main import main
 
 raise SystemExit(main())

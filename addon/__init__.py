@@ -10,21 +10,21 @@ from types import ModuleType
 # In the order of registration: a class comes after those that it refers to. Each module has register() and
 # unregister(); they are imported only then, because they need bpy and the command line does not.
 _MODULES = (
-    "bake_properties",
-    "arc_properties",
-    "lighting_properties",
-    "quality_properties",
-    "import_operator",
-    "lamps",
-    "texture_repair",
-    "older_files",
-    "arc_operator",
-    "bake_operator",
-    "fit_operator",
-    "panel",
-    "check_operator",
-    "cosine_lobe_operator",
-    "command",
+    "ui.properties.bake",
+    "ui.properties.photographs",
+    "ui.properties.lighting",
+    "ui.properties.quality",
+    "ui.import_brdf",
+    "lights.light_tables",
+    "material.texture_repair",
+    "material.older_files",
+    "ui.import_photographs",
+    "ui.bake_again",
+    "ui.fit_to_scene",
+    "ui.panel",
+    "ui.check_scene",
+    "ui.add_cosine_lobe",
+    "cli.blender_command",
 )
 
 

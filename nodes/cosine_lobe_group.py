@@ -10,8 +10,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.cosine_lobes import cosine_lobe, half_chord_square, lobe_norm
-from ..bake.shading.lobes import PHONG
+from ..bake.lobes.cosine_lobes import cosine_lobe, half_chord_square, lobe_norm
+from ..bake.lobes.lobes import PHONG
 from . import expr
 from .drawn_direction import drawn_direction
 from .group import call, node_group
@@ -33,7 +33,7 @@ def cosine_lobe_group(name: str) -> bpy.types.ShaderNodeTree:
 
     Parameters
     ----------
-    name : one of `bake.cosine_lobes.COSINE_LOBES`
+    name : one of `bake.lobes.cosine_lobes.COSINE_LOBES`
     """
 
     def value(normal: Any, direction: Any, exponent: Any) -> tuple[Any, Any]:
@@ -60,7 +60,7 @@ def highlight_group(name: str, lamps: bpy.types.Image | None = None) -> bpy.type
 
     Parameters
     ----------
-    name : one of `bake.cosine_lobes.COSINE_LOBES`
+    name : one of `bake.lobes.cosine_lobes.COSINE_LOBES`
     lamps : table of lamps to aim at, see `bake.sampling.lamps`
     """
     phong = next(lobe for lobe, curve in PHONG.items() if curve == name)

@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.bundle import Bundle
+from ..bake.bundle.bundle import Bundle
+from ..bake.bundle.image_names import common_name, title_of, unique_name
 from ..bake.errors import BakeError
-from ..bake.image_names import common_name, title_of, unique_name
-from ..bake.storage import Storage
+from ..bake.images.storage import Storage
 
 # A material's textures, by the names of the bundle's images.
 Images = Callable[[str], bpy.types.Image]

@@ -6,8 +6,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.shading.lobe_sampling import lobe_pdf, sample_lobe
-from ..bake.shading.lobes import lobe_peak, lobe_value, parameters_of
+from ..bake.lobes.lobe_sampling import lobe_pdf, sample_lobe
+from ..bake.lobes.lobes import lobe_peak, lobe_value, parameters_of
 from . import expr
 from .group import node_group
 
@@ -19,7 +19,7 @@ _RANDOM = {"Random Azimuth": "float", "Random Polar": "float", "Random Choice": 
 
 
 def lobe_group(name: str) -> bpy.types.ShaderNodeTree:
-    """(wi, wo, P1, P2) to f_r in 1/sr, without the cosine; one of `bake.shading.lobes.LOBES`."""
+    """(wi, wo, P1, P2) to f_r in 1/sr, without the cosine; one of `bake.lobes.lobes.LOBES`."""
 
     def value(wi: Any, wo: Any, p1: Any, p2: Any) -> Any:
         return lobe_value(expr, name, wi, wo, p1, p2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..bake.brdf.record import BrdfRecord
-from ..bake.bundle import Bundle
+from ..bake.bundle.bundle import Bundle
 from ..bake.envelope.fitted import EnvelopeFit
 from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
@@ -41,7 +41,7 @@ def build_material(
     images : the textures; by default those of the bundle, loaded
     pack : store the textures that are loaded inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
-    mode : of `bake.modes.MODES`; by default `usual_mode`
+    mode : of `bake.brdf.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser
     lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle

@@ -11,7 +11,7 @@ import bpy
 from ..bake.brdf.common import Colour
 from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
-from ..bake.shading.record import ShadingMapRecord
+from ..bake.shading_maps.record import ShadingMapRecord
 from . import compat
 from .group import HASH_KEY, content_hash, trees_below
 from .tangent_frame_group import surface_tangent_group

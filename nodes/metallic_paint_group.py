@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..bake.metallic_paint import metallic_paint
+from ..bake.lobes.metallic_paint import metallic_paint
 from ..bake.sources.analytic import MetallicPaint
 from . import expr
 from .group import node_group

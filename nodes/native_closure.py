@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
-from ..bake.shading.lobes import PHONG, Lobe
+from ..bake.lobes.lobes import PHONG, Lobe
 from . import expr
 from .lobe_group import oren_nayar_closure
 

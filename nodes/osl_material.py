@@ -13,11 +13,11 @@ import bpy
 
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.common import kind_of
+from ..bake.brdf.modes import MODES
 from ..bake.brdf.record import BrdfRecord
-from ..bake.bundle import MATERIAL, Bundle
+from ..bake.bundle.bundle import MATERIAL, Bundle
 from ..bake.envelope.fitted import EnvelopeFit
 from ..bake.errors import BakeError
-from ..bake.modes import MODES
 from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
 from . import expr
@@ -48,7 +48,7 @@ def build_osl_material(
     ----------
     source : the bundle's record, or the bundle, which is then read
     material : to rebuild in place, so that objects keep it; a new one by default
-    mode : of `bake.modes.MODES`; by default `nodes.material.usual_mode`
+    mode : of `bake.brdf.modes.MODES`; by default `nodes.material.usual_mode`
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them

@@ -7,11 +7,11 @@ from typing import Any
 
 from ..bake.brdf.baked_table import Layout
 from ..bake.brdf.parts import StoredTableRecord
-from ..bake.bundle import Bundle
+from ..bake.bundle.bundle import Bundle
 from ..bake.errors import BakeError
 from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.tables.atlas import AtlasLayout
-from ..bake.tables.grid import Grid
+from ..bake.tables.grids.grid import Grid
 from ..bake.tables.log_codes import LogCodes
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import bpy
 
 from ..bake.errors import BakeError
-from ..bake.image_io import load_openimageio
+from ..bake.images.image_io import load_openimageio
 from . import compat, expr
 
 SHADERS = Path(__file__).parent / "osl"

@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 
-from ..bake.shading.lobes import Lobe
-from ..bake.shading.render_settings import PREVIEW_LEVEL, RenderSettings
+from ..bake.lobes.lobes import Lobe
+from ..bake.shading_maps.render_settings import PREVIEW_LEVEL, RenderSettings
 from . import expr
 from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection, drawn_direction

@@ -8,15 +8,15 @@ import bpy
 import numpy as np
 
 from ..bake import xp_numpy
-from ..bake.bundle import Bundle
+from ..bake.bundle.bundle import Bundle
 from ..bake.directions import spherical
 from ..bake.errors import BakeError
-from ..bake.shading.lobes import lobe_peak
-from ..bake.shading.map_albedo import resolved_scale
-from ..bake.shading.record import ShadingMapRecord
-from ..bake.shading.record_parts import StoredMap
-from ..bake.shading.reduced_map import reduced_slices
-from ..bake.shading.render_settings import RenderSettings
+from ..bake.lobes.lobes import lobe_peak
+from ..bake.shading_maps.albedo import resolved_scale
+from ..bake.shading_maps.record import ShadingMapRecord
+from ..bake.shading_maps.record_parts import StoredMap
+from ..bake.shading_maps.reduced_map import reduced_slices
+from ..bake.shading_maps.render_settings import RenderSettings
 from .data_image import Images, bundle_images, new_data_image
 from .map_models import basis_group, power_group
 from .material_tree import build_from

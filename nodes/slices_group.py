@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..bake.shading.slice_atlas import SliceLayout, level_position, tile_v
+from ..bake.shading_maps.slice_atlas import SliceLayout, level_position, tile_v
 from . import expr
 from .group import node_group
 
@@ -21,7 +21,7 @@ class SliceImages:
 
     Parameters
     ----------
-    residual : slices 1 to N - 1 without the envelope, as `bake.shading.slice_atlas.pack_slices` lays them out
+    residual : slices 1 to N - 1 without the envelope, as `bake.shading_maps.slice_atlas.pack_slices` lays them out
     envelope : m in the colours, the residual's share in alpha
     layout : of `residual`
     residual_scale, envelope_scale : what stored values are multiplied by

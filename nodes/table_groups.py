@@ -9,7 +9,7 @@ import bpy
 
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
-from ..bake.tables.anisotropic_grids import AnisotropicNormalGrid
+from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .data_image import Images
 from .drawn_direction import DrawnDirection, drawn_direction

@@ -13,10 +13,10 @@ from typing import Any
 import bpy
 
 from ..bake.tables.atlas import AtlasLayout, atlas_uv
-from ..bake.tables.grid import Grid
-from ..bake.tables.half_vector_grid import HalfVectorGrid
+from ..bake.tables.grids.grid import Grid
+from ..bake.tables.grids.half_vector_grid import HalfVectorGrid
+from ..bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from ..bake.tables.log_codes import LogCodes
-from ..bake.tables.normal_grid import NormalVectorGrid
 from ..bake.tables.table import bspline_weights
 from . import expr
 from .group import call, node_group

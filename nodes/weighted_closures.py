@@ -15,7 +15,7 @@ from ..bake.envelope import texture_coordinate
 from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.envelope.texture import row_coordinate
 from ..bake.envelope.viewers import ViewerGrid
-from ..bake.shading.lobes import Lobe
+from ..bake.lobes.lobes import Lobe
 from . import expr
 from .drawn_direction import frame_of
 from .native_closure import add_closures, native_closure

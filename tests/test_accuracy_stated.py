@@ -13,9 +13,9 @@ from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.tables import alpha_search, grid_fit, grid_race, grid_search
 from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.search import alpha_search, grid_fit, grid_race, grid_search
 
 SOURCES: dict[str, analytic.Analytic] = {
     "matte": analytic.OrenNayar((0.5, 0.4, 0.3), 0.5),

@@ -9,19 +9,20 @@ from typing import Any
 import bpy
 import measured_materials
 import pytest
-from measured_materials.addon import import_operator, measured_material, panel
-from measured_materials.addon.bake_properties import settings_of, show_settings
-from measured_materials.addon.facts import FACTS_KEY, facts_of
-from measured_materials.addon.kinds import BRDF
-from measured_materials.addon.ui_context import shown_material
+from measured_materials.addon.material import bake_material
+from measured_materials.addon.material.facts import FACTS_KEY, facts_of
+from measured_materials.addon.material.kinds import BRDF
+from measured_materials.addon.ui import import_brdf, panel
+from measured_materials.addon.ui.context import shown_material
+from measured_materials.addon.ui.properties.bake import settings_of, show_settings
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 
 QUICK: dict[str, Any] = {
@@ -97,9 +98,9 @@ def test_failed_registration_leaves_nothing_and_says_why(monkeypatch: pytest.Mon
 
 
 def test_every_reader_can_be_browsed_and_dropped() -> None:
-    handler = import_operator.MEASURED_MATERIALS_FH_brdf
+    handler = import_brdf.MEASURED_MATERIALS_FH_brdf
     assert set(handler.bl_file_extensions.split(";")) == {s for reader in READERS for s in reader.suffixes}
-    assert handler.bl_import_operator == import_operator.MEASURED_MATERIALS_OT_import_brdf.bl_idname
+    assert handler.bl_import_operator == import_brdf.MEASURED_MATERIALS_OT_import_brdf.bl_idname
 
 
 def test_settings_survive_the_properties() -> None:
@@ -148,7 +149,7 @@ def test_import_without_an_object_keeps_the_material(measurement: Path, plate: A
 
 def test_bundles_lie_beside_the_measurement_until_told_otherwise(measurement: Path) -> None:
     assert not bpy.data.filepath
-    assert measured_material.bundle_folder("", measurement) == measurement.parent
+    assert bake_material.bundle_folder("", measurement) == measurement.parent
 
 
 def test_bad_file_is_one_report_and_the_others_are_imported(measurement: Path, plate: Any, tmp_path: Path) -> None:
@@ -207,19 +208,19 @@ def test_lost_measurement_can_be_replaced(lacquer: Any, measurement: Path, tmp_p
 def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     model = by_name("phong", diffuse=(0.1, 0.2, 0.3), exponent=7)
     settings = BakeSettings(resolution=6, alpha=(0.5, 0.5), envelope=False)
-    material = measured_material.material_from(bake_source(model, tmp_path / "phong", settings), pack=True)
+    material = bake_material.material_from(bake_source(model, tmp_path / "phong", settings), pack=True)
     assert BRDF.why_not_bakeable(material) == ""
-    measured_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False), pack=False)
+    bake_material.bake_again(material, BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False), pack=False)
     facts = facts_of(material)
     assert facts["source"]["facts"]["exponent"] == 7 and facts["table"]["n"] == 8
     material[BUNDLE_KEY] = str(tmp_path / "gone" / "phong.mmat")
     with pytest.raises(BakeError, match=r"save the \.blend"):
-        measured_material.bake_again(material, settings, pack=True)
+        bake_material.bake_again(material, settings, pack=True)
     del material[SOURCE_KEY]
     material[BUNDLE_KEY] = str(tmp_path / "phong.mmat")
     material[FACTS_KEY] = "{}"
     with pytest.raises(BakeError, match="choose the measurement"):
-        measured_material.bake_again(material, settings, pack=True)
+        bake_material.bake_again(material, settings, pack=True)
     assert "does not say" in BRDF.why_not_bakeable(material)
 
 

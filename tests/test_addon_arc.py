@@ -11,20 +11,21 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import arc_material, arc_operator, kept_textures, panel, rebuild
-from measured_materials.addon.facts import FACTS_KEY, facts_of
-from measured_materials.addon.kinds import SHADING_MAP, kind_of
-from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.lighting import lighting_of, show_lighting
-from measured_materials.addon.scene_check_subject import measured_trees
-from measured_materials.addon.stages import USUAL_SIZE
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.material import bake_photographs, rebuild, textures
+from measured_materials.addon.material.facts import FACTS_KEY, facts_of
+from measured_materials.addon.material.kinds import SHADING_MAP, kind_of
+from measured_materials.addon.material.lighting import lighting_of, show_lighting
+from measured_materials.addon.scene_check.findings import measured_trees
+from measured_materials.addon.summary.bake_stages import USUAL_SIZE
+from measured_materials.addon.ui import import_photographs, panel
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.map_albedo import map_albedo_facts
-from measured_materials.bake.shading.record import ShadingMapRecord
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.shading_maps.albedo import map_albedo_facts
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import FAMILY_KEY
@@ -100,7 +101,7 @@ def test_import_puts_the_material_on_the_object(felt: Any, stack: Path, tmp_path
     assert felt[BUNDLE_KEY] == str(bundle.path) and felt[SOURCE_KEY] == str(stack)
     facts = facts_of(felt)
     assert facts["errors"] == bundle.material["errors"] and facts["packed"] is True
-    assert all(image.packed_file for image in kept_textures.textures_of(felt).values())
+    assert all(image.packed_file for image in textures.textures_of(felt).values())
     assert felt.measured_arc.size == USUAL_SIZE and felt.measured_lighting.lobe == "lambert"
     # A swatch of 20 x 16 keeps its proportions on square texture coordinates.
     assert tuple(mapping_of(felt).inputs["Scale"].default_value) == (1.0, 20 / 16, 1.0)
@@ -115,8 +116,8 @@ def test_import_of_chosen_files(stack: Path, plate: Any, tmp_path: Path) -> None
     assert facts["averages"]["photographs"] == ["el15.png", "el55.png", "el90.png"]
     assert facts["render"]["lobe"] == {"name": "ggx", "alpha": 0.25} and facts["map"]["a_max"] > 0
     assert material.measured_lighting.ggx_alpha == 0.25 and material.measured_arc.scale_by == "albedo"
-    assert arc_material.photographs_of(material) == [stack / file["name"] for file in files]
-    assert not any(image.packed_file for image in kept_textures.textures_of(material).values())
+    assert bake_photographs.photographs_of(material) == [stack / file["name"] for file in files]
+    assert not any(image.packed_file for image in textures.textures_of(material).values())
 
 
 @pytest.mark.parametrize("chosen", ["el35.png", "lights.csv", ""])
@@ -150,9 +151,9 @@ def test_bad_stack_is_one_report_and_leaves_nothing(tmp_path: Path, plate: Any) 
 
 
 def test_images_are_left_to_others_when_dropped() -> None:
-    dropped = arc_operator.MEASURED_MATERIALS_FH_arc.bl_file_extensions.split(";")
+    dropped = import_photographs.MEASURED_MATERIALS_FH_arc.bl_file_extensions.split(";")
     assert not {".jpg", ".png", ".tif", ".exr", ".hdr"} & set(dropped)
-    assert arc_operator.MEASURED_MATERIALS_FH_arc.bl_import_operator == "measured_materials.import_arc"
+    assert import_photographs.MEASURED_MATERIALS_FH_arc.bl_import_operator == "measured_materials.import_arc"
 
 
 # --- another light ----------------------------------------------------------------------------------------
@@ -228,7 +229,7 @@ def test_lost_textures_are_told_and_nothing_changes(stack: Path, plate: Any, tmp
     material = plate.active_material
     before = shape_of(group_of(material))
     (tmp_path / "felt.mmat").rename(tmp_path / "moved.mmat")
-    for image in kept_textures.textures_of(material).values():
+    for image in textures.textures_of(material).values():
         image.reload()  # as a new session would find them
     assert "felt.mmat" in SHADING_MAP.why_not_rebuildable(material)
     material.measured_lighting.sigma = 0.9
@@ -251,7 +252,7 @@ def test_another_bake_in_the_bundle_is_not_mixed_in(stack: Path, plate: Any, tmp
     shutil.rmtree(tmp_path / "felt.mmat")
     other = write_stack(tmp_path / "other" / "felt", (20, 70))
     bpy.ops.measured_materials.import_arc(filepath=str(other), bundles=str(tmp_path), pack=False)
-    for image in kept_textures.textures_of(material).values():
+    for image in textures.textures_of(material).values():
         bpy.data.images.remove(image)
     material.measured_lighting.sigma = 0.9
     assert "another bake" in material.measured_lighting.problem
@@ -262,7 +263,7 @@ def test_measured_brdf_as_f_r(stack: Path, measured_brdf: Path, plate: Any, tmp_
     bpy.ops.measured_materials.import_arc(filepath=str(stack), **options)
     material = plate.active_material
     light = material.measured_lighting
-    assert light.lobe == "measured" and set(kept_textures.textures_of(material)) >= {"table", "sampler"}
+    assert light.lobe == "measured" and set(textures.textures_of(material)) >= {"table", "sampler"}
     light.lobe = "ggx"
     light.lobe = "measured"
     light.sigma = 0.7
@@ -288,7 +289,7 @@ def test_a_copy_is_lit_apart(felt: Any, tmp_path: Path) -> None:
     copy.measured_lighting.sigma = 0.9
     assert_lit_as(felt, RenderSettings(), tmp_path / "felt.mmat")
     assert_lit_as(copy, RenderSettings(sigma=0.9), tmp_path / "felt.mmat")
-    assert kept_textures.textures_of(copy) == kept_textures.textures_of(felt)
+    assert textures.textures_of(copy) == textures.textures_of(felt)
     bpy.data.materials.remove(copy)
     felt.measured_lighting.sigma = 0.4
     assert felt.measured_lighting.problem == ""

@@ -12,12 +12,12 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
-from measured_materials.addon import lamps
-from measured_materials.addon.lamps import CAPACITY, TABLE, lamp_image, survey, update_scene
+from measured_materials.addon.lights import light_tables as lamps
+from measured_materials.addon.lights.light_tables import CAPACITY, TABLE, lamp_image, survey, update_scene
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.lamps import (
@@ -27,7 +27,7 @@ from measured_materials.bake.sampling.lamps import (
     expected_light,
     lamp_table,
 )
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY, aimed_light_group
 from measured_materials.nodes.group import call

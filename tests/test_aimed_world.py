@@ -11,8 +11,9 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import lamps, studio, world_light
-from measured_materials.addon.lamps import lamp_image, pack_tables, survey, update_scene
+from measured_materials.addon.lights import light_tables, world_survey
+from measured_materials.addon.lights.light_tables import lamp_image, pack_tables, survey, update_scene
+from measured_materials.addon.studio import studio
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.sampling.lamps import (
@@ -23,7 +24,7 @@ from measured_materials.bake.sampling.lamps import (
     lamp_table,
 )
 from measured_materials.bake.sampling.world import cell_directions, cell_light, expected_world_light, world_texels
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import aimed_light_group
 from measured_materials.nodes.group import call
@@ -111,7 +112,7 @@ def test_aimed_mirror_is_diffuse_under_a_world(tmp_path: Path, lighting: str) ->
         world.cycles_visibility.glossy = True
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                lamps.world_light, "world_light", lambda _: world_light.WorldLight(3.0, why_not="not asked to")
+                light_tables.world_light, "world_light", lambda _: world_survey.WorldLight(3.0, why_not="not asked to")
             )
             assert noise(scene) > 3 * aimed
 
@@ -187,14 +188,14 @@ MAPPINGS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", MAPPINGS)
 def test_a_world_read_is_the_world_rendered(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cycles' own convention for directions, pictures and their rotation is the one that tables are made by."""
-    monkeypatch.setattr(world_light, "_WIDTH", 512)
+    monkeypatch.setattr(world_survey, "_WIDTH", 512)
     radiance = spot(64, ABOVE, 8, 2.0) * (1.0, 0.5, 0.25) + spot(64, (-0.5, 0.3, -0.2), 5, 0.5)
     with lit_sphere(diffuse_material(0.5), 16, lamp=False) as scene:
         world = show_world(scene, radiance, **MAPPINGS[name])
-        picture = world_light._picture(world_light._surface(world))
+        picture = world_survey._picture(world_survey._surface(world))
         assert picture is not None
         read = cell_light(picture.read(), np.array(picture.to_world), columns=64, rows=32).mean
-        rendered = cell_light(world_light._rendered(world), columns=64, rows=32).mean
+        rendered = cell_light(world_survey._rendered(world), columns=64, rows=32).mean
     # Either puts whole pixels into cells, and the spots' flanks are steep.
     assert np.abs(read - rendered).max() < 0.1 * rendered.max()
     assert np.abs(read - rendered).mean() < 0.01 * rendered.mean()
@@ -230,7 +231,7 @@ def test_worlds_that_nothing_stands_out_of_are_not_aimed_at(tmp_path: Path) -> N
 
 def test_a_world_of_nodes_is_measured_on_request(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a camera sees of it does not matter; an edit makes the measurement void, the strength of light too."""
-    monkeypatch.setattr(world_light, "_WIDTH", 512)
+    monkeypatch.setattr(world_survey, "_WIDTH", 512)
     with lit_sphere(diffuse_material(0.5), 16, lamp=False) as scene:
         world = show_world(scene, spot(64, ABOVE, 4, 3.0))
         tree = world.node_tree
@@ -243,24 +244,24 @@ def test_a_world_of_nodes_is_measured_on_request(tmp_path: Path, monkeypatch: py
         scene.show(mirror_only(tmp_path))
         assert "measure the world" in update_scene(scene.scene).world.why_not
         worlds, scenes, cameras = len(bpy.data.worlds), len(bpy.data.scenes), len(bpy.data.cameras)
-        world_light.measure_world(scene.scene)
+        world_survey.measure_world(scene.scene)
         assert (worlds, scenes, cameras) == (len(bpy.data.worlds), len(bpy.data.scenes), len(bpy.data.cameras))
         report = update_scene(scene.scene)
         assert report.world.aimed and report.world.structure is not None
         assert normalize(np.array(report.world.structure.toward)) == pytest.approx(normalize(np.array(ABOVE)), abs=0.01)
         # A file that is opened again knows it still, from its image alone.
-        world_light._known.clear()
-        world_light.distrust_tables()
+        world_survey._known.clear()
+        world_survey.distrust_tables()
         assert survey(scene.scene.view_layers[0].depsgraph).world.aimed
         # And so does a table that came along with a linked or appended material, and that holds nothing yet.
-        other = new_table(f"{world_light.IMAGE} of a library", *bpy.data.images[world_light.IMAGE].size)
+        other = new_table(f"{world_survey.IMAGE} of a library", *bpy.data.images[world_survey.IMAGE].size)
         update_scene(scene.scene)
-        assert np.array_equal(np.array(other.pixels), np.array(bpy.data.images[world_light.IMAGE].pixels))
+        assert np.array_equal(np.array(other.pixels), np.array(bpy.data.images[world_survey.IMAGE].pixels))
         bpy.data.images.remove(other)
-        bpy.data.images[world_light.IMAGE].pixels[7] = 0.5
-        world_light.distrust_tables()
+        bpy.data.images[world_survey.IMAGE].pixels[7] = 0.5
+        world_survey.distrust_tables()
         assert "measure the world" in survey(scene.scene.view_layers[0].depsgraph).world.why_not
-        world_light.measure_world(scene.scene)
+        world_survey.measure_world(scene.scene)
         tree.nodes["Background"].inputs["Strength"].default_value = 2
         assert "measure the world" in update_scene(scene.scene).world.why_not
 
@@ -275,17 +276,17 @@ def test_the_tables_are_saved_with_the_file(tmp_path: Path) -> None:
         lamp.location = (1, 2, 3)
         show_world(scene, spot(64, (0, 0, 1), 4, 3.0))
         update_scene(scene.scene)
-        names = (lamps.TABLE, world_light.IMAGE)
-        assert bpy.data.images[lamps.TABLE].is_dirty  # for lamps move often, packing waits for saving
+        names = (light_tables.TABLE, world_survey.IMAGE)
+        assert bpy.data.images[light_tables.TABLE].is_dirty  # for lamps move often, packing waits for saving
         kept = [np.array(bpy.data.images[name].pixels) for name in names]
         file = str(tmp_path / "saved.blend")
         window = bpy.context.window
         shown, window.scene = window.scene, scene.scene  # for tables follow the scene that is shown
-        lamps.register()
+        light_tables.register()
         try:
             bpy.ops.wm.save_as_mainfile(filepath=file, copy=True)
         finally:
-            lamps.unregister()
+            light_tables.unregister()
             window.scene = shown
         assert not any(bpy.data.images[name].is_dirty for name in names)
     with bpy.data.libraries.load(file, link=True) as (_, wanted):
@@ -301,7 +302,7 @@ def test_the_world_table_points_at_the_spot(tmp_path: Path) -> None:
         show_world(scene, spot(64, ABOVE, 4, 3.0))
         scene.show(mirror_only(tmp_path))
         update_scene(scene.scene)
-        image = bpy.data.images[world_light.IMAGE]
+        image = bpy.data.images[world_survey.IMAGE]
         texels = np.array(image.pixels, np.float32).reshape(image.size[1], image.size[0], 4)
     wi, density = draw(texels, 2000)
     assert np.median(wi @ normalize(np.array(ABOVE))) > math.cos(math.radians(10))

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from measured_materials.bake.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import (
@@ -19,6 +18,7 @@ from measured_materials.bake.sources.analytic import (
     OrenNayar,
     Ward,
 )
+from measured_materials.bake.tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 
 ANGLES = np.radians([0, 20, 45, 70, 80, 85])
 

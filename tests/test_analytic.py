@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from measured_materials.bake.albedo import directional_albedo
-from measured_materials.bake.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import (
     ANALYTIC,
@@ -30,6 +29,7 @@ from measured_materials.bake.sources.analytic import (
     dielectric,
     ggx_ndf,
 )
+from measured_materials.bake.tables.albedo import directional_albedo
 from scipy.integrate import quad
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.bake.albedo import directional_albedo
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import direction_pairs
-from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
-from measured_materials.bake.tables.anisotropic_search import half_shape
+from measured_materials.bake.tables.albedo import directional_albedo
 from measured_materials.bake.tables.bspline_fit import fit_coefficients, sample_spline
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.grid_search import best_horizon
+from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
+from measured_materials.bake.tables.search.anisotropic_search import half_shape
+from measured_materials.bake.tables.search.grid_search import best_horizon
 from measured_materials.bake.tables.table import tabulate
 
 WARPS = (LogWarp(0.3, 0.4), LogWarp(0.1, 4.0))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import normalize, spherical
-from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
 from measured_materials.bake.tables.atlas import pack
-from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
 from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
 from measured_materials.nodes.group import call

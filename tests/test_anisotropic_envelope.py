@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.bake.brdf.closures import anisotropic_lobe_of
+from measured_materials.bake.bundle.checked_json import Fields
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import (
     EnvelopeFit,
@@ -26,7 +27,6 @@ from measured_materials.bake.envelope import (
 from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
 from measured_materials.bake.envelope.views import slope_views
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.material_json import Fields
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.nodes import compat, expr

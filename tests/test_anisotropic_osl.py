@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.atlas import pack
-from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grids.grid import Grid
 from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.material import build_material

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
 from measured_materials.bake.brdf.record import BrdfRecord
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sources import analytic, read_source
 from measured_materials.bake.tables.accuracy import direction_pairs

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import bpy
 import pytest
-from measured_materials.addon.brdf_build import build_brdf, usual_choices
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.material.build_brdf import build_brdf, usual_choices
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.modes import MODES
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs

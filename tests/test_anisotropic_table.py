@@ -9,21 +9,21 @@ import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.parameterization import LogWarp
 from measured_materials.bake.sampling.cell_sampler import build_sampler, find_texel
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
-from measured_materials.bake.tables.anisotropic_grids import (
+from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
+from measured_materials.bake.tables.grids.anisotropic_grids import (
     NORMAL_KINDS,
     AnisotropicHalfGrid,
     AnisotropicNormalGrid,
     slope_unwarp,
 )
-from measured_materials.bake.tables.anisotropic_search import total_intensity
-from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.grid_search import BASES, choose_grid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
+from measured_materials.bake.tables.search.anisotropic_search import total_intensity
+from measured_materials.bake.tables.search.grid_search import BASES, choose_grid
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 from scipy import stats
 

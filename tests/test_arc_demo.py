@@ -9,9 +9,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import arc_demo, cli_demo
-from measured_materials.addon.techniques import IN_ORDER
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.addon.cli import demo
+from measured_materials.addon.demo import fabric
+from measured_materials.addon.gantry.techniques import IN_ORDER
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from support.scenes import diffuse_material
 
@@ -23,11 +24,11 @@ def datablocks() -> dict[str, set[int]]:
 
 
 def test_demo_shows_the_geometry_beside_its_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arc_demo, "SHOWN", ("cloth",))
-    monkeypatch.setattr(arc_demo, "ELEVATIONS", (8.0, 35.0, 62.0, 88.0))
-    monkeypatch.setattr(arc_demo, "_QUICK", arc_demo._Effort((40, 4), (24, 4), (24, 2)))
+    monkeypatch.setattr(fabric, "SHOWN", ("cloth",))
+    monkeypatch.setattr(fabric, "ELEVATIONS", (8.0, 35.0, 62.0, 88.0))
+    monkeypatch.setattr(fabric, "_QUICK", fabric._Effort((40, 4), (24, 4), (24, 2)))
     before, told = datablocks(), []
-    found = arc_demo.run_arc_demo(tmp_path / "out", quick=True, progress=lambda *words: told.append(words))
+    found = fabric.run_arc_demo(tmp_path / "out", quick=True, progress=lambda *words: told.append(words))
     assert datablocks() == before
     stages = list(dict.fromkeys(stage for stage, _ in told))
     assert stages == [f"{word} cloth" for word in ("photographing", "baking", "comparing", "rendering")]
@@ -37,9 +38,9 @@ def test_demo_shows_the_geometry_beside_its_map(tmp_path: Path, monkeypatch: pyt
     assert len(list(Path(found["photographs"][0]).glob("*.exr"))) == 4
     bundle = read_bundle(Path(found["bundles"][0]))
     assert bundle.material["render"]["lobe"]["name"] == "oren_nayar" and bundle.material["map"]["a_max"] > 0
-    assert len(found["rows"]) == len(arc_demo.CASES) * len(IN_ORDER)
+    assert len(found["rows"]) == len(fabric.CASES) * len(IN_ORDER)
     rms = {(row["case"], row["technique"]): row["rms"] for row in found["rows"]}
-    between, brighter, two, other = (case.group for case in arc_demo.CASES)
+    between, brighter, two, other = (case.group for case in fabric.CASES)
     # What the demonstration is there to show, with wide margins: four samples of a pixel are noisy.
     assert rms[between, "lookup"] < 0.6 * rms[between, "lit_texture"]
     assert rms[between, "final_radiance"] == pytest.approx(rms[between, "lookup"], rel=1e-6)
@@ -51,7 +52,7 @@ def test_demo_shows_the_geometry_beside_its_map(tmp_path: Path, monkeypatch: pyt
 
 def test_roll_is_lit_from_the_side_of_larger_u() -> None:
     before, material = datablocks(), diffuse_material(0.5)
-    picture = arc_demo._roll(material, 24, 16).mean((1, 2))
+    picture = fabric._roll(material, 24, 16).mean((1, 2))
     bpy.data.materials.remove(material)
     assert datablocks() == before
     # Top to bottom across the roll: shade, then ever more light.
@@ -61,23 +62,23 @@ def test_roll_is_lit_from_the_side_of_larger_u() -> None:
 def test_bent_tile_closes_to_a_roll() -> None:
     mesh = bpy.data.meshes.new("tile")
     mesh.from_pydata([(0, 0.3, 0), (1, 0.3, 0), (0.5, 0.3, 0.1)], [], [])
-    arc_demo._bend(mesh)
+    fabric._bend(mesh)
     first, last, raised = (np.array(vertex.co) for vertex in mesh.vertices)
     bpy.data.meshes.remove(mesh)
     # u = 1 lies an arc length of 1 further than u = 0, and height stands on the roll's surface.
     angle = math.atan2(last[0], last[2]) - math.atan2(first[0], first[2])
     radius = math.hypot(first[0], first[2])
     assert angle * radius == pytest.approx(1, rel=1e-5)
-    assert angle * arc_demo._TILES_AROUND == pytest.approx(2 * math.pi, rel=1e-5)
+    assert angle * fabric._TILES_AROUND == pytest.approx(2 * math.pi, rel=1e-5)
     assert math.hypot(raised[0], raised[2]) == pytest.approx(radius + 0.1, rel=1e-5)
     assert first[1] == last[1] == pytest.approx(0.3)
 
 
 def test_command_line_chooses_the_demonstration(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     called = []
-    monkeypatch.setattr(arc_demo, "run_arc_demo", lambda out, **options: called.append((out, options)) or {"lines": []})
+    monkeypatch.setattr(fabric, "run_arc_demo", lambda out, **options: called.append((out, options)) or {"lines": []})
     parser = argparse.ArgumentParser()
-    cli_demo.add_to(parser.add_subparsers())
+    demo.add_to(parser.add_subparsers())
     options = parser.parse_args(["demo", "--arc", "--quick", "--out", str(tmp_path)])
     result = options.run(options)
     assert called[0][0] == tmp_path and called[0][1]["quick"] and result.document["command"] == "demo"
@@ -86,4 +87,4 @@ def test_command_line_chooses_the_demonstration(monkeypatch: pytest.MonkeyPatch,
 def test_unusable_folder_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     with pytest.raises(BakeError, match="cannot be written"):
-        arc_demo.run_arc_demo(tmp_path / "file" / "out", quick=True)
+        fabric.run_arc_demo(tmp_path / "file" / "out", quick=True)

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import bpy
 import pytest
-from measured_materials.addon.arc_properties import arc_settings_of, show_arc_settings
-from measured_materials.addon.lighting import lighting_of, show_lighting
-from measured_materials.addon.stages import USUAL_SIZE
+from measured_materials.addon.material.lighting import lighting_of, show_lighting
+from measured_materials.addon.summary.bake_stages import USUAL_SIZE
+from measured_materials.addon.ui.properties.photographs import arc_settings_of, show_arc_settings
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import LOBES, Lobe
 from measured_materials.bake.photographs.settings import StackSettings
-from measured_materials.bake.shading.bake_arc import ArcSettings
-from measured_materials.bake.shading.lobes import LOBES, Lobe
-from measured_materials.bake.shading.render_settings import RenderSettings
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.shading_maps.bake import ArcSettings
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from test_addon import registered  # noqa: F401
 
 

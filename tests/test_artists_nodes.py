@@ -10,15 +10,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import measured_material, rebuild
-from measured_materials.addon.choices import Choices
-from measured_materials.addon.kept_textures import image_nodes
-from measured_materials.addon.lamps import lamp_image, update_scene
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.material import bake_material, rebuild
+from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.textures import image_nodes
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.result import BakeResult
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.group import trees_below
@@ -43,7 +43,7 @@ def clean_blend() -> Iterator[None]:
 
 
 def _material(path: Path, *, pack: bool) -> bpy.types.Material:
-    return measured_material.material_from(BakeResult(path, read_bundle(path).material, 0.0), pack=pack)
+    return bake_material.material_from(BakeResult(path, read_bundle(path).material, 0.0), pack=pack)
 
 
 def test_modes_of_a_saved_file_keep_its_textures(registered: None, bundle: Path, tmp_path: Path) -> None:  # noqa: F811

@@ -19,10 +19,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake import atomic, bundle, image_io
-from measured_materials.bake.bundle import StoredImage, read_bundle, write_bundle
+from measured_materials.bake import atomic_write
+from measured_materials.bake.bundle import bundle
+from measured_materials.bake.bundle.bundle import StoredImage, read_bundle, write_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.images import image_io
+from measured_materials.bake.images.storage import Storage
 
 # .hdr needs no library, whose own work cannot be interrupted here anyway, and is quick.
 IMAGES = {"table": StoredImage(np.ones((3, 9, 3)), Storage.RGBE)}
@@ -43,7 +45,7 @@ def version_of(path: Path) -> int:
 def renaming(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Where the system swaps two folders in one step, and where it cannot."""
     if request.param == "two renames":
-        monkeypatch.setattr(atomic, "_exchange", lambda first, second: False)
+        monkeypatch.setattr(atomic_write, "_exchange", lambda first, second: False)
     return str(request.param)
 
 
@@ -52,10 +54,10 @@ def test_this_system_swaps_in_one_step(tmp_path: Path) -> None:
         pytest.skip("no such call on this system")
     (tmp_path / "a").mkdir()
     (tmp_path / "b").write_text("b")
-    if not atomic._exchange(tmp_path / "a", tmp_path / "b"):
+    if not atomic_write._exchange(tmp_path / "a", tmp_path / "b"):
         pytest.skip("no such call on this file system")
     assert (tmp_path / "a").read_text() == "b" and (tmp_path / "b").is_dir()
-    assert not atomic._exchange(tmp_path / "a", tmp_path / "absent")
+    assert not atomic_write._exchange(tmp_path / "a", tmp_path / "absent")
 
 
 # --- system calls that fail -------------------------------------------------------------------------------
@@ -118,7 +120,7 @@ def test_any_system_call_may_fail(
 
 # --- interruption between any two lines -------------------------------------------------------------------
 
-FILES = {module.__file__ for module in (atomic, bundle, image_io)}
+FILES = {module.__file__ for module in (atomic_write, bundle, image_io)}
 
 
 @contextlib.contextmanager
@@ -173,11 +175,11 @@ KILLED = """
 import itertools, sys
 from pathlib import Path
 import numpy as np
-from measured_materials.bake import atomic
-from measured_materials.bake.bundle import StoredImage, write_bundle
-from measured_materials.bake.storage import Storage
+from measured_materials.bake import atomic_write
+from measured_materials.bake.bundle.bundle import StoredImage, write_bundle
+from measured_materials.bake.images.storage import Storage
 if sys.argv[2] == "two renames":
-    atomic._exchange = lambda first, second: False
+    atomic_write._exchange = lambda first, second: False
 images = {"table": StoredImage(np.ones((3, 9, 3)), Storage.RGBE)}
 for version in itertools.count(1):
     write_bundle(Path(sys.argv[1]), {"version": version}, images)
@@ -229,7 +231,7 @@ def test_remains_are_cleaned_and_neighbours_are_not(tmp_path: Path) -> None:
 
 def test_a_living_writer_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "felt.mmat"
-    with atomic.replacing_folder(path) as temporary:
+    with atomic_write.replacing_folder(path) as temporary:
         (temporary / "half").write_text("done")
         write(path, 1)
         assert temporary.is_dir() and version_of(path) == 1

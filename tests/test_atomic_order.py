@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake import atomic
-from measured_materials.bake.atomic import replacing_file
-from measured_materials.bake.bundle import StoredImage, write_bundle
-from measured_materials.bake.image_io import write_image, write_png
+from measured_materials.bake import atomic_write
+from measured_materials.bake.atomic_write import replacing_file
+from measured_materials.bake.bundle.bundle import StoredImage, write_bundle
+from measured_materials.bake.images.image_io import write_image, write_png
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.report.journal import Journal
-from measured_materials.bake.storage import Storage
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders cannot be flushed there")
 
@@ -35,7 +35,7 @@ class Recorder:
         self.named: list[tuple[Path, list[str]]] = []
         self.flushed_after: list[Path] = []
         self._flushed: dict[int, State] = {}
-        fsync, replace, rename, exchange = os.fsync, os.replace, os.rename, atomic._exchange
+        fsync, replace, rename, exchange = os.fsync, os.replace, os.rename, atomic_write._exchange
 
         def recorded_fsync(handle: int) -> None:
             fsync(handle)
@@ -58,7 +58,7 @@ class Recorder:
         patch.setattr(os, "fsync", recorded_fsync)
         patch.setattr(os, "replace", naming(replace))
         patch.setattr(os, "rename", naming(rename))
-        patch.setattr(atomic, "_exchange", naming(exchange))
+        patch.setattr(atomic_write, "_exchange", naming(exchange))
 
     def _not_on_disk(self, source: Path) -> list[str]:
         parts = [source, *(source.rglob("*") if source.is_dir() else ())]
@@ -88,7 +88,7 @@ def test_a_bundle_is_on_disk_before_it_has_its_name(
     if older:
         write_bundle(path, {"version": 1}, images)
     if renaming == "two renames":
-        monkeypatch.setattr(atomic, "_exchange", lambda first, second: False)
+        monkeypatch.setattr(atomic_write, "_exchange", lambda first, second: False)
     recorder = Recorder(monkeypatch)
     write_bundle(path, {"version": 2}, images, np.zeros((2, 2, 3), np.uint8))
     (missing,) = [missing for target, missing in recorder.named if target == path]

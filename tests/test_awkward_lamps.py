@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
-from measured_materials.addon.lamp_survey import CAPACITY, survey_scene
-from measured_materials.addon.lamps import table_of
+from measured_materials.addon.lights.lamp_survey import CAPACITY, survey_scene
+from measured_materials.addon.lights.light_tables import table_of
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.sampling.lamps import (
     ELLIPSE,

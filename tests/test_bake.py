@@ -10,12 +10,12 @@ import pytest
 from measured_materials.bake.brdf.bake import bake_file, bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.storage import TABLE_STORAGES
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
-from measured_materials.bake.storage import TABLE_STORAGES
 from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.bake.tables.log_codes import MOST_RANGE
 

@@ -7,24 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.describe import table_rows
+from measured_materials.addon.summary.brdf_rows import table_rows
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.directions import half_difference, spherical
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.parameterization import PARAMETERIZATIONS, LogWarp
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
 from measured_materials.bake.tables.atlas import AtlasLayout, pack, unpack
-from measured_materials.bake.tables.grid_fit import fit_warps
-from measured_materials.bake.tables.grid_search import choose_grid
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
-from measured_materials.bake.tables.isotropic_search import half_sizes
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import PARAMETERIZATIONS, LogWarp
+from measured_materials.bake.tables.search.grid_fit import fit_warps
+from measured_materials.bake.tables.search.grid_search import choose_grid
+from measured_materials.bake.tables.search.isotropic_search import half_sizes
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 
 WARPS = (LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4))

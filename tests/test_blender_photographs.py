@@ -7,10 +7,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.blender_photographs import decode
-from measured_materials.addon.photo_headers import read_photo_header
+from measured_materials.addon.photographs.blender_decoder import decode
+from measured_materials.addon.photographs.image_headers import read_photo_header
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import load_openimageio
+from measured_materials.bake.images.image_io import load_openimageio
 from measured_materials.bake.photographs import photograph
 from measured_materials.bake.photographs.stack import read_stack
 from support.stacks import png_declaring, write_stack

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from measured_materials.bake import bundle
-from measured_materials.bake.bundle import StoredImage, read_bundle, require, write_bundle
+from measured_materials.bake.bundle import bundle
+from measured_materials.bake.bundle.bundle import StoredImage, read_bundle, require, write_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.storage import IMAGE_STORAGES, Storage, quantize
+from measured_materials.bake.images.storage import IMAGE_STORAGES, Storage, quantize
 
 TABLE = np.random.default_rng(11).random((6, 10, 3)).astype(np.float32)
 SAMPLER = np.random.default_rng(12).normal(size=(4, 4, 4)).astype(np.float32)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake.bundle import StoredImage, read_bundle, write_bundle
+from measured_materials.bake.bundle.bundle import StoredImage, read_bundle, write_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.images.storage import Storage
 
 TABLE = np.linspace(0, 1, 180, dtype=np.float32).reshape(6, 10, 3)
 SAMPLER = np.linspace(-1, 1, 64, dtype=np.float32).reshape(4, 4, 4)

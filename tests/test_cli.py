@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.addon.cli.main import main
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import DIMENSIONS, write_merl
 
@@ -42,7 +42,7 @@ def bundle(measurement: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def command(*arguments: str | Path, before: str = "", **options: Any) -> subprocess.CompletedProcess[str]:
     """The command line as a process of its own; `before` is Python code run first."""
-    code = f"{before}\nfrom measured_materials.addon.cli import main\nimport sys\nsys.exit(main())"
+    code = f"{before}\nfrom measured_materials.addon.cli.main import main\nimport sys\nsys.exit(main())"
     start = [sys.executable, "-P", "-c", code] if before else [sys.executable, "-P", "-m", "measured_materials"]
     return subprocess.run([*start, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
 
@@ -300,7 +300,7 @@ def test_output_is_json_and_nothing_else(tmp_path: Path) -> None:
     # Whatever prints on the way, through Python or past it, is no result.
     noise = "import os, ctypes\nprint('python')\nos.write(2, b'error stream')\nctypes.CDLL(None).puts(b'library')"
     code = (
-        "import measured_materials.addon.cli_bake as bake\n"
+        "import measured_materials.addon.cli.bake_brdf as bake\n"
         "def noisy(*a, of=bake.bake_source): " + noise.replace("\n", "; ") + "; return of(*a)\n"
         "bake.bake_source = noisy"
     )
@@ -368,7 +368,7 @@ def test_interruption_ends_what_does_not_come_back_to_python() -> None:
     # As a render does, the key derivation lets other threads run and looks at no signal until it is over.
     code = """
 import hashlib, os, signal, tempfile, threading
-from measured_materials.addon import interrupts
+from measured_materials.addon.cli import interrupts
 interrupts._PATIENCE = 0.2
 threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
 with interrupts.keyboard_interrupts():

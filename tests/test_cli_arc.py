@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
-from measured_materials.addon.describe_map import level_count
-from measured_materials.addon.stages import bake_stages, share_done
+from measured_materials.addon.cli.main import main
+from measured_materials.addon.summary.bake_stages import bake_stages, share_done
+from measured_materials.addon.summary.shading_map_rows import level_count
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.image_io import read_image
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
-from measured_materials.bake.shading.record import ShadingMapRecord
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.images.image_io import read_image
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.sources.analytic import by_name
 from support.stacks import ELEVATIONS, complaints_in, warnings_in, write_frame, write_stack
 from test_cli import BLOCK_BPY, command

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
-from measured_materials.bake.image_io import write_image, write_png
-from measured_materials.bake.storage import Storage
+from measured_materials.addon.cli.main import main
+from measured_materials.bake.images.image_io import write_image, write_png
+from measured_materials.bake.images.storage import Storage
 from support.stacks import complaints_in, frame, png_declaring, write_frame, write_stack
 
 

@@ -10,18 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
 
 # Run apart: opening a file would take the scene of every other test away.
 MAKE = """
 import sys
 from pathlib import Path
 import bpy
-from measured_materials.addon import lamps
+from measured_materials.addon.lights import light_tables as lamps
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
+from measured_materials.bake.bundle.origin import refuse_another
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.origin import refuse_another
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from support.stacks import write_stack

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.bake.cosine_lobes import COSINE_LOBES
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.bake.directions import normalize
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sources.analytic import ModifiedPhong
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.cosine_lobe_group import highlight_group

@@ -8,12 +8,12 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials import addon
-from measured_materials.addon import cosine_lobe_operator
-from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.scene_check import check_scene
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.scene_check.check import check_scene
+from measured_materials.addon.ui import add_cosine_lobe
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.cosine_lobes import COSINE_LOBES, cosine_lobe, half_chord_square, lobe_norm
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES, cosine_lobe, half_chord_square, lobe_norm
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.cosine_lobe_group import cosine_lobe_group, highlight_group
 from measured_materials.nodes.group import HASH_KEY, call
@@ -181,7 +181,7 @@ def test_operator(registered: None, active_material: bpy.types.Material, name: s
     assert node.inputs["Exponent"].default_value == 50
     # Another lobe takes its place and keeps what is set and linked.
     node.inputs["Exponent"].default_value = 7
-    other = cosine_lobe_operator.add_cosine_lobe(active_material.node_tree, COSINE_LOBES[0], kind).node_tree
+    other = add_cosine_lobe.add_cosine_lobe(active_material.node_tree, COSINE_LOBES[0], kind).node_tree
     node.node_tree = other
     assert node.inputs["Exponent"].default_value == 7
 
@@ -205,7 +205,7 @@ def test_operator_needs_a_material(registered: None) -> None:
 def test_menu_comes_and_goes() -> None:
     def entries() -> int:
         draws = getattr(bpy.types.NODE_MT_add.draw, "_draw_funcs", [])
-        return sum(f.__module__.endswith("cosine_lobe_operator") for f in draws)
+        return sum(f.__module__.endswith("add_cosine_lobe") for f in draws)
 
     for _ in range(2):
         addon.register()

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.albedo import directional_albedo
-from measured_materials.bake.cosine_lobes import (
+from measured_materials.bake.directions import spherical
+from measured_materials.bake.lobes.cosine_lobes import (
     COSINE_LOBES,
     HEAVY,
     coefficient_table,
@@ -26,8 +26,8 @@ from measured_materials.bake.cosine_lobes import (
     steepest,
     tabulated_coefficients,
 )
-from measured_materials.bake.directions import spherical
 from measured_materials.bake.sources.analytic import BlinnPhong, ModifiedPhong
+from measured_materials.bake.tables.albedo import directional_albedo
 from scipy.integrate import quad
 
 every_lobe = pytest.mark.parametrize("name", COSINE_LOBES)

@@ -14,16 +14,16 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.bake.brdf import reflection
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.envelope import EnvelopeFit, fit_envelope, lamp_shares
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl

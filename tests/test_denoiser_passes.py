@@ -8,16 +8,16 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.studio import render_rgba
-from measured_materials.bake.albedo import directional_albedo
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.studio.studio import render_rgba
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
+from measured_materials.bake.tables.albedo import directional_albedo
 from measured_materials.nodes.feature_passes import (
     ALBEDO,
     NORMAL,

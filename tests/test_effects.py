@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from measured_materials.addon.choices import Choices
-from measured_materials.addon.effects import plan_aim, plan_brdf, plan_detail, plan_filter
+from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.scene_fit import plan_aim, plan_brdf, plan_detail, plan_filter
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.errors import BakeError
 from support.records import BRDF, brdf_record

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
+from measured_materials.bake.bundle.checked_json import dump_json
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import (
     BASIS,
@@ -29,11 +30,10 @@ from measured_materials.bake.envelope.closures import neighbours
 from measured_materials.bake.envelope.fit import node_weights
 from measured_materials.bake.envelope.views import chord_of, gauss_chords, interpolated, light_directions, sample_views
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.material_json import dump_json
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sources import analytic, read_source
 from measured_materials.bake.tables.accuracy import direction_pairs
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
 

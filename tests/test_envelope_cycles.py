@@ -9,7 +9,7 @@ import pytest
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import Elevations, EnvelopeFit
 from measured_materials.bake.envelope.closures import NARROWEST
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.nodes import expr
 from measured_materials.nodes.native_closure import native_closure
 from test_native_closures import WEIGHT, Strips, clean_blend, material, native

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from measured_materials.addon.expectation import expectation
-from measured_materials.addon.kinds import BRDF
-from measured_materials.addon.measured_material import material_from
+from measured_materials.addon.material.bake_material import material_from
+from measured_materials.addon.material.kinds import BRDF
+from measured_materials.addon.summary.cost_estimate import expectation
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.modes import MODES
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from support.records import brdf_record

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from measured_materials.addon.footprint import texel_footprint
-from measured_materials.bake.shading.reduced_map import area_weights, reduced_slices
-from measured_materials.bake.shading.slice_atlas import SliceLayout, pack_slices, unpack_slices
+from measured_materials.addon.material.texel_footprint import texel_footprint
+from measured_materials.bake.shading_maps.reduced_map import area_weights, reduced_slices
+from measured_materials.bake.shading_maps.slice_atlas import SliceLayout, pack_slices, unpack_slices
 
 
 @pytest.fixture

@@ -10,9 +10,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import gantry, studio
+from measured_materials.addon.gantry import photograph_arc
+from measured_materials.addon.studio import studio
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import read_header, read_image
+from measured_materials.bake.images.image_io import read_header, read_image
 from measured_materials.nodes import compat
 from support.scenes import diffuse_material
 
@@ -63,7 +64,7 @@ def uv_material() -> bpy.types.Material:
 def test_lambert_arc_is_f_cos(tmp_path: Path) -> None:
     elevations, azimuth = [90.0, 45.0, 120.0, 15.5], 30.0
     shares: list[float] = []
-    files = gantry.photograph_arc(
+    files = photograph_arc.photograph_arc(
         diffuse_material(0.5),
         tmp_path / "new" / "arc",
         elevations=elevations,
@@ -94,7 +95,7 @@ def test_lambert_arc_is_f_cos(tmp_path: Path) -> None:
 def test_frames_of_an_arc_see_the_same_points(tmp_path: Path) -> None:
     # A texel half black and half white is told apart by its samples alone: alike in every frame.
     material = uv_material()
-    files = gantry.photograph_arc(material, tmp_path / "arc", elevations=[80, 20], size=4, samples=2)
+    files = photograph_arc.photograph_arc(material, tmp_path / "arc", elevations=[80, 20], size=4, samples=2)
     first, second = map(read_image, files)
     assert np.array_equal(first, second) and first.std() > 0
 
@@ -109,14 +110,14 @@ def test_interrupted_arc_leaves_nothing_and_spares_the_older_one(tmp_path: Path)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        gantry.photograph_arc(material, folder, elevations=[80, 40], progress=interrupt, **settings)
+        photograph_arc.photograph_arc(material, folder, elevations=[80, 40], progress=interrupt, **settings)
     assert list(tmp_path.iterdir()) == []
-    older = gantry.photograph_arc(material, folder, elevations=[80, 40], **settings)
+    older = photograph_arc.photograph_arc(material, folder, elevations=[80, 40], **settings)
     content = {file.name: file.read_bytes() for file in folder.iterdir()}
     with pytest.raises(KeyboardInterrupt):
-        gantry.photograph_arc(material, folder, elevations=[70], progress=interrupt, **settings)
+        photograph_arc.photograph_arc(material, folder, elevations=[70], progress=interrupt, **settings)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == content
-    gantry.photograph_arc(material, folder, elevations=[70], **settings)
+    photograph_arc.photograph_arc(material, folder, elevations=[70], **settings)
     assert sorted(file.name for file in folder.iterdir()) == ["el070.00.exr", "lights.csv"]
     assert not older[0].exists() and [path.name for path in tmp_path.iterdir()] == ["arc"]
     assert everything() == before
@@ -126,10 +127,10 @@ def test_folders_of_others_are_spared(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     for folder, cause in ((tmp_path, "holds other things"), (tmp_path / "notes.txt", "cannot be used")):
         with pytest.raises(BakeError, match=cause):
-            gantry.photograph_arc(diffuse_material(0.5), folder, elevations=[45], size=4, samples=1)
+            photograph_arc.photograph_arc(diffuse_material(0.5), folder, elevations=[45], size=4, samples=1)
     with pytest.raises(BakeError, match="cannot be written"):
         below = tmp_path / "notes.txt" / "arc"
-        gantry.photograph_arc(diffuse_material(0.5), below, elevations=[45], size=4, samples=1)
+        photograph_arc.photograph_arc(diffuse_material(0.5), below, elevations=[45], size=4, samples=1)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -154,7 +155,7 @@ def test_nonsense_is_refused(tmp_path: Path, change: dict) -> None:
     before = everything()
     settings = {"elevations": [45], "size": 4, "samples": 1} | change
     with pytest.raises(BakeError):
-        gantry.photograph_arc(lambda scene: pyramids((0.5, 0.5))(scene), tmp_path / "arc", **settings)
+        photograph_arc.photograph_arc(lambda scene: pyramids((0.5, 0.5))(scene), tmp_path / "arc", **settings)
     assert everything() == before and list(tmp_path.iterdir()) == []
 
 
@@ -163,7 +164,7 @@ def test_nonsense_is_refused(tmp_path: Path, change: dict) -> None:
 
 @pytest.mark.parametrize("azimuth, bright, dark", [(0, "right", "left"), (90, "top", "bottom"), (180, "left", "right")])
 def test_light_comes_from_its_azimuth(azimuth: float, bright: str, dark: str) -> None:
-    picture = gantry.photograph_view(
+    picture = photograph_arc.photograph_view(
         pyramids((0.5, 0.5)), light=(math.radians(60), math.radians(azimuth)), size=40, samples=4
     )
     sides = {
@@ -178,7 +179,7 @@ def test_light_comes_from_its_azimuth(azimuth: float, bright: str, dark: str) ->
 
 def test_frame_covers_the_tile_with_v_upwards() -> None:
     size = 16
-    picture = gantry.photograph_view(uv_material(), size=size, samples=64)
+    picture = photograph_arc.photograph_view(uv_material(), size=size, samples=64)
     middle = (np.arange(size) + 0.5) / size
     # 64 points of a texel average to its middle within a few per cent of its width.
     np.testing.assert_allclose(picture[..., 0], np.broadcast_to(middle, (size, size)), atol=0.15 / size)
@@ -187,7 +188,7 @@ def test_frame_covers_the_tile_with_v_upwards() -> None:
 
 def test_tilted_view_foreshortens_about_the_middle() -> None:
     size, theta = 20, math.radians(60)
-    picture = gantry.photograph_view(uv_material(), view=(theta, -math.pi / 2), size=size, samples=64)
+    picture = photograph_arc.photograph_view(uv_material(), view=(theta, -math.pi / 2), size=size, samples=64)
     middle = (np.arange(size) + 0.5) / size
     v = (0.5 + (0.5 - middle) / math.cos(theta)) % 1
     inner = np.abs(v - 0.5) < 0.5 - 1 / size  # where no border between tiles crosses the texel
@@ -199,8 +200,8 @@ def test_neighbours_wrap_around() -> None:
     # A shift by half a tile, which puts the pyramid across the border, only rolls the picture. At this light it
     # throws its shadow half a tile far.
     size, light = 48, (math.radians(68), math.radians(20))
-    there = gantry.photograph_view(pyramids((0.55, 0.4)), light=light, size=size, samples=128, sun_angle=0)
-    wrapped = gantry.photograph_view(pyramids((0.05, 0.4)), light=light, size=size, samples=128, sun_angle=0)
+    there = photograph_arc.photograph_view(pyramids((0.55, 0.4)), light=light, size=size, samples=128, sun_angle=0)
+    wrapped = photograph_arc.photograph_view(pyramids((0.05, 0.4)), light=light, size=size, samples=128, sun_angle=0)
     # The noise of the interreflections; measured 1.4 %, and half of that with four times the samples.
     assert np.abs(np.roll(there, size // 2, axis=1) - wrapped).mean() < 0.025 * there.mean()
     np.testing.assert_allclose(wrapped.mean(), there.mean(), rtol=3e-3)
@@ -215,8 +216,8 @@ def test_tile_size_scales_the_frame_alone() -> None:
         return [obj]
 
     light = (math.radians(50), 0.4)
-    small = gantry.photograph_view(pyramids((0.5, 0.5)), light=light, size=24, samples=32)
-    scaled = gantry.photograph_view(large, light=light, size=24, samples=32, tile=3)
+    small = photograph_arc.photograph_view(pyramids((0.5, 0.5)), light=light, size=24, samples=32)
+    scaled = photograph_arc.photograph_view(large, light=light, size=24, samples=32, tile=3)
     np.testing.assert_allclose(scaled, small, atol=0.02 * small.mean() + 0.1 * small.std())
 
 
@@ -228,16 +229,18 @@ def test_sun_of_some_size_shows_in_a_mirror() -> None:
     mirror.inputs["Color"].default_value, mirror.inputs["Roughness"].default_value = (1, 1, 1, 1), 0
     tree.links.new(mirror.outputs[0], output.inputs["Surface"])
     angle, tilt = math.radians(8), math.radians(35)
-    seen = gantry.photograph_view(material, view=(tilt, math.pi), light=(tilt, 0), size=2, samples=4, sun_angle=angle)
+    seen = photograph_arc.photograph_view(
+        material, view=(tilt, math.pi), light=(tilt, 0), size=2, samples=4, sun_angle=angle
+    )
     np.testing.assert_allclose(seen, 1 / (math.pi * math.sin(angle / 2) ** 2), rtol=1e-3)
 
 
 def test_plane_scene_is_the_scene_of_the_view() -> None:
     material, directions = diffuse_material(0.5), {"view": (0.9, 2.0), "light": (0.7, 1.0)}
     before = everything()
-    with gantry.plane_scene(material, size=4, samples=8, **directions) as scene:
+    with photograph_arc.plane_scene(material, size=4, samples=8, **directions) as scene:
         rendered = studio.render_linear(scene)
-    assert np.array_equal(rendered, gantry.photograph_view(material, size=4, samples=8, **directions))
+    assert np.array_equal(rendered, photograph_arc.photograph_view(material, size=4, samples=8, **directions))
     np.testing.assert_allclose(rendered, 0.5 / math.pi * math.cos(0.7), rtol=2e-3)
     assert everything() == before
 
@@ -253,7 +256,7 @@ def test_existing_objects_stay_as_they_are() -> None:
     before, current = everything(), bpy.context.scene
     light = (1.0, 0.3)
     pictures = [
-        gantry.photograph_view(target, light=light, size=12, samples=4)
+        photograph_arc.photograph_view(target, light=light, size=12, samples=4)
         for target in (kept[0], kept, collection, pyramids((0.5, 0.5)))
     ]
     assert everything() == before and bpy.context.scene == current
@@ -267,7 +270,7 @@ def test_existing_objects_stay_as_they_are() -> None:
 def test_what_the_block_makes_is_its_own() -> None:
     shown = diffuse_material(0.5)
     before = everything()
-    with gantry.gantry_scene(shown, size=4, samples=1) as made:
+    with photograph_arc.gantry_scene(shown, size=4, samples=1) as made:
         own = bpy.data.materials.new("own")
         copies = len(made.copies)
         made.set_view(1.2, 0.3)
@@ -282,7 +285,7 @@ def test_failing_builder_leaves_nothing() -> None:
 
     before = everything()
     with pytest.raises(LookupError, match="planted"):
-        gantry.photograph_view(build, size=4, samples=1)
+        photograph_arc.photograph_view(build, size=4, samples=1)
     assert everything() == before
 
 
@@ -294,7 +297,7 @@ def test_failing_builder_leaves_nothing() -> None:
 def test_targets_without_sense_are_refused(build: Callable, cause: str) -> None:
     before = everything()
     with pytest.raises(BakeError, match=cause):
-        gantry.photograph_view(build, size=4, samples=1)
+        photograph_arc.photograph_view(build, size=4, samples=1)
     assert everything() == before
 
 
@@ -302,4 +305,4 @@ def test_targets_without_sense_are_refused(build: Callable, cause: str) -> None:
 @pytest.mark.parametrize("which", ["view", "light"])
 def test_directions_below_the_surface_are_refused(which: str, angles: tuple[float, float]) -> None:
     with pytest.raises(BakeError, match="angle"):
-        gantry.photograph_view(pyramids((0.5, 0.5)), size=4, samples=1, **{which: angles})
+        photograph_arc.photograph_view(pyramids((0.5, 0.5)), size=4, samples=1, **{which: angles})

@@ -6,10 +6,10 @@ import numpy as np
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.grid_race import Candidate, race
-from measured_materials.bake.tables.grid_search import choose_grid
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.search.grid_race import Candidate, race
+from measured_materials.bake.tables.search.grid_search import choose_grid
 
 
 class Counted:

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.parameterization import NARROWEST_END, WIDEST_END, LogWarp
-from measured_materials.bake.shading.shading_map import linearise
-from measured_materials.bake.shading.slice_atlas import level_position
-from measured_materials.bake.storage import IMAGE_STORAGES, Storage, as_stored, scale_for
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.images.storage import IMAGE_STORAGES, Storage, as_stored, scale_for
+from measured_materials.bake.shading_maps.shading_map import linearise
+from measured_materials.bake.shading_maps.slice_atlas import level_position
+from measured_materials.bake.tables.grids import parameterization as par
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import NARROWEST_END, WIDEST_END, LogWarp
 from measured_materials.nodes import expr
 from support.cards import card
 from support.hard.case import IMPLEMENTATIONS, Case, measure

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from measured_materials.bake import image_io
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.storage import IMAGE_STORAGES, Storage, quantize
+from measured_materials.bake.images import image_io
+from measured_materials.bake.images.storage import IMAGE_STORAGES, Storage, quantize
 
 CASES = [(storage, c) for storage in IMAGE_STORAGES for c in (1, 3, 4) if storage != "rgbe" or c == 3]
 
@@ -210,7 +210,7 @@ def test_wheel_library_loads_without_importing_bpy(blocked: bool) -> None:
     code = f"""
 import sys
 if {blocked}: sys.modules["bpy"] = None
-from measured_materials.bake.image_io import load_openimageio
+from measured_materials.bake.images.image_io import load_openimageio
 found = load_openimageio()
 assert {blocked} or found
 assert sys.modules.get("bpy") is None

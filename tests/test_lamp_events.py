@@ -13,11 +13,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import lamps
-from measured_materials.addon.lamps import lamp_image, survey, table_of
-from measured_materials.bake.image_io import write_image
-from measured_materials.bake.shading.render_settings import RenderSettings
-from measured_materials.bake.storage import Storage
+from measured_materials.addon.lights import light_tables
+from measured_materials.addon.lights.light_tables import lamp_image, survey, table_of
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import (
     MAX_SLOTS,
@@ -58,11 +58,11 @@ def scene(tmp_path: Path) -> Iterator[bpy.types.Scene]:
     sky[3, 7] = 900
     write_image(tmp_path / "spot.exr", sky, Storage.FLOAT32)
     scene["sky"] = str(tmp_path / "spot.exr")
-    lamps.register()
+    light_tables.register()
     scene.view_layers[0].update()
     bpy.ops.ed.undo_push(message="Start")
     yield scene
-    lamps.unregister()
+    light_tables.unregister()
     bpy.ops.wm.read_factory_settings(use_empty=False)
 
 
@@ -102,12 +102,12 @@ def redone(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], fo
 
 def loaded(scene: bpy.types.Scene, edit: Callable[[bpy.types.Scene], object], folder: Path) -> bpy.types.Scene:
     """A file that was saved by a Blender without the extension."""
-    lamps.unregister()
+    light_tables.unregister()
     edit(scene)
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "edited.blend"))
     finally:
-        lamps.register()
+        light_tables.register()
     bpy.ops.wm.open_mainfile(filepath=str(folder / "edited.blend"))
     return bpy.context.scene
 
@@ -240,12 +240,12 @@ def test_writes_that_blender_refuses_are_tried_again(scene: bpy.types.Scene, mon
             raise AttributeError("Writing to ID classes in this context is not allowed: MM Aim, NodeTree datablock")
         aim_by(*arguments)
 
-    monkeypatch.setattr(lamps, "aim_by", refuse)
+    monkeypatch.setattr(light_tables, "aim_by", refuse)
     add(scene, "AREA", (1, 1, 2))
     scene.view_layers[0].update()
-    assert bpy.app.timers.is_registered(lamps._try_again)
-    assert lamps._try_again() == lamps._PATIENCE
-    assert lamps._try_again() is None
+    assert bpy.app.timers.is_registered(light_tables._try_again)
+    assert light_tables._try_again() == light_tables._PATIENCE
+    assert light_tables._try_again() is None
     assert [tree[SLOTS_KEY] for tree in bpy.data.node_groups if can_switch(tree)] == [2]
     assert np.array_equal(written(), table_of(survey(scene.view_layers[0].depsgraph)))
 
@@ -312,9 +312,9 @@ def test_files_of_versions_before_get_room_when_they_are_opened(scene: bpy.types
     assert exchange_all(old_group()) == 1
     add(scene, "POINT", (1, 1, 3))
     untouched(lambda: scene.view_layers[0].update())
-    lamps.unregister()
+    light_tables.unregister()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"))
-    lamps.register()
+    light_tables.register()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
     aiming = [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users]
     assert aiming and all(can_switch(tree) and tree[SLOTS_KEY] == 2 for tree in aiming)
@@ -327,9 +327,9 @@ def test_materials_of_versions_before_get_room_when_they_are_appended(scene: bpy
     bpy.data.materials[0].use_fake_user = True
     name = bpy.data.materials[0].name
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"), copy=True)
-    lamps.unregister()
+    light_tables.unregister()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    lamps.register()
+    light_tables.register()
     folder = str(tmp_path / "old.blend" / "Material")
     bpy.ops.wm.append(filepath=str(Path(folder, name)), directory=folder, filename=name)
     aiming = [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users]

@@ -9,11 +9,12 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import lamps, studio
-from measured_materials.addon.lamps import TABLE, lamp_image
-from measured_materials.addon.world_light import PROBE
-from measured_materials.bake.bundle import Bundle
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.addon.lights import light_tables
+from measured_materials.addon.lights.light_tables import TABLE, lamp_image
+from measured_materials.addon.lights.world_survey import PROBE
+from measured_materials.addon.studio import studio
+from measured_materials.bake.bundle.bundle import Bundle
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import HASH_KEY, content_hash
 from measured_materials.nodes.shading_map_material import build_shading_map
@@ -25,9 +26,9 @@ from support.swatches import identity_map, map_bundle
 def handlers() -> Iterator[None]:
     """As in a Blender with the extension; nothing of one test reaches the next."""
     kept = set(bpy.data.lights)
-    lamps.register()
+    light_tables.register()
     yield
-    lamps.unregister()
+    light_tables.unregister()
     for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights):
         for block in set(collection) - kept:
             collection.remove(block)
@@ -163,7 +164,7 @@ def test_lamps_that_stay_dark_cost_nothing(scene: TestScene) -> None:
     add_lamp(scene.scene, (0, -1, 3))
     key(add_lamp(scene.scene, (1, -1, 3), 0), "location", (1, -1, 3), (2, -1, 3))
     add_lamp(scene.scene, (2, -1, 3)).hide_render = True
-    lamps.keep_current(scene.scene)
+    light_tables.keep_current(scene.scene)
     # The viewport shows the one that no render shows.
     assert slots() == {2}
     bpy.data.objects.remove(next(obj for obj in scene.scene.objects if obj.hide_render and obj.type == "LIGHT"))
@@ -182,7 +183,7 @@ def test_view_layers_together(scene: TestScene) -> None:
         scene.scene.view_layers.new(name).use = used
     scene.scene.view_layers["second"].layer_collection.children["unused"].exclude = True
     add_lamp(scene.scene, (1, -1, 3))
-    report = lamps.update_scene(scene.scene, for_render=True)
+    report = light_tables.update_scene(scene.scene, for_render=True)
     assert len(report.lamps) == 2 and slots() == {2}
     for name in ("second", "unused"):
         bpy.data.collections.remove(bpy.data.collections[name])
@@ -204,7 +205,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         return count
 
     for name in counts:
-        monkeypatch.setattr(lamps, name, counting(name, getattr(lamps, name)))
+        monkeypatch.setattr(light_tables, name, counting(name, getattr(light_tables, name)))
     return counts
 
 
@@ -268,7 +269,7 @@ def test_the_probe_of_the_world_is_no_scene_to_follow(scene: TestScene) -> None:
 def test_frames_make_no_datablock(scene: TestScene) -> None:
     """Where all tables are linked, as here all but in name."""
     add_lamp(scene.scene, (0, -1, 3))
-    lamps.update_scene(scene.scene)
+    light_tables.update_scene(scene.scene)
     lamp_image().name = f"{TABLE} of elsewhere"
     before = len(bpy.data.images)
     scene.scene.frame_set(2)
@@ -279,5 +280,5 @@ def test_groups_are_known_by_what_they_are_not_by_name(scene: TestScene) -> None
     for tree in bpy.data.node_groups:
         tree.name = "renamed"
     add_lamp(scene.scene, (0, -1, 3))
-    lamps.update_scene(scene.scene)
+    light_tables.update_scene(scene.scene)
     assert slots() == {1}

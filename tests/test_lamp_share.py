@@ -9,11 +9,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.brdf_build import build_brdf
-from measured_materials.addon.lamps import lamp_image, update_scene
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.record import BrdfRecord
-from measured_materials.bake.bundle import Bundle, StoredImage, read_bundle, write_bundle
+from measured_materials.bake.bundle.bundle import Bundle, StoredImage, read_bundle, write_bundle
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.envelope import (
     EnvelopeFit,
@@ -27,11 +27,11 @@ from measured_materials.bake.envelope import (
 )
 from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.lamps import RECTANGLE, SUN, Lamp, lamp_table
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.source import Array
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes.lamp_share_group import lamp_probability
 from measured_materials.nodes.material import build_material
 from scipy.ndimage import map_coordinates

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.photographs.light_files import read_lights
+from measured_materials.bake.photographs.light_files.readers import read_lights
 from measured_materials.bake.photographs.lights import find_lights
 from support.photo_files import encode_srgb, write_photo
 

@@ -8,14 +8,14 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.image_io import write_image
-from measured_materials.bake.parameterization import LogWarp
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.tables.atlas import pack
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
 from measured_materials.bake.tables.log_codes import LogCodes
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes import expr
 from measured_materials.nodes.data_image import load_data_image

@@ -16,17 +16,17 @@ from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import read_image
-from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.images.image_io import read_image
+from measured_materials.bake.images.storage import IMAGE_STORAGES, Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import IMAGE_STORAGES, Storage
 from measured_materials.bake.tables.accuracy import direction_pairs
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
 from measured_materials.bake.tables.log_codes import LEAST_PEAK, MOST_PEAK, MOST_RANGE, LogCodes
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from measured_materials.bake.tables.padding import pad_slices
 from measured_materials.bake.tables.stored_table import store_table
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate

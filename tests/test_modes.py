@@ -10,17 +10,17 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import brdf_build, measured_material, rebuild
-from measured_materials.addon.choices import Choices
-from measured_materials.addon.facts import facts_of
-from measured_materials.addon.kept_textures import textures_of
-from measured_materials.addon.kinds import BRDF
-from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.scene_check import check_scene, mend
-from measured_materials.addon.scene_check_subject import measured_trees
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.material import bake_material, build_brdf, rebuild
+from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.facts import facts_of
+from measured_materials.addon.material.kinds import BRDF
+from measured_materials.addon.material.textures import textures_of
+from measured_materials.addon.scene_check.check import check_scene, mend
+from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
@@ -116,8 +116,8 @@ def material(registered: None, no_lamps: None, folder: Path, tmp_path: Path) -> 
     """As imported, its textures packed, and its bundle gone."""
     shutil.copytree(folder / "paint.mmat", tmp_path / "paint.mmat")
     facts = read_bundle(tmp_path / "paint.mmat").material
-    result = measured_material.BakeResult(tmp_path / "paint.mmat", facts, 0.0)
-    made = measured_material.material_from(result, pack=True)
+    result = bake_material.BakeResult(tmp_path / "paint.mmat", facts, 0.0)
+    made = bake_material.material_from(result, pack=True)
     shutil.rmtree(tmp_path / "paint.mmat")
     return made
 
@@ -273,12 +273,12 @@ def test_denoising_by_materials_comes_and_goes(material: bpy.types.Material) -> 
     assert not bpy.ops.measured_materials.denoise.poll()
     scene.render.engine = "CYCLES"
     try:
-        assert not writes() and not brdf_build.asks_for_passes(scene)
+        assert not writes() and not build_brdf.asks_for_passes(scene)
         assert bpy.ops.measured_materials.denoise() == {"FINISHED"}
-        assert writes() and brdf_build.asks_for_passes(scene)
+        assert writes() and build_brdf.asks_for_passes(scene)
         assert {e.name: e.kept for e in rebuild.effects_of(material)}["Denoiser's passes"]
         assert bpy.ops.measured_materials.denoise(stop=True) == {"FINISHED"}
-        assert not writes() and not brdf_build.asks_for_passes(scene)
+        assert not writes() and not build_brdf.asks_for_passes(scene)
     finally:
         scene.render.engine = engine
         bpy.data.objects.remove(card)
@@ -286,7 +286,7 @@ def test_denoising_by_materials_comes_and_goes(material: bpy.types.Material) -> 
 
 def test_a_bundle_without_native_closures_says_what_to_do(tmp_path: Path, registered: None) -> None:  # noqa: F811
     settings = BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
-    made = measured_material.material_from(bake_source(analytic.Ggx(), tmp_path / "plain", settings), pack=True)
+    made = bake_material.material_from(bake_source(analytic.Ggx(), tmp_path / "plain", settings), pack=True)
     assert made.measured_quality.mode == "reference"
     with pytest.raises(BakeError, match="bake it again with Native Closures"):
         rebuild.rebuild_brdf(made, Choices(mode="balanced"))

@@ -12,9 +12,9 @@ from typing import Any
 
 import bpy
 import pytest
-from measured_materials.addon import footprint
-from measured_materials.addon.lamp_survey import survey_scene
-from measured_materials.addon.motion import changes
+from measured_materials.addon.lights.lamp_survey import survey_scene
+from measured_materials.addon.lights.motion import changes
+from measured_materials.addon.material import texel_footprint
 from measured_materials.nodes.compat import curves_of
 from support.animations import (
     ANIMATIONS,
@@ -54,7 +54,7 @@ def test_unknown_or_the_largest_of_all_frames(view: View, animate: Callable[[Vie
     view.scene.frame_set(1)
     told = view.footprint()
     with monkeypatch.context() as blind:
-        blind.setattr(footprint, "changes", lambda *_: False)
+        blind.setattr(texel_footprint, "changes", lambda *_: False)
         found = []
         for frame in FRAMES:
             view.scene.frame_set(frame)

@@ -9,10 +9,10 @@ from typing import Any
 
 import bpy
 import pytest
-from measured_materials.addon import measured_material
+from measured_materials.addon.material import bake_material
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.compat import longest_name
@@ -95,7 +95,7 @@ def test_an_import_says_where_its_material_is(bundle: Bundle, kind: str, tmp_pat
     material = build_material(bundle)
     told: list[tuple[str, str]] = []
     operator: Any = SimpleNamespace(report=lambda level, text: told.append((*level, text)))
-    place = measured_material.told_place(operator, material, obj)
+    place = bake_material.told_place(operator, material, obj)
     if kind in TAKES:
         assert obj.active_material == material and place == f" on {kind}" and not told
         assert not material.use_fake_user
@@ -108,4 +108,4 @@ def test_an_import_says_where_its_material_is(bundle: Bundle, kind: str, tmp_pat
 def test_without_an_object_there_is_no_warning(bundle: Bundle) -> None:
     material = build_material(bundle)
     operator: Any = SimpleNamespace(report=lambda level, text: pytest.fail(text))
-    assert measured_material.told_place(operator, material, None) == "" and material.use_fake_user
+    assert bake_material.told_place(operator, material, None) == "" and material.use_fake_user

@@ -1,4 +1,4 @@
-"""Cycles' own closures against `bake.shading.lobes`, under a sun of no size: no noise, and the radiance is f cos."""
+"""Cycles' own closures against `bake.lobes.lobes`, under a sun of no size: no noise, and the radiance is f cos."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
-from measured_materials.addon import studio
-from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio import studio
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.native_closure import native_closure
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.atlas import pack
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids import parameterization as par
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table, bspline_weights
 from measured_materials.nodes import expr
 from measured_materials.nodes.alias_sampler_group import alias_sampler_group

@@ -17,10 +17,10 @@ import json, sys
 from pathlib import Path
 import bpy
 import measured_materials
-from measured_materials.addon import lamps
-from measured_materials.addon.facts import facts_of
-from measured_materials.addon.kept_textures import image_nodes
-from measured_materials.addon.kinds import kind_of
+from measured_materials.addon.lights import light_tables as lamps
+from measured_materials.addon.material.facts import facts_of
+from measured_materials.addon.material.textures import image_nodes
+from measured_materials.addon.material.kinds import kind_of
 from support.stacks import write_stack
 
 folder = Path(sys.argv[1])

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import mirror_probability, texture_coordinate
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage, quantize
 from measured_materials.bake.sampling.cell_sampler import CellSampler, build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.lamps import (
@@ -29,9 +29,9 @@ from measured_materials.bake.sampling.lamps import (
     lamp_table,
 )
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage, quantize
 from measured_materials.bake.tables.atlas import pack
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids import parameterization as par
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import FILTERS, Table
 from measured_materials.nodes.osl_parameters import cell_constants, grid_constants
 from scipy import stats

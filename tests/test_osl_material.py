@@ -12,15 +12,15 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.group import call, node_group

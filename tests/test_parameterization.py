@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from measured_materials.bake import parameterization as par
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.tables.grids import parameterization as par
 
 ALPHA = st.floats(0, 1)
 UNIT = st.floats(0, 1)

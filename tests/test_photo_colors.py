@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.photographs import StackSettings, read_stack
-from measured_materials.bake.photographs.color_marks import read_color_marks
+from measured_materials.bake.photographs.radiometry.color_marks import read_color_marks
 from support import color_files as files
 from support.color_cases import (
     ADOBE,

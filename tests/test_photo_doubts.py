@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from measured_materials.addon.blender_photographs import decode
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
+from measured_materials.addon.photographs.blender_decoder import decode
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.photographs import StackSettings, photograph, read_stack
 from support.photo_files import encode_srgb, write_photo

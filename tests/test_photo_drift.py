@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_materials.bake.photographs import shifts
 from measured_materials.bake.photographs.held_out import helpful_moves
-from measured_materials.bake.photographs.light_drift import light_drift
+from measured_materials.bake.photographs.radiometry.light_drift import light_drift
 from support.photo_files import weave
 
 ELEVATIONS = np.radians([8, 17, 26, 35, 44, 53, 62, 71, 80, 88])

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.photographs import Exposure, Photograph, PhotoInfo, StackSettings, photograph, read_stack
-from measured_materials.bake.photographs.color_marks import ColorMarks
 from measured_materials.bake.photographs.encoding import choose_encoding
 from measured_materials.bake.photographs.folder import find_photographs, natural_key
 from measured_materials.bake.photographs.photograph import read_info, read_photograph
-from measured_materials.bake.photographs.response import SRGB, parse_rule
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.photographs.radiometry.color_marks import ColorMarks
+from measured_materials.bake.photographs.radiometry.response import SRGB, parse_rule
 from support.photo_files import (
     encode_srgb,
     exr_bytes,

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake.photographs.color_marks import read_color_marks
-from measured_materials.bake.photographs.icc_profile import parse_icc
-from measured_materials.bake.photographs.primaries import KNOWN, REC709
-from measured_materials.bake.photographs.tiff_tags import TiffTags, choose_page
+from measured_materials.bake.photographs.radiometry.color_marks import read_color_marks
+from measured_materials.bake.photographs.radiometry.icc_profile import parse_icc
+from measured_materials.bake.photographs.radiometry.primaries import KNOWN, REC709
+from measured_materials.bake.photographs.radiometry.tiff_tags import TiffTags, choose_page
 from support.color_files import SRGB_ICC, chunk, icc, icc_chunk, write_png
 
 _LARGE = 4 << 20

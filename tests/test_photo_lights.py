@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.photographs import Exposure, PhotoInfo, StackSettings, read_stack
 from measured_materials.bake.photographs.brackets import bracket_stem, find_exposures, group_by_light, merge, trust
-from measured_materials.bake.photographs.light_files import direction_in_name, direction_of_angles, read_lights
+from measured_materials.bake.photographs.light_files.readers import direction_in_name, direction_of_angles, read_lights
 from measured_materials.bake.photographs.lights import Lights, choose_arc, find_lights
 from support.photo_files import encode_srgb, gray_frames, write_photo
 

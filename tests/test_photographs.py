@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import read_image
+from measured_materials.bake.images.image_io import read_image
 from measured_materials.bake.photographs import StackSettings, plan, read_stack
 from support.photo_files import encode_srgb, gray_frames, write_photo
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.bake import image_io
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images import image_io
 
 
 @pytest.mark.parametrize("channels, kind", [(1, 0), (3, 2), (4, 6)])

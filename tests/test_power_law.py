@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.shading import power_law
-from measured_materials.bake.shading.power_law import PowerLaw, fit, fit_brute_force, rms_error
+from measured_materials.bake.shading_maps import power_law
+from measured_materials.bake.shading_maps.power_law import PowerLaw, fit, fit_brute_force, rms_error
 
 
 def slices_of(k: np.ndarray, exponent: np.ndarray, n: int = 8) -> np.ndarray:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake.brdf.parts import PreviewRecord
+from measured_materials.bake.bundle.checked_json import Fields
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import PreviewFit, fit_preview, pack_weights, preview_from_image
 from measured_materials.bake.envelope.preview import non_negative
 from measured_materials.bake.envelope.views import sample_views
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.material_json import Fields
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.treated_source import TreatedSource

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.addon.progress import Progress, readable_time
-from measured_materials.addon.stages import bake_stages, share_done
+from measured_materials.addon.cli.console.progress import Progress, readable_time
+from measured_materials.addon.summary.bake_stages import bake_stages, share_done
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from support.stacks import write_stack
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from measured_materials.bake import image_io, radiance
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.storage import Storage, quantize
+from measured_materials.bake.images import image_io, radiance_hdr
+from measured_materials.bake.images.storage import Storage, quantize
 
 
 def hdr(rows: bytes, size: str = "-Y 3 +X 16", header: str = "") -> bytes:
@@ -47,7 +47,7 @@ def repeat_rows(block: np.ndarray) -> bytes:
 def test_all_three_hdr_schemes(tmp_path: Path, scheme: Callable[[np.ndarray], bytes]) -> None:
     block = rgbe_block()
     (tmp_path / "a.hdr").write_bytes(hdr(scheme(block)))
-    np.testing.assert_array_equal(image_io.read_image(tmp_path / "a.hdr"), radiance.decode(block))
+    np.testing.assert_array_equal(image_io.read_image(tmp_path / "a.hdr"), radiance_hdr.decode(block))
 
 
 def test_long_repeat_counts_in_bytes(tmp_path: Path) -> None:
@@ -61,13 +61,13 @@ def test_long_repeat_counts_in_bytes(tmp_path: Path) -> None:
 def test_hdr_orientation(tmp_path: Path, size: str, turn: Any) -> None:
     block = rgbe_block()
     (tmp_path / "a.hdr").write_bytes(hdr(flat_rows(block), size))
-    np.testing.assert_array_equal(image_io.read_image(tmp_path / "a.hdr"), radiance.decode(block)[turn])
+    np.testing.assert_array_equal(image_io.read_image(tmp_path / "a.hdr"), radiance_hdr.decode(block)[turn])
 
 
 def test_hdr_exposures_are_divided_out(tmp_path: Path) -> None:
     block = rgbe_block()
     (tmp_path / "a.hdr").write_bytes(hdr(flat_rows(block), header="EXPOSURE=2\nEXPOSURE= 4\n"))
-    np.testing.assert_array_equal(image_io.read_image(tmp_path / "a.hdr"), radiance.decode(block) / 8)
+    np.testing.assert_array_equal(image_io.read_image(tmp_path / "a.hdr"), radiance_hdr.decode(block) / 8)
 
 
 @pytest.mark.parametrize(

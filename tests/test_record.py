@@ -11,22 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_materials.bake.brdf.grids import grid_of, is_anisotropic
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.bundle.checked_json import Fields
 from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
 from measured_materials.bake.envelope.viewers import Elevations, ViewerGrid
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.material_json import Fields
-from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.record import ShadingMapRecord
-from measured_materials.bake.shading.render_settings import RenderSettings
-from measured_materials.bake.storage import Storage
-from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.tables.atlas import AtlasLayout
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
 from measured_materials.bake.tables.log_codes import LogCodes
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
 from support.records import ALBEDO, ANISOTROPIC, BRDF, SHADING_MAP, brdf_record, changed
 
 KINDS: dict[str, tuple[Any, dict[str, Any]]] = {

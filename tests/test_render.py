@@ -9,15 +9,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.bake.albedo import directional_albedo
 from measured_materials.bake.brdf.bake import bake_file, bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.tables import stored_table as table_storage
+from measured_materials.bake.tables.albedo import directional_albedo
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
 from support.clean_blend import clean_blend  # noqa: F401

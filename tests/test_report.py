@@ -9,23 +9,23 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from measured_materials.addon import report_pictures, report_run, report_techniques
-from measured_materials.addon.cli import main
-from measured_materials.addon.render_timing import Effort
-from measured_materials.addon.report_inputs import read_inputs
+from measured_materials.addon.cli.main import main
+from measured_materials.addon.report import pictures, run, techniques
+from measured_materials.addon.report.inputs import read_inputs
+from measured_materials.addon.report.render_timing import Effort
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.storage import TABLE_STORAGES, Storage
+from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES
 from measured_materials.bake.report import maps, tables, tabulation
 from measured_materials.bake.report.chart import COLOURS, Chart, Point, number
 from measured_materials.bake.report.journal import Journal
 from measured_materials.bake.report.lobes import BARE_POWER, LobeCost, lobes_section, measure_lobes
 from measured_materials.bake.report.page import Section, Table, write_page
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
-from measured_materials.bake.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.tables.table import FILTERS
 from support.stacks import write_stack
 
@@ -187,18 +187,18 @@ def test_verdict_on_pow_follows_the_times(times: dict[str, float], words: str) -
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """All parts of a quick report, as small as they can be."""
     monkeypatch.setattr(tabulation, "CHOSEN_AT", 12)
-    sizes = report_run.Sizes(
+    sizes = run.Sizes(
         tables=tables.TableSizes((8, 12), False),
         lookups=tables.TableSizes((8,), False),
         maps=maps.MapSizes((3, 4), (4,), (Storage.HALF, Storage.BYTE), 2),
-        pictures=report_pictures.Sizes(24, (2, 4), 4, 16),
-        techniques=report_techniques.TechniqueSizes((2, 4)),
+        pictures=pictures.Sizes(24, (2, 4), 4, 16),
+        techniques=techniques.TechniqueSizes((2, 4)),
         swatch=(16, 2),
         lookup_effort=Effort(16, 2, 1),
         lobe_effort=Effort(16, 2, 1),
-        seconds=report_run.QUICK.seconds,
+        seconds=run.QUICK.seconds,
     )
-    monkeypatch.setattr(report_run, "QUICK", sizes)
+    monkeypatch.setattr(run, "QUICK", sizes)
 
 
 def test_report_from_end_to_end(
@@ -211,7 +211,7 @@ def test_report_from_end_to_end(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as stopped:
-        stopped.setattr(report_run, "measure_map_times", interrupted)
+        stopped.setattr(run, "measure_map_times", interrupted)
         assert main(call) == 130 and not (tmp_path / "report.html").exists()
     (journal,) = tmp_path.glob(".measured/*/journal.jsonl")
     before = journal.read_text()

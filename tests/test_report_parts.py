@@ -6,18 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon import render_timing, report_lookups, report_maps
-from measured_materials.addon.lobe_timing import measure_rendered
-from measured_materials.addon.render_timing import Effort
-from measured_materials.addon.studio import render_linear
+from measured_materials.addon.report import lookups, render_timing
+from measured_materials.addon.report import maps as report_maps
+from measured_materials.addon.report.lobe_timing import measure_rendered
+from measured_materials.addon.report.render_timing import Effort
+from measured_materials.addon.studio.studio import render_linear
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.report import maps, tables, tabulation
 from measured_materials.bake.report.journal import Journal
 from measured_materials.bake.report.lobes import BARE_POWER
-from measured_materials.bake.shading.shading_map import at_level, averages_of, linearise
-from measured_materials.bake.shading.slice_atlas import GUTTER
+from measured_materials.bake.shading_maps.shading_map import at_level, averages_of, linearise
+from measured_materials.bake.shading_maps.slice_atlas import GUTTER
 from measured_materials.bake.sources.analytic import Ggx
-from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.atlas import AtlasLayout
 from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes import expr
@@ -45,20 +46,16 @@ def test_tables_of_four_axes_are_measured(tmp_path: Path, monkeypatch: pytest.Mo
 )
 def test_timed_lookups_are_whole(kind: tabulation.Kind, anisotropic: bool, tmp_path: Path) -> None:
     """A graph too large for Cycles would be timed as well, and show nothing: white tables must be seen as white."""
-    grid = report_lookups._grid(kind, 8, anisotropic)
+    grid = lookups._grid(kind, 8, anisotropic)
     four_halves = kind == ("half", "slopes")
     size = AtlasLayout.of(grid).size
     for storage, filter in [*((Storage.HALF, filter) for filter in FILTERS), (Storage.LOG, "trilinear")]:
-        image = report_lookups._white(tmp_path / f"white{storage.suffix}", size, storage)
-        group = report_lookups._group(f"Test {filter}", image, grid, filter, storage)
-        with render_timing._plane(
-            lambda place, group=group: report_lookups._looked_up(group, place), 8, False
-        ) as scene:
+        image = lookups._white(tmp_path / f"white{storage.suffix}", size, storage)
+        group = lookups._group(f"Test {filter}", image, grid, filter, storage)
+        with render_timing._plane(lambda place, group=group: lookups._looked_up(group, place), 8, False) as scene:
             pixels = render_linear(scene)
         # The half basis of four axes stores f times cosines: there a white table is above 1.
-        expected = (
-            (pixels > report_lookups.LOOKUPS) if four_halves else np.isclose(pixels, report_lookups.LOOKUPS, 1e-4)
-        )
+        expected = (pixels > lookups.LOOKUPS) if four_halves else np.isclose(pixels, lookups.LOOKUPS, 1e-4)
         assert expected.all(), (storage, filter, pixels.min(), pixels.max())
 
 
@@ -79,7 +76,7 @@ def test_lobes_without_osl_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse() -> None:
         raise BakeError("Open Shading Language", "is not part of this Blender", "use nodes")
 
-    monkeypatch.setattr("measured_materials.addon.lobe_timing.require_osl", refuse)
+    monkeypatch.setattr("measured_materials.addon.report.lobe_timing.require_osl", refuse)
     found = measure_rendered(("cubic",), TINY, thorough=False)
     assert found.missing == "Open Shading Language is not part of this Blender"
     assert {column: set(times) for column, times in found.ns.items()} == {"nodes, n varies": {"cubic", BARE_POWER}}

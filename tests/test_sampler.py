@@ -172,7 +172,7 @@ def test_sample_and_pdf_agree_at_the_ends_of_the_random_numbers() -> None:
 @pytest.mark.parametrize("theta_o", [0.2, 0.9, 1.4])
 def test_table_sampling_is_unbiased_and_quieter_than_cosine(theta_o: float) -> None:
     """Mean of f cos / pdf is the albedo; its variance on gloss is at least a hundred times below cosine's."""
-    from measured_materials.bake.albedo import directional_albedo
+    from measured_materials.bake.tables.albedo import directional_albedo
 
     source = SOURCES["glossy"]
     sampler = build_sampler(source, SamplerLayout())

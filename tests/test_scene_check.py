@@ -12,11 +12,12 @@ from typing import Any
 import bpy
 import measured_materials
 import pytest
-from measured_materials.addon import check_operator, scene_check_blocks, scene_check_rules
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.addon.scene_check import check_scene, measured_names, mend, mend_scene
-from measured_materials.addon.scene_check_subject import NOTE, SLOW, WRONG, Finding
-from measured_materials.bake.bundle import Bundle
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.scene_check import material_rules, scene_rules
+from measured_materials.addon.scene_check.check import check_scene, measured_names, mend, mend_scene
+from measured_materials.addon.scene_check.findings import NOTE, SLOW, WRONG, Finding
+from measured_materials.addon.ui import check_scene as check_operator
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import HASH_KEY, SWITCHED_KEY, content_hash
 from measured_materials.nodes.material import build_material
@@ -73,8 +74,8 @@ def test_rule(painted: TestScene, case: Case) -> None:
 
 
 def test_every_rule_has_a_case() -> None:
-    told = {setting.rule for setting in scene_check_rules._SETTINGS}
-    for module in (scene_check_rules, scene_check_blocks):
+    told = {setting.rule for setting in scene_rules._SETTINGS}
+    for module in (scene_rules, material_rules):
         told |= set(re.findall(r'Finding\(\s*"(\w+)"', Path(str(module.__file__)).read_text()))
     assert len(told) > 25
     assert told - {case.rule for case in CASES} == {
@@ -104,9 +105,9 @@ def test_settings_of_newer_versions(painted: TestScene) -> None:
     )
     subject: Any = SimpleNamespace(scene=stand_in, wearers={})
     found = [
-        *scene_check_rules.cycles_settings(subject),
-        *scene_check_rules.world(subject),
-        *scene_check_blocks.texture_limit(subject),
+        *scene_rules.cycles_settings(subject),
+        *scene_rules.world(subject),
+        *material_rules.texture_limit(subject),
     ]
     assert {finding.rule for finding in found} == {"pixel_jitter", *NEWER}
     mend(found)
@@ -119,7 +120,7 @@ def test_shadow_terminator_of_older_versions() -> None:
     obj = SimpleNamespace(name="o", cycles=settings, is_editable=True)
     settings.id_data = obj
     subject: Any = SimpleNamespace(scene=SimpleNamespace(name="s"), shown=[obj])
-    found = list(scene_check_blocks.shadow_terminator(subject))
+    found = list(material_rules.shadow_terminator(subject))
     assert [finding.rule for finding in found] == ["shading_offset", "geometry_offset"]
     mend(found)
     assert settings.shadow_terminator_offset == settings.shadow_terminator_geometry_offset == 0

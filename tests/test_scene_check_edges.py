@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import bpy
 import pytest
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.addon.scene_check import mend
-from measured_materials.addon.scene_check_subject import measured_trees
-from measured_materials.bake.bundle import Bundle
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.scene_check.check import mend
+from measured_materials.addon.scene_check.findings import measured_trees
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
 from support.scene_check_cases import (
     CASES,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from measured_materials.bake.bundle import Bundle
+from measured_materials.bake.bundle.bundle import Bundle
 from support.scene_check_cases import paint_bundle
 from support.scene_check_figures import FIGURES, NUMBERS, UNMEASURED, Figure, measured, sentences
 

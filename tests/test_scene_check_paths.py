@@ -8,12 +8,12 @@ from typing import Any
 import bpy
 import pytest
 from mathutils import Matrix
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.addon.scene_check import mend
-from measured_materials.addon.scene_check_light_nodes import emission_outputs
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.scene_check.check import mend
+from measured_materials.addon.scene_check.light_node_rules import emission_outputs
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material

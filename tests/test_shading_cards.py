@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.shading.envelope import bounded_envelope, split
-from measured_materials.bake.shading.power_law import PowerLaw
-from measured_materials.bake.shading.shading_map import ShadingMap, linearise
-from measured_materials.bake.shading.slice_atlas import SliceLayout, level_position, pack_slices, tile_v
-from measured_materials.bake.shading.slice_basis import fit_basis
+from measured_materials.bake.shading_maps.envelope_split import bounded_envelope, split
+from measured_materials.bake.shading_maps.power_law import PowerLaw
+from measured_materials.bake.shading_maps.shading_map import ShadingMap, linearise
+from measured_materials.bake.shading_maps.slice_atlas import SliceLayout, level_position, pack_slices, tile_v
+from measured_materials.bake.shading_maps.slice_basis import fit_basis
 from measured_materials.nodes import expr
 from measured_materials.nodes.group import call
 from measured_materials.nodes.map_models import basis_group, piecewise_linear, power_group

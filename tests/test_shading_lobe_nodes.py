@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.shading import lobe_sampling
-from measured_materials.bake.shading.lobe_sampling import lobe_pdf
-from measured_materials.bake.shading.lobes import LOBES, Lobe, lobe_value, mirror_distance
+from measured_materials.bake.lobes import lobe_sampling
+from measured_materials.bake.lobes.lobe_sampling import lobe_pdf
+from measured_materials.bake.lobes.lobes import LOBES, Lobe, lobe_value, mirror_distance
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.group import call
 from measured_materials.nodes.lobe_group import lobe_group, lobe_peak_group, sample_lobe_group

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.shading import lobe_sampling
-from measured_materials.bake.shading.lobe_sampling import COSINE_SHARE, lobe_pdf, sample_lobe
-from measured_materials.bake.shading.lobes import PHONG, Lobe
+from measured_materials.bake.lobes import lobe_sampling
+from measured_materials.bake.lobes.lobe_sampling import COSINE_SHARE, lobe_pdf, sample_lobe
+from measured_materials.bake.lobes.lobes import PHONG, Lobe
 from measured_materials.bake.sources import analytic
 from scipy import stats
 from support.lobe_cases import NARROW, WIDE, identity, pairs

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measured_materials.bake.bundle import MATERIAL, read_bundle
+from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
-from measured_materials.bake.shading.envelope import bounded_envelope, round_down, split
-from measured_materials.bake.shading.light_angle import ANGLE_KNOTS, level_by_cosine
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.map_albedo import map_albedo_facts, resolved_scale
-from measured_materials.bake.shading.map_store import store_map
-from measured_materials.bake.shading.record import ShadingMapRecord
-from measured_materials.bake.shading.render_settings import UNCALIBRATED_SIGMA, RenderSettings
-from measured_materials.bake.shading.shading_map import ShadingMap, averages_of, held_out_errors, linearise
-from measured_materials.bake.shading.slice_atlas import GUTTER, SliceLayout, pack_slices, unpack_slices
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.shading_maps.albedo import map_albedo_facts, resolved_scale
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
+from measured_materials.bake.shading_maps.envelope_split import bounded_envelope, round_down, split
+from measured_materials.bake.shading_maps.light_angle import ANGLE_KNOTS, level_by_cosine
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.shading_maps.render_settings import UNCALIBRATED_SIGMA, RenderSettings
+from measured_materials.bake.shading_maps.shading_map import ShadingMap, averages_of, held_out_errors, linearise
+from measured_materials.bake.shading_maps.slice_atlas import GUTTER, SliceLayout, pack_slices, unpack_slices
+from measured_materials.bake.shading_maps.store import store_map
 from support.swatches import identity_map, map_bundle, rough_map
 
 

@@ -9,17 +9,17 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.render_settings import RenderSettings
-from measured_materials.bake.shading.shading_map import ShadingMap
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.shading_map import ShadingMap
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.clean_blend import clean_blend  # noqa: F401

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.shading.power_law import fit
-from measured_materials.bake.shading.slice_basis import SliceBasis, _least_nonnegative, fit_basis
+from measured_materials.bake.shading_maps.power_law import fit
+from measured_materials.bake.shading_maps.slice_basis import SliceBasis, _least_nonnegative, fit_basis
 from scipy.optimize import nnls
 
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from measured_materials.bake.image_io import read_image, write_image
-from measured_materials.bake.storage import IMAGE_STORAGES, Storage, quantize, scale_for
+from measured_materials.bake.images.image_io import read_image, write_image
+from measured_materials.bake.images.storage import IMAGE_STORAGES, Storage, quantize, scale_for
 
 LARGEST = {"float32": float(np.finfo(np.float32).max), "half": 65504.0, "rgbe": 1.69e38, "byte": 1.0}
 NEVER_NEGATIVE = {Storage.RGBE, Storage.BYTE}

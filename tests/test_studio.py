@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import studio, studio_shapes
-from measured_materials.addon.picture_sheet import Cell, to_display, write_png, write_sheet
+from measured_materials.addon.rendering.contact_sheet import Cell, to_display, write_png, write_sheet
+from measured_materials.addon.studio import studio, studio_meshes
 from measured_materials.bake.errors import BakeError
 from support import monte_carlo
 from support.scenes import diffuse_material, furnace, lit_sphere, principled_material
@@ -146,7 +146,7 @@ def test_renders_of_one_material_agree_and_a_darker_one_does_not() -> None:
 
 @pytest.mark.parametrize(
     "mesh",
-    [studio_shapes.sphere_mesh, studio_shapes.ring_mesh, lambda: studio_shapes.sphere_mesh(grooved=True)],
+    [studio_meshes.sphere_mesh, studio_meshes.ring_mesh, lambda: studio_meshes.sphere_mesh(grooved=True)],
 )
 def test_shapes_are_closed_and_face_outwards(mesh) -> None:
     made = mesh()

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import bpy
 import pytest
-from measured_materials.addon.lamps import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.modes import MODES
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from measured_materials.nodes.material import build_material

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon import studio
-from measured_materials.addon.gantry import Gantry, gantry_scene
-from measured_materials.addon.swatches import SWATCHES, Swatch, periodic, surfaces
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.addon.gantry.photograph_arc import Gantry, gantry_scene
+from measured_materials.addon.gantry.swatches import SWATCHES, Swatch, periodic, surfaces
+from measured_materials.addon.studio import studio
+from measured_materials.bake.lobes.lobes import Lobe
 
 Array = np.ndarray
 SIZE = 64

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
-from measured_materials.bake.tables.alpha_search import estimate_intensity, search_alpha
 from measured_materials.bake.tables.atlas import AtlasLayout, atlas_uv, pack, unpack
 from measured_materials.bake.tables.bspline_fit import fit_coefficients, sample_spline
-from measured_materials.bake.tables.grid import HORIZON_SHARES
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
-from measured_materials.bake.tables.isotropic_search import half_sizes
-from measured_materials.bake.tables.normal_grid import MAX_RESOLUTION, NormalVectorGrid
+from measured_materials.bake.tables.grids.grid import HORIZON_SHARES
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import MAX_RESOLUTION, NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.tables.padding import GUTTER, pad_slices
+from measured_materials.bake.tables.search.alpha_search import estimate_intensity, search_alpha
+from measured_materials.bake.tables.search.isotropic_search import half_sizes
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
 
@@ -157,7 +157,7 @@ def test_direction_pairs_integrate_uniformly() -> None:
     assert pairs.weight.mean() == pytest.approx(1, abs=0.007)
     assert (pairs.weight * pairs.wi[:, 2]).mean() == pytest.approx(0.5, abs=1.5e-3)
     # A narrow GGX without Fresnel or masking: E[f cos] over uniform wi, wo by an independent quadrature of albedo.
-    from measured_materials.bake.albedo import directional_albedo
+    from measured_materials.bake.tables.albedo import directional_albedo
 
     source = analytic.Ggx(alpha=0.01, f0=(1.0, 1.0, 1.0))
     nodes, weights = np.polynomial.legendre.leggauss(32)

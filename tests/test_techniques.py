@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon import gantry, techniques
-from measured_materials.addon.techniques import IN_ORDER, Case, Light, MappedSwatch, shade
+from measured_materials.addon.gantry import photograph_arc, techniques
+from measured_materials.addon.gantry.techniques import IN_ORDER, Case, Light, MappedSwatch, shade
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.record import ShadingMapRecord
-from measured_materials.bake.shading.render_settings import RenderSettings
-from measured_materials.bake.shading.shading_map import ShadingMap
+from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.shading_map import ShadingMap
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.swatches import identity_map, map_bundle, rough_map
@@ -109,7 +109,7 @@ def test_frame_uv_is_where_the_gantry_looks(view: tuple[float, float]) -> None:
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     radians = (math.radians(view[0]), math.radians(view[1]))
     size = 12
-    picture = gantry.photograph_view(material, view=radians, size=size, samples=64)[..., :2]
+    picture = photograph_arc.photograph_view(material, view=radians, size=size, samples=64)[..., :2]
     expected = techniques.frame_uv(size, radians) % 1
     inside = (np.abs(expected - 0.5) < 0.5 - 1.5 / size / math.cos(radians[0])).all(-1)
     assert inside.sum() > 10
@@ -183,7 +183,7 @@ def test_cycles_shows_what_numpy_finds(tmp_path: Path, technique: str, lobe: Lob
     mapped = techniques.mapped_swatch(bundle)
     assert ShadingMapRecord.read(bundle).map.level_by_cosine == tuple(KNOTS)
     size = 12
-    with gantry.gantry_scene(build_shading_map(bundle), size=size, samples=256, sun_angle=SUN) as scene:
+    with photograph_arc.gantry_scene(build_shading_map(bundle), size=size, samples=256, sun_angle=SUN) as scene:
         scene.set_view(*VIEW)
         scene.set_light(*LIGHT)
         seeds = np.stack([scene.render(seed) for seed in range(8)])
@@ -212,9 +212,10 @@ _EEVEE = """
 import json, os, sys
 from dataclasses import replace
 import bpy, numpy as np
-from measured_materials.addon import gantry, studio
-from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.shading.record import ShadingMapRecord
+from measured_materials.addon.gantry import photograph_arc as gantry
+from measured_materials.addon.studio import studio
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.nodes.shading_map_material import build_shading_map
 
 path, out, techniques, view, light, size = json.loads(sys.argv[1])

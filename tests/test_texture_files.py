@@ -17,14 +17,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 import measured_materials
-from measured_materials.addon.facts import is_measured, record_of
-from measured_materials.addon import measured_material, scene_check, texture_repair
-from measured_materials.addon.kept_textures import TEXTURE_KEY, textures_of
+from measured_materials.addon.material.facts import is_measured, record_of
+from measured_materials.addon.material import bake_material as measured_material, texture_repair
+from measured_materials.addon.scene_check import check as scene_check
+from measured_materials.addon.material.textures import TEXTURE_KEY, textures_of
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.image_io import read_image
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.images.image_io import read_image
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.data_image import CONTENT_KEY, PART_KEY
 
@@ -196,7 +197,7 @@ scene_check.mend_scene(bpy.context.scene)
 paths = [i.filepath for m in bpy.data.materials for i in textures_of(m).values() if Path(i.filepath).suffix]
 tell(before=before, swapped=swapped, right=right, after=after, mended=is_right(), left=wrong(), lost=lost, paths=paths)
 """
-    found = run(tmp_path, "from measured_materials.addon import kinds\n" + script)
+    found = run(tmp_path, "from measured_materials.addon.material import kinds\n" + script)
     assert "common_names" in found["before"] and "wrong_texture" not in found["before"]
     taken = {f"{name} {part}" for name, parts in found["swapped"].items() for part in parts}
     assert taken and taken == {part for part, right in found["right"].items() if not right}
@@ -225,7 +226,7 @@ told, why = wrong(), missing_texture(canvas, record_of(canvas), ["table"])
 mended = [f.rule for f in scene_check.mend_scene(bpy.context.scene)]
 tell(told=told, why=why, mended=mended, right=is_right(), packed=bool(textures_of(canvas)["table"].packed_file))
 """
-    found = run(tmp_path, "from measured_materials.addon.kept_textures import missing_texture\n" + script)
+    found = run(tmp_path, "from measured_materials.addon.material.textures import missing_texture\n" + script)
     assert found["told"] == {"canvas": ["table"], "satin": []} and "another file" in found["why"]
     assert "wrong_texture" in found["mended"] and found["packed"]
     assert found["right"] == dict.fromkeys(PARTS, True)
@@ -235,7 +236,7 @@ def test_panels_do_not_hash_at_every_redraw(tmp_path: Path) -> None:
     """Sixteen looks at a material read each file once."""
     script = """
 build(bake(), pack=True)
-from measured_materials.addon import texture_content
+from measured_materials.addon.material import texture_content
 counted = []
 hashing = texture_content.content_of
 texture_content.content_of = lambda data: counted.append(len(data)) or hashing(data)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.shading import tileable
-from measured_materials.bake.shading.tile_seams import cheapest_cut, feathered, stack_features
-from measured_materials.bake.shading.tile_straighten import find_shear
-from measured_materials.bake.shading.tile_visibility import seam_novelty, seam_steps
-from measured_materials.bake.shading.tileable import TileSettings, make_tileable
 from measured_materials.bake.source import Array
+from measured_materials.bake.tiling import tileable
+from measured_materials.bake.tiling.seams import cheapest_cut, feathered, stack_features
+from measured_materials.bake.tiling.straighten import find_shear
+from measured_materials.bake.tiling.tileable import TileSettings, make_tileable
+from measured_materials.bake.tiling.visibility import seam_novelty, seam_steps
 
 METHODS = ("offset", "quilt")
 

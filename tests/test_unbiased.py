@@ -19,8 +19,8 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
-from measured_materials.addon.lamps import lamp_image
-from measured_materials.bake.bundle import Bundle
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl

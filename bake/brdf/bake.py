@@ -8,22 +8,22 @@ from pathlib import Path
 from typing import Any
 
 from .. import VERSION
-from ..bundle import Kind, StoredImage, write_bundle
+from ..bundle.bundle import Kind, StoredImage, write_bundle
+from ..bundle.origin import file_origin
+from ..bundle.result import BakeResult, Progress
 from ..envelope import EnvelopeFit, pack_weights, reconstruction_errors
 from ..errors import BakeError
-from ..origin import file_origin
-from ..preview import preview_sphere
-from ..result import BakeResult, Progress
+from ..images.storage import Storage
 from ..source import Array, BrdfSource
 from ..sources import read_source
-from ..storage import Storage
 from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.grid_search import best_horizon, choose_grid
+from ..tables.search.grid_search import best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Table, tabulate
 from ..tables.treated_source import TreatedSource
+from .preview_sphere import preview_sphere
 from .reflection import Reflection, ViewerCounts, reflection_of
 from .settings import BakeSettings
 

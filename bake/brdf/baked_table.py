@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..bundle import Bundle
+from ..bundle.bundle import Bundle
 from ..errors import BakeError
 from ..sampling.cell_sampler import CellSampler
 from ..sampling.half_vector_cells import SamplerLayout

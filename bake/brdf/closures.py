@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from ..bundle.checked_json import Fields
 from ..envelope.anisotropic_lobes import LARGEST_RATIO, WIDEST, AnisotropicLobe
 from ..envelope.closures import NARROWEST, check_basis
 from ..errors import BakeError
-from ..material_json import Fields
-from ..shading.lobes import LOBES, PARAMETERS, Lobe
+from ..lobes.lobes import LOBES, PARAMETERS, Lobe
 
 MOST_CLOSURES = 12
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..bundle.checked_json import Fields
 from ..errors import BakeError
-from ..material_json import Fields
-from ..storage import IMAGE_STORAGES, Storage
+from ..images.storage import IMAGE_STORAGES, Storage
 
 _MOST_ANGLES = 1024
 Colour = tuple[float, float, float]
@@ -22,7 +22,7 @@ class SourceRecord:
     ----------
     name : of the measurement, of the model or of the swatch
     facts : what the reader found, as free in form as the readers are many; empty where none are told
-    entries : all of it, as `bake.origin` compares sources
+    entries : all of it, as `bake.bundle.origin` compares sources
     """
 
     name: str
@@ -112,7 +112,7 @@ class AlbedoRecord:
 
     @classmethod
     def parse(cls, document: Fields, key: str) -> AlbedoRecord:
-        """From the entry `key` of a document, as `bake.albedo.albedo_facts` made it. Raises BakeError."""
+        """From the entry `key` of a document, as `bake.tables.albedo.albedo_facts` made it. Raises BakeError."""
         fields = document.part(key)
         try:
             degrees = fields.numbers("theta_o_deg", (1, _MOST_ANGLES))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ..bundle.checked_json import Fields
 from ..errors import BakeError
-from ..material_json import Fields
-from ..parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
-from ..tables.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
-from ..tables.grid import HORIZON_SHARES, Grid
-from ..tables.half_vector_grid import HalfVectorGrid
-from ..tables.normal_grid import MAX_RESOLUTION, NormalVectorGrid
+from ..tables.grids.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
+from ..tables.grids.grid import HORIZON_SHARES, Grid
+from ..tables.grids.half_vector_grid import HalfVectorGrid
+from ..tables.grids.normal_vector_grid import MAX_RESOLUTION, NormalVectorGrid
+from ..tables.grids.parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
 
 # Along one axis of a table in the half-vector basis, which has four times as many elevations of h.
 _MAX_SAMPLES = 4 * MAX_RESOLUTION

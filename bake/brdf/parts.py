@@ -9,16 +9,16 @@ from typing import Any, cast
 import numpy as np
 
 from .. import xp_numpy
+from ..bundle.checked_json import Fields
 from ..envelope.anisotropic_lobes import AnisotropicLobe
 from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
-from ..material_json import Fields
+from ..images.storage import TABLE_STORAGES, Storage
+from ..lobes.lobes import Lobe
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.slope_cells import SlopeLayout
-from ..shading.lobes import Lobe
 from ..source import Array
-from ..storage import TABLE_STORAGES, Storage
-from ..tables.grid import Grid
+from ..tables.grids.grid import Grid
 from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of

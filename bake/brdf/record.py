@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..bundle import MATERIAL, Bundle
+from ..bundle.bundle import MATERIAL, Bundle
+from ..bundle.checked_json import Fields
 from ..envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
 from ..errors import BakeError
-from ..material_json import Fields
+from ..images.storage import Storage
 from ..sampling.cell_sampler import CellSampler
-from ..storage import Storage
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
 from .baked_table import SAMPLERS, BakedTable, Layout
@@ -46,7 +46,7 @@ class BrdfRecord:
     search : of a Bezier shape, where one was searched for
     candidates : grids that were tried, best first; none in older bundles
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
-    images : by the names of `bake.bundle.IMAGES`
+    images : by the names of `bake.bundle.bundle.IMAGES`
     packed, rendering : of a material's own copy: whether its textures lie in the .blend, and how it was built
     document : as it was read, to be written again
     bundle : that holds the images; None for a material's own copy, which has no files

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..envelope import (
     Elevations,
     EnvelopeFit,
@@ -25,11 +24,12 @@ from ..sampling.cell_sampler import build_sampler
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.slope_cells import SlopeLayout
 from ..source import Array, BrdfSource
-from ..tables.anisotropic_grids import AnisotropicHalfGrid
+from ..tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..tables.bspline_fit import sample_spline
-from ..tables.grid import Grid
-from ..tables.grid_search import GridChoice
-from ..tables.isotropic_search import refit_grid
+from ..tables.grids.anisotropic_grids import AnisotropicHalfGrid
+from ..tables.grids.grid import Grid
+from ..tables.search.grid_search import GridChoice
+from ..tables.search.isotropic_search import refit_grid
 from ..tables.table import Table
 from ..tables.treated_source import TreatedSource
 from .settings import BakeSettings
@@ -85,7 +85,7 @@ class Reflection(ABC):
 
     @abstractmethod
     def albedo(self, source: BrdfSource) -> dict[str, Any]:
-        """As `bake.albedo.albedo_facts`."""
+        """As `bake.tables.albedo.albedo_facts`."""
 
     @abstractmethod
     def table_albedo(self, table: Table) -> dict[str, Any]:

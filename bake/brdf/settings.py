@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from ..errors import BakeError
-from ..parameterization import PARAMETERIZATIONS, Parameterization
+from ..images.storage import TABLE_STORAGES, Storage
 from ..sampling.half_vector_cells import SamplerLayout
-from ..storage import TABLE_STORAGES, Storage
-from ..tables.grid_search import BASES, Basis
-from ..tables.normal_grid import MAX_RESOLUTION
+from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
+from ..tables.grids.parameterization import PARAMETERIZATIONS, Parameterization
+from ..tables.search.grid_search import BASES, Basis
 from ..tables.table import FILTERS, Filter
 
 AlphaChoice = Literal["error", "intensity"]

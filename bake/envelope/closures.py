@@ -1,4 +1,4 @@
-"""The closures an envelope is made of: native to Cycles, and equal to their formulas in `bake.shading.lobes`.
+"""The closures an envelope is made of: native to Cycles, and equal to their formulas in `bake.lobes.lobes`.
 
 lambert       Diffuse BSDF.
 ggx           Glossy BSDF of distribution GGX. Metals and clear coats ask for narrow ones: on chrome, alpha 0.005 alone
@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import BakeError
-from ..shading.lobes import PARAMETERS, Lobe
+from ..lobes.lobes import PARAMETERS, Lobe
 from ..source import Array
 
 

@@ -24,7 +24,7 @@ from ..errors import BakeError
 from ..sampling.cell_sampler import Evaluates
 from ..sampling.slope_cells import SlopeLayout
 from ..source import Array
-from ..tables.anisotropic_grids import slope_unwarp
+from ..tables.grids.anisotropic_grids import slope_unwarp
 from .fitted import EnvelopeFit
 from .texture import LEAST_SHARE, guarded_share
 from .views import Directions, light_directions, slope_directions

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import BakeError
 from ..source import Array
-from ..tables.anisotropic_grids import azimuth_index
+from ..tables.grids.anisotropic_grids import azimuth_index
 from .fitted import ClosureFit, EnvelopeFit, PreviewFit
 from .viewers import ViewerGrid, Viewers
 

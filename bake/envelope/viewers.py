@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import BakeError
-from ..shading.lobes import Lobe
+from ..lobes.lobes import Lobe
 from ..source import Array, BrdfSource
 from ..tables.treated_source import TreatedSource
 from .anisotropic_lobes import ANISOTROPIC_BASIS, AnisotropicLobe

@@ -11,7 +11,7 @@ from ..directions import spherical
 from ..errors import BakeError
 from ..quadrature import gauss_legendre
 from ..source import Array, BrdfSource
-from ..tables.anisotropic_grids import slope_unwarp
+from ..tables.grids.anisotropic_grids import slope_unwarp
 from ..tables.treated_source import TreatedSource
 
 # The viewer's elevation is taken between these, where directions and values are still well defined.
@@ -83,9 +83,9 @@ def _sampled(source: BrdfSource | TreatedSource, chords: Array, phi: Array, dire
 def light_directions(chords: Array, n_h: int, n_phi: int) -> Directions:
     """Gauss-Legendre quadrature over half vectors, for viewers in the x-z plane and light on one side of it.
 
-    As in `bake.albedo`: d omega_i = 4 (wo . h) d omega_h, nodes in log(theta_h + peak) up to where the light meets the
-    horizon, and in phi_h gathered at pi / 2, where that edge bends sharply when the viewer is low. Solid angles are of
-    both sides together.
+    As in `bake.tables.albedo`: d omega_i = 4 (wo . h) d omega_h, nodes in log(theta_h + peak) up to where the light
+    meets the horizon, and in phi_h gathered at pi / 2, where that edge bends sharply when the viewer is low. Solid
+    angles are of both sides together.
     """
     v = np.clip(chords, *_CHORDS)[:, None, None]
     cos_o, sin_o = (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
@@ -110,7 +110,7 @@ def light_directions(chords: Array, n_h: int, n_phi: int) -> Directions:
 
 
 def slope_directions(chords: Array, phi: Array, widths: Widths, sizes: Sizes) -> Directions:
-    """The midpoint rule over warped slopes of the half vector (`bake.tables.anisotropic_grids`), light on all sides.
+    """The midpoint rule over warped slopes of the half vector, light on all sides; see `bake.tables.grids`.
 
     Parameters
     ----------

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from .color_marks import Chromaticities, ColorMarks
-from .icc_profile import IccProfile, parse_icc
 from .photograph import FLOAT_FORMATS, PhotoInfo
-from .primaries import KNOWN, REC709, matrix_to_xyz, name_of, to_rec709
-from .response import DIFFUSE_WHITE, LINEAR, SRGB, Response, parse_rule
+from .radiometry.color_marks import Chromaticities, ColorMarks
+from .radiometry.icc_profile import IccProfile, parse_icc
+from .radiometry.primaries import KNOWN, REC709, matrix_to_xyz, name_of, to_rec709
+from .radiometry.response import DIFFUSE_WHITE, LINEAR, SRGB, Response, parse_rule
 
 # Code points of ITU-T H.273, tables 2 and 3.
 _CODED_PRIMARIES = {

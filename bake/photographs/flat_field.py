@@ -14,7 +14,7 @@ from .development import Development
 from .encoding import choose_encoding
 from .folder import find_photographs
 from .frame import Placement
-from .light_entry import name_key
+from .light_files.entry import name_key
 from .photograph import Decoder, read_photograph
 from .settings import Rectangle
 

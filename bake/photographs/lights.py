@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..errors import BakeError
 from .brackets import bracket_stem
 from .folder import list_names
-from .light_entry import LightEntry, Vector, direction_in_name, name_key
-from .light_files import read_lights
+from .light_files.entry import LightEntry, Vector, direction_in_name, name_key
+from .light_files.readers import read_lights
 
 _SAME = 1e-4
 """Directions closer than this (rad) are one light."""

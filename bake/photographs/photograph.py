@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..image_io import load_openimageio, read_header, read_image, same_exr_reader
-from .color_marks import NOTHING, ColorMarks, read_color_marks
-from .tiff_tags import choose_page
+from ..images.image_io import load_openimageio, read_header, read_image, same_exr_reader
+from .radiometry.color_marks import NOTHING, ColorMarks, read_color_marks
+from .radiometry.tiff_tags import choose_page
 
 MAX_PIXELS = 120_000_000
 """Of one photograph; a header that declares more is refused before memory is taken."""

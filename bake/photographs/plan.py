@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ..errors import BakeError
 from .brackets import Exposures, find_exposures, group_by_light, report
-from .color_marks import NOTHING
 from .encoding import Encoding, choose_encoding
 from .folder import list_names
 from .frame import Placement, check_inside, place
 from .photograph import PhotoInfo
+from .radiometry.color_marks import NOTHING
 from .settings import StackSettings
 
 MAX_STACK_BYTES = 4 << 30

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BakeError
-from .response import parse_rule
+from .radiometry.response import parse_rule
 
 Rectangle = tuple[int, int, int, int]
 Corners = tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .frame import area_average
 from .held_out import helpful_moves
-from .light_drift import light_drift
+from .radiometry.light_drift import light_drift
 
 LARGEST_SHARE = 0.05
 """Of the frame; a larger movement is told but not corrected."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..atomic import replacing_file
+from ..atomic_write import replacing_file
 from ..errors import BakeError
 
 

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from .. import xp_numpy
-from ..cosine_lobes import COSINE_LOBES, cosine_lobe
+from ..lobes.cosine_lobes import COSINE_LOBES, cosine_lobe
 from ..source import Array
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..shading import power_law, slice_basis
-from ..shading.map_store import Compression, check_storage, store_map
-from ..shading.shading_map import ShadingMap, at_level, averages_of, linearise
-from ..shading.slice_atlas import SliceLayout, unpack_slices
-from ..storage import IMAGE_STORAGES, Storage, quantize
+from ..images.storage import IMAGE_STORAGES, Storage, quantize
+from ..shading_maps import power_law, slice_basis
+from ..shading_maps.shading_map import ShadingMap, at_level, averages_of, linearise
+from ..shading_maps.slice_atlas import SliceLayout, unpack_slices
+from ..shading_maps.store import Compression, check_storage, store_map
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table

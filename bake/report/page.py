@@ -13,7 +13,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..atomic import replacing_file
+from ..atomic_write import replacing_file
 from .chart import Chart, number
 
 _STYLE = """

@@ -10,8 +10,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..images.storage import TABLE_STORAGES, Storage
 from ..source import BrdfSource
-from ..storage import TABLE_STORAGES, Storage
 from ..tables.accuracy import DirectionPairs
 from ..tables.table import FILTERS, Filter
 from .chart import SAME_TIME, Chart, Point

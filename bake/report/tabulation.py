@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from ..images.storage import Storage
 from ..source import Array, BrdfSource
-from ..storage import Storage
-from ..tables import anisotropic_search, isotropic_search
 from ..tables.accuracy import direction_pairs
-from ..tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..tables.atlas import MOST_TEXELS, AtlasLayout
 from ..tables.bspline_fit import fit_coefficients
-from ..tables.grid import Grid
-from ..tables.grid_search import choose_grid
-from ..tables.half_vector_grid import HalfVectorGrid
-from ..tables.normal_grid import NormalVectorGrid
+from ..tables.grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from ..tables.grids.grid import Grid
+from ..tables.grids.half_vector_grid import HalfVectorGrid
+from ..tables.grids.normal_vector_grid import NormalVectorGrid
+from ..tables.search import anisotropic_search, isotropic_search
+from ..tables.search.grid_search import choose_grid
 from ..tables.stored_table import store_table
 from ..tables.table import Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource

@@ -1,8 +1,8 @@
 """Cells of an anisotropic material's half vectors, per bin of (theta_o, phi_o): rectangles in their warped slopes.
 
 phi_o covers half a turn where the material looks the same after half a turn, and the cells then turn with the viewer.
-A cell is a rectangle in the warped slopes u = x / (width + |x|) of h (see `bake.tables.anisotropic_grids`): a polar
-cell would cut across the ridge that brushing makes. Inside a cell (u, v) is even, hence
+A cell is a rectangle in the warped slopes u = x / (width + |x|) of h (see `bake.tables.grids.anisotropic_grids`): a
+polar cell would cut across the ridge that brushing makes. Inside a cell (u, v) is even, hence
 
     pdf_h = p_cell cells / 4  du/dx dv/dy / h_z^3,   du/dx = width / (width + |x|)^2,   dx dy = d omega_h / h_z^3.
 
@@ -19,7 +19,7 @@ import numpy as np
 from .. import xp_numpy
 from ..directions import spherical
 from ..source import Array
-from ..tables.anisotropic_grids import azimuth_index, slope_unwarp, slope_warp
+from ..tables.grids.anisotropic_grids import azimuth_index, slope_unwarp, slope_warp
 from .cell_sampler import HalfVector
 
 # Viewers per bin side.

@@ -18,9 +18,9 @@ from typing import Any, Literal
 import numpy as np
 
 from .. import xp_numpy
-from ..cosine_lobes import COSINE_LOBES, cosine_lobe, half_vector_norm, lobe_norm
 from ..errors import BakeError
-from ..metallic_paint import metallic_paint
+from ..lobes.cosine_lobes import COSINE_LOBES, cosine_lobe, half_vector_norm, lobe_norm
+from ..lobes.metallic_paint import metallic_paint
 from ..source import Array
 
 Rgb = tuple[float, float, float]
@@ -127,7 +127,7 @@ class ModifiedPhong(Analytic):
     """diffuse / pi + specular (n + 2) / (2 pi) cos^n of the angle to the mirror direction (Lewis 1994).
 
     The albedo of the lobe is `specular` at normal incidence and less elsewhere. `lobe` is another curve for cos^n, of
-    `bake.cosine_lobes`, with the factor that keeps this albedo.
+    `bake.lobes.cosine_lobes`, with the factor that keeps this albedo.
     """
 
     diffuse: Rgb = (0.2, 0.2, 0.2)
@@ -149,7 +149,7 @@ class BlinnPhong(Analytic):
     """diffuse / pi + specular (n + 2)(n + 4) / (8 pi (2^(-n/2) + n)) cos^n theta_h (Blinn 1977).
 
     The factor makes the albedo of the lobe exactly `specular` at normal incidence, also with another `lobe` for cos^n,
-    of `bake.cosine_lobes`.
+    of `bake.lobes.cosine_lobes`.
     """
 
     diffuse: Rgb = (0.2, 0.2, 0.2)
@@ -287,7 +287,7 @@ class OrenNayar(Analytic):
 
 @dataclass(frozen=True)
 class MetallicPaint(Analytic):
-    """Glossy car paint: a smooth dielectric coat over metallic flakes and a pigment (`bake.metallic_paint`).
+    """Glossy car paint: a smooth dielectric coat over metallic flakes and a pigment (`bake.lobes.metallic_paint`).
 
     Reciprocal, and at most 1 in albedo wherever flake + diffuse is.
     """

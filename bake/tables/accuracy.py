@@ -12,7 +12,7 @@ import numpy as np
 from .. import xp_numpy
 from ..directions import normalize, spherical
 from ..source import Array, BrdfSource
-from .grid import Grid
+from .grids.grid import Grid
 from .table import Filter
 
 _WARP = 4.0

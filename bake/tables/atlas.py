@@ -9,8 +9,8 @@ import numpy as np
 
 from ..errors import BakeError
 from ..source import Array
-from ..tables.grid import Grid
 from ..tables.padding import GUTTER, pad_slices
+from .grids.grid import Grid
 
 # Blender and every GPU it runs on take textures of this size.
 MAX_TEXTURE = 16384

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..source import Array
-from .grid import Grid
+from .grids.grid import Grid
 from .padding import continued
 
 # By the number of axes.

@@ -22,8 +22,8 @@ import numpy as np
 
 from .. import xp_numpy
 from ..errors import BakeError
+from ..images.storage import BYTE_STEP
 from ..source import Array
-from ..storage import BYTE_STEP
 
 Triple = tuple[float, float, float]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..source import Array
-from .grid import Grid
+from .grids.grid import Grid
 
 # Texels beside a slice that belong to its continuation: a cubic filter reaches one beyond the neighbour.
 GUTTER = 2

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..bundle import StoredImage
+from ..bundle.bundle import StoredImage
+from ..images.storage import Storage, as_stored, offset_for, raised, scale_for
 from ..source import Array
-from ..storage import Storage, as_stored, offset_for, raised, scale_for
 from .accuracy import DirectionPairs
 from .atlas import pack
 from .log_codes import LogCodes, fit_codes

@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import xp_numpy
 from ..source import Array, BrdfSource
-from .grid import Grid
+from .grids.grid import Grid
 from .log_codes import LogCodes
 from .padding import GUTTER, pad_slices
 

@@ -1,4 +1,4 @@
-// Twins of bake/cosine_lobes.py: cos^n and four cheaper curves, of u = 1 - cos and the exponent n > 0.
+// Twins of bake/lobes/cosine_lobes.py: cos^n and four cheaper curves, of u = 1 - cos and the exponent n > 0.
 
 #ifndef MEASURED_LOBES_H
 #define MEASURED_LOBES_H

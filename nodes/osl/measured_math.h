@@ -42,14 +42,14 @@ float mm_index(float position, int count)
   return min(floor(position * count), count - 1.0);
 }
 
-// bake/tables/anisotropic_grids.py: azimuth_index
+// bake/tables/grids/anisotropic_grids.py: azimuth_index
 float mm_azimuth_index(float x, float y, int n, int folded)
 {
   float turns = mm_arctan2(y, x) * ((folded ? 1.0 : 0.5) / M_PI);
   return (turns < 0 ? turns + 1 : turns) * n;
 }
 
-// bake/tables/anisotropic_grids.py: slope_warp and slope_unwarp
+// bake/tables/grids/anisotropic_grids.py: slope_warp and slope_unwarp
 float mm_slope_warp(float x, float width)
 {
   return x / (width + abs(x));

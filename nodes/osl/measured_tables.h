@@ -6,9 +6,9 @@
 #include "measured_math.h"
 
 #define MM_GUTTER 2       // bake/tables/padding.py
-#define MM_LEAST_SUM 1e-3 // bake/tables/anisotropic_grids.py
+#define MM_LEAST_SUM 1e-3 // bake/tables/grids/anisotropic_grids.py
 
-// Where samples lie: the grids of bake/tables, two in each basis. Those of bake/tables/anisotropic_grids.py have a
+// Where samples lie: the grids of bake/tables, two in each basis. Those of bake/tables/grids/anisotropic_grids.py have a
 // second slice axis, `azimuths`; of an isotropic table it is 0. A shape is Bezier's alpha in [0], the constants of a
 // LogWarp, or the width of an axis of slopes.
 struct MMGrid {
@@ -39,7 +39,7 @@ struct MMTable {
   int stochastic;
 };
 
-// bake/parameterization.py: forward
+// bake/tables/grids/parameterization.py: forward
 float mm_forward(string parameterization, float v, vector shape)
 {
   float t = 1 - v;
@@ -54,7 +54,7 @@ float mm_forward(string parameterization, float v, vector shape)
   return t * (2 * shape[0] + (1 - 2 * shape[0]) * t);
 }
 
-// bake/parameterization.py: normal_basis_coordinates, (u_o, u_i, u_phi)
+// bake/tables/grids/parameterization.py: normal_basis_coordinates, (u_o, u_i, u_phi)
 vector mm_normal_coordinates(MMGrid grid, vector wi, vector wo)
 {
   vector n = vector(0, 0, 1);
@@ -68,7 +68,7 @@ vector mm_normal_coordinates(MMGrid grid, vector wi, vector wo)
   return vector(u_o, u_i, near > far ? 0.5 - 0.5 * s : 0.5 + 0.5 * s);
 }
 
-// bake/parameterization.py: half_basis_coordinates, (u_d, u_h, u_phi)
+// bake/tables/grids/parameterization.py: half_basis_coordinates, (u_d, u_h, u_phi)
 vector mm_half_coordinates(MMGrid grid, vector wi, vector wo)
 {
   string others = grid.parameterization == "squared" ? "uniform" : grid.parameterization;
@@ -96,7 +96,7 @@ vector mm_coordinates(MMGrid grid, vector wi, vector wo)
   return grid.basis == "half" ? mm_half_coordinates(grid, wi, wo) : mm_normal_coordinates(grid, wi, wo);
 }
 
-// bake/tables/anisotropic_grids.py: AnisotropicNormalGrid.coordinates
+// bake/tables/grids/anisotropic_grids.py: AnisotropicNormalGrid.coordinates
 void mm_normal_place(MMGrid grid, vector wi, vector wo, output float at[4])
 {
   vector viewer = wo + vector(1e-12, 0, 0);
@@ -108,7 +108,7 @@ void mm_normal_place(MMGrid grid, vector wi, vector wo, output float at[4])
   at[3] = turn * (grid.slice_columns / 2);
 }
 
-// bake/tables/anisotropic_grids.py: AnisotropicHalfGrid.coordinates
+// bake/tables/grids/anisotropic_grids.py: AnisotropicHalfGrid.coordinates
 void mm_slope_place(MMGrid grid, vector wi, vector wo, output float at[4])
 {
   vector total = wi + wo;

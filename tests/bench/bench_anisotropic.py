@@ -10,20 +10,20 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix
-from measured_materials.addon.renderer import set_unbiased
-from measured_materials.addon.studio import remove_studio, render_linear
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio.studio import remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.preview_sphere import to_srgb
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.image_io import write_png
-from measured_materials.bake.preview import to_srgb
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.images.image_io import write_png
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources.analytic import AshikhminShirley, Ggx, Ward
-from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
-from measured_materials.bake.tables.anisotropic_grids import NORMAL_KINDS
 from measured_materials.bake.tables.atlas import AtlasLayout
-from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.grids.anisotropic_grids import NORMAL_KINDS
+from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
 from record import put

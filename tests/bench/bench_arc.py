@@ -15,15 +15,15 @@ from typing import Any
 import bpy
 import numpy as np
 from materials import SHARED
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.image_io import load_openimageio, write_image
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.images.image_io import load_openimageio, write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.photographs.photograph import read_photograph
 from measured_materials.bake.photographs.stack import StackSettings
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
-from measured_materials.bake.shading.record import ShadingMapRecord
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
 from record import put_range

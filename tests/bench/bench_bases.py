@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from materials import merl_sources, rgl_files
-from measured_materials.bake.parameterization import PARAMETERIZATIONS
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, linear_estimate
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.parameterization import PARAMETERIZATIONS
+from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.bake.tables.treated_source import TreatedSource
 from record import put
 from rich.progress import track

@@ -17,15 +17,15 @@ from materials import merl_sources, rgl_files
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
-from measured_materials.bake.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, estimator_variance
-from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.bake.tables.stored_table import store_table
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource

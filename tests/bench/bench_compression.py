@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from materials import SHARED
-from measured_materials.bake.image_io import load_openimageio, read_image, write_image
-from measured_materials.bake.shading.power_law import PowerLaw, fit, fit_brute_force, rms_error
-from measured_materials.bake.shading.shading_map import at_level, averages_of, linearise
-from measured_materials.bake.shading.slice_basis import SliceBasis, fit_basis
-from measured_materials.bake.storage import Storage, scale_for
+from measured_materials.bake.images.image_io import load_openimageio, read_image, write_image
+from measured_materials.bake.images.storage import Storage, scale_for
+from measured_materials.bake.shading_maps.power_law import PowerLaw, fit, fit_brute_force, rms_error
+from measured_materials.bake.shading_maps.shading_map import at_level, averages_of, linearise
+from measured_materials.bake.shading_maps.slice_basis import SliceBasis, fit_basis
 
 SLICES = 8
 PAPER = "0.040 to 0.065"

@@ -9,13 +9,13 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from measured_materials.addon.demo import PAINT
-from measured_materials.bake.storage import Storage
+from measured_materials.addon.demo.paint import PAINT
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.tables.accuracy import direction_pairs, table_errors
-from measured_materials.bake.tables.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.tables.atlas import AtlasLayout
 from measured_materials.bake.tables.bspline_fit import fit_coefficients
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.search.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.tables.stored_table import store_table
 from measured_materials.bake.tables.table import Table, tabulate
 from record import put

@@ -10,12 +10,12 @@ from typing import Any
 
 import bpy
 import numpy as np
-from measured_materials.addon.lamps import lamp_image
-from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear, render_rgba
+from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear, render_rgba
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat

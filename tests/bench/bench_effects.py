@@ -17,22 +17,22 @@ import numpy as np
 from bench_arc import ELEVATIONS, cloth_photographs
 from engine_scenes import lit, on_sphere, show
 from measured_materials import addon
-from measured_materials.addon import lamps
-from measured_materials.addon.arc_build import build_map
-from measured_materials.addon.arc_material import set_repeat
-from measured_materials.addon.brdf_build import build_brdf
-from measured_materials.addon.choices import Choices, show_choices
-from measured_materials.addon.studio import render_linear
+from measured_materials.addon.lights import light_tables
+from measured_materials.addon.material.bake_photographs import set_repeat
+from measured_materials.addon.material.build_brdf import build_brdf
+from measured_materials.addon.material.build_shading_map import build_map
+from measured_materials.addon.material.choices import Choices, show_choices
+from measured_materials.addon.studio.studio import render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import write_image
-from measured_materials.bake.shading.bake_arc import bake_arc
-from measured_materials.bake.shading.record import ShadingMapRecord
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.shading_maps.bake import bake_arc
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import MetallicPaint, by_name
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes.aimed_light_group import MAX_SLOTS, aim_by, aimed_light_group
 from measured_materials.nodes.shading_map_material import build_shading_map
 from rich.console import Console
@@ -171,16 +171,16 @@ def _holding(scene: bpy.types.Scene, material: bpy.types.Material, *, everything
     slots = next(obj for obj in scene.objects if obj.name.startswith("sphere")).data.materials
     slots.clear()
     slots.append(material)
-    lamps.update_scene(scene)
-    before = lamps.keep_current
+    light_tables.update_scene(scene)
+    before = light_tables.keep_current
     if everything:
-        aim_by(aimed_light_group(lamps.lamp_image()), MAX_SLOTS, world=True)
+        aim_by(aimed_light_group(light_tables.lamp_image()), MAX_SLOTS, world=True)
         # Rendering would bring the graph back in line with the scene.
-        lamps.keep_current = lambda scene: None
+        light_tables.keep_current = lambda scene: None
     try:
         yield
     finally:
-        lamps.keep_current = before
+        light_tables.keep_current = before
 
 
 def _render(scene: bpy.types.Scene, samples: int, seed: int) -> tuple[Array, float]:

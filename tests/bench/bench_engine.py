@@ -27,11 +27,11 @@ from engine_materials import KINDS, QUICK, Kind, bake_all, bundle_path
 from engine_plot import plot
 from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit
 from materials import SHARED
-from measured_materials.addon.brdf_build import build_brdf
-from measured_materials.addon.choices import AUTO, NEVER, Choices
-from measured_materials.addon.principled_match import Principled, fit_principled
+from measured_materials.addon.material.build_brdf import build_brdf
+from measured_materials.addon.material.choices import AUTO, NEVER, Choices
+from measured_materials.addon.report.principled_match import Principled, fit_principled
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from record import put
 from rich.console import Console
 from rich.table import Table
@@ -169,7 +169,7 @@ def report(rows: list[Row], sizes: Sizes) -> None:
 
 
 def _print_medians(rows: list[Row], console: Console) -> None:
-    """The README's table, and the times that the panel tells before a render (`addon.expectation.MODE_TIME`)."""
+    """The README's table, and the times that the panel tells before a render, `cost_estimate.MODE_TIME`."""
     lights = list(dict.fromkeys(row.light for row in rows))
     table = Table("mode", *lights, "time of a sample", title="Noise in parts of Principled's, medians; geometric mean")
     for variant in VARIANTS:

@@ -23,11 +23,11 @@ from measured_materials.bake.envelope import (
 )
 from measured_materials.bake.envelope.linear_program import solve
 from measured_materials.bake.envelope.views import gauss_chords, sample_views
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.tables.accuracy import direction_pairs
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
 

@@ -16,17 +16,17 @@ import figure_resolution
 import figure_turning
 import numpy as np
 from materials import SHARED, has_measurements, merl_file
-from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.image_io import read_image, write_image
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.images.image_io import read_image, write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.sources.analytic import MetallicPaint, Ward
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.data_image import load_data_image
 from measured_materials.nodes.group import call

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from materials import cornell_files, rgl_files
-from measured_materials.addon.picture_sheet import Cell, write_sheet
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sources import read_source
 from pictures import picture

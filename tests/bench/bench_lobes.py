@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-from measured_materials.addon.lobe_timing import BARE_POWER
+from measured_materials.addon.report.lobe_timing import BARE_POWER
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from measured_materials.addon.lobe_timing import measure_rendered
-from measured_materials.addon.render_timing import Effort
+from measured_materials.addon.report.lobe_timing import measure_rendered
+from measured_materials.addon.report.render_timing import Effort
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.cosine_lobes import (
+from measured_materials.bake.lobes.cosine_lobes import (
     COSINE_LOBES,
     coefficient_table,
     cosine_lobe,
@@ -160,7 +160,7 @@ def _digits(n: float) -> dict[str, Any]:
 
 
 def _show_digits(rows: list[dict[str, Any]]) -> None:
-    print("the cubic in float32, largest error of a peak of 1: as printed, and about the peak (bake/cosine_lobes.py)")
+    print("the cubic in float32, largest error of a peak of 1: as printed, and about the peak (bake.lobes)")
     for row in rows:
         saved = f"{row['digits saved']:4.1f} digits saved"
         print(f"{row['n']:9g}  printed {row['printed']:9.2g}  stable {row['stable']:8.2g}  {saved}")

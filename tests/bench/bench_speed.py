@@ -12,14 +12,14 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.bake.sources.merl import write_merl
-from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.bake.tables.table import FILTERS
 from measured_materials.nodes import compat

@@ -12,18 +12,18 @@ import bpy
 import numpy as np
 from bench_compression import PAPER, STACKS, read_srgb
 from materials import SHARED
-from measured_materials.addon.arc_material import set_repeat
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
-from measured_materials.bake.bundle import Bundle, read_bundle
-from measured_materials.bake.image_io import load_openimageio
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.material.bake_photographs import set_repeat
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.result import BakeResult
+from measured_materials.bake.images.image_io import load_openimageio
 from measured_materials.bake.photographs.stack import StackSettings
-from measured_materials.bake.result import BakeResult
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_arc
-from measured_materials.bake.shading.power_law import fit
-from measured_materials.bake.shading.record import ShadingMapRecord
-from measured_materials.bake.shading.shading_map import ShadingMap, at_level
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
+from measured_materials.bake.shading_maps.power_law import fit
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.shading_maps.shading_map import ShadingMap, at_level
 from measured_materials.nodes.shading_map_material import build_shading_map
 
 # Lights this far from the arc's plane still count as near it, as the reader takes them.

@@ -12,8 +12,8 @@ from materials import merl_sources, rgl_files
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
-from measured_materials.bake.tables.alpha_search import search_alpha, with_alpha
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.search.alpha_search import search_alpha, with_alpha
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
 from record import put

@@ -18,17 +18,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured_materials.addon import techniques
-from measured_materials.addon.gantry import gantry_scene
-from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.addon.swatches import SWATCHES
-from measured_materials.addon.techniques import IN_ORDER, Case, Frames, MappedSwatch
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.addon.gantry import techniques
+from measured_materials.addon.gantry.photograph_arc import gantry_scene
+from measured_materials.addon.gantry.swatches import SWATCHES
+from measured_materials.addon.gantry.techniques import IN_ORDER, Case, Frames, MappedSwatch
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
-from measured_materials.bake.shading.bake_arc import ArcSettings, bake_stack
-from measured_materials.bake.shading.lobe_fit import fit_lobe
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.render_settings import RenderSettings
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
+from measured_materials.bake.shading_maps.lobe_fit import fit_lobe
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from record import put, put_range
 
 ARC = tuple(np.linspace(5, 88, 10).round(2).tolist())

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from materials import SHARED
-from measured_materials.addon.picture_sheet import Cell, to_display, write_sheet
-from measured_materials.bake.shading.tileable import TileSettings, make_tileable
+from measured_materials.addon.rendering.contact_sheet import Cell, to_display, write_sheet
 from measured_materials.bake.source import Array
+from measured_materials.bake.tiling.tileable import TileSettings, make_tileable
 from PIL import Image
 
 ELEVATIONS = np.radians([10, 20, 30, 40, 50, 60, 75, 88])

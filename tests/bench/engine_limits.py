@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from measured_materials.addon.lamps import LARGEST_SHARE
+from measured_materials.addon.lights.light_tables import LARGEST_SHARE
 from measured_materials.bake.brdf.record import BrdfRecord
-from measured_materials.bake.bundle import Bundle
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.bake.envelope.views import chord_of
 from measured_materials.bake.source import Array
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
-from measured_materials.addon import studio_shapes
-from measured_materials.addon.lamps import update_scene
-from measured_materials.addon.renderer import set_unbiased
-from measured_materials.addon.studio import OWNED, remove_studio, render_linear
+from measured_materials.addon.lights.light_tables import update_scene
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio import studio_meshes
+from measured_materials.addon.studio.studio import OWNED, remove_studio, render_linear
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
 
@@ -130,9 +130,9 @@ def lit(light: str) -> Iterator[bpy.types.Scene]:
     """The scene in one of `LIGHTS`; the sphere alone is seen directly, the ground only by what it reflects."""
     compat.ensure_cycles()
     scene = bpy.data.scenes.new("engine")
-    sphere = _place(scene, studio_shapes.sphere_mesh(128, 64))
+    sphere = _place(scene, studio_meshes.sphere_mesh(128, 64))
     sphere.name, sphere.shadow_terminator_geometry_offset = "sphere", 0
-    ground = _place(scene, studio_shapes.backdrop_mesh(curved=False))
+    ground = _place(scene, studio_meshes.backdrop_mesh(curved=False))
     ground.matrix_world = Matrix.Translation((0, 0, -1))
     ground.visible_camera = False
     ground.data.materials.append(_grey())

@@ -22,11 +22,11 @@ import numpy as np
 from materials import all_sources
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.tables.accuracy import direction_pairs
-from measured_materials.bake.tables.alpha_search import search_alpha, with_alpha
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.grid_search import choose_grid
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.search.alpha_search import search_alpha, with_alpha
+from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
 from rich.progress import track

@@ -23,15 +23,15 @@ import numpy as np
 from bench_anisotropic import SOURCES as ANISOTROPIC
 from engine_materials import KINDS
 from figure_turning import grids
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.parameterization import PARAMETERIZATIONS
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
 from measured_materials.bake.tables.bspline_fit import fit_coefficients
-from measured_materials.bake.tables.grid_search import BASES, choose_grid
+from measured_materials.bake.tables.grids.parameterization import PARAMETERIZATIONS
+from measured_materials.bake.tables.search.grid_search import BASES, choose_grid
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
 from measured_materials.nodes.material import build_material

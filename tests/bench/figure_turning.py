@@ -19,17 +19,18 @@ import bpy
 import numpy as np
 from bench_anisotropic import SOURCES, brush_around
 from mathutils import Matrix, Vector
-from measured_materials.addon import lamps, studio_shapes
-from measured_materials.addon.picture_sheet import Cell, write_sheet
-from measured_materials.addon.renderer import set_unbiased
-from measured_materials.addon.studio import remove_studio, render_linear
+from measured_materials.addon.lights import light_tables
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio import studio_meshes
+from measured_materials.addon.studio.studio import remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.source import Array, BrdfSource
-from measured_materials.bake.tables.grid import Grid
-from measured_materials.bake.tables.grid_search import choose_grid
+from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.nodes import compat
 from measured_materials.nodes.material import build_material
@@ -152,12 +153,12 @@ def _path_traced(source: BrdfSource, shown: Scene, n: int, samples: int) -> list
     """The same pictures by Cycles, of the material in mode Exact, aimed at the light."""
     with tempfile.TemporaryDirectory() as folder:
         bundle = read_bundle(bake_source(source, Path(folder) / "material", BakeSettings(n)).path)
-        material = build_material(bundle, mode="exact", lamps=lamps.lamp_image())
+        material = build_material(bundle, mode="exact", lamps=light_tables.lamp_image())
         brush_around(material)
         pictures = []
         for azimuth in shown.azimuths:
             scene = _cycles_scene(shown, material, azimuth, samples)
-            lamps.update_scene(scene)
+            light_tables.update_scene(scene)
             pictures.append(render_linear(scene))
             remove_studio(scene)
         bpy.data.materials.remove(material)
@@ -167,7 +168,7 @@ def _path_traced(source: BrdfSource, shown: Scene, n: int, samples: int) -> list
 def _cycles_scene(shown: Scene, material: bpy.types.Material, azimuth: float, samples: int) -> bpy.types.Scene:
     compat.ensure_cycles()
     scene = bpy.data.scenes.new("turning light")
-    mesh = studio_shapes.sphere_mesh()
+    mesh = studio_meshes.sphere_mesh()
     mesh.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new("sphere", mesh))
     light = bpy.data.lights.new("sun", "SUN")

@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import bpy
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
-from measured_materials.bake.result import BakeResult
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.nodes.material import build_material
 

@@ -11,15 +11,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 from bench_anisotropic import BRUSHED, anisotropic_principled
-from measured_materials.addon.brdf_build import build_brdf
-from measured_materials.addon.choices import Choices
-from measured_materials.addon.studio import build_studio, remove_studio, render_linear
+from measured_materials.addon.material.build_brdf import build_brdf
+from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import MetallicPaint
-from measured_materials.bake.storage import Storage
 from measured_materials.nodes.group import trees_below
 from record import put
 

@@ -15,7 +15,7 @@ OBLIQUE_FORMULA = "tests/test_shading_oblique.py::test_formula_from_every_elevat
 MISTAKES = (
     Mistake(
         "largest-share-of-one",
-        "addon/lamps.py",
+        "addon/lights/light_tables.py",
         "LARGEST_SHARE = 0.9",
         "LARGEST_SHARE = 1.0",
         (f"{DARK}[reference]",),

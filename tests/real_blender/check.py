@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 from application import HERE, Blender
-from measured_materials.bake.image_io import read_image, write_png
-from measured_materials.bake.preview import to_srgb
+from measured_materials.bake.brdf.preview_sphere import to_srgb
+from measured_materials.bake.images.image_io import read_image, write_png
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 

@@ -16,7 +16,7 @@ from common import HERE, empty_scene, felt, lacquer, lamp, open_again, ours, pix
 
 NAME, KIND = sys.argv[sys.argv.index("--") + 1 :][:2]
 FOLDER = HERE / NAME
-data_image, kept = ours("nodes.data_image"), ours("addon.kept_textures")
+data_image, kept = ours("nodes.data_image"), ours("addon.material.textures")
 
 
 def build():
@@ -53,7 +53,7 @@ def require_right(words):
     found = textures()
     require({name for name, _ in found} == {"felt", "lacquer"} and len(found) > 6, f"{words}: {sorted(found)}")
     for (name, part), image in found.items():
-        bundle = ours("bake.bundle").read_bundle(FOLDER / f"{name}.mmat")
+        bundle = ours("bake.bundle.bundle").read_bundle(FOLDER / f"{name}.mmat")
         truth = bpy.data.images.load(str(bundle.image_path(part)), check_existing=False)
         truth.colorspace_settings.name, truth.alpha_mode = "Non-Color", "CHANNEL_PACKED"
         same = tuple(image.size) == tuple(truth.size) and np.array_equal(pixels(image), pixels(truth))
@@ -64,12 +64,12 @@ def require_right(words):
 
 def rules():
     """What the scene check tells."""
-    return {finding.rule for finding in ours("addon.scene_check").check_scene(bpy.context.scene)}
+    return {finding.rule for finding in ours("addon.scene_check.check").check_scene(bpy.context.scene)}
 
 
 def picture():
     """Of the scene under its seed."""
-    return ours("addon.studio").render_linear(bpy.context.scene)
+    return ours("addon.studio.studio").render_linear(bpy.context.scene)
 
 
 build()
@@ -96,6 +96,6 @@ felts, lacquers = (
 )
 shutil.copyfile(next(f for f in lacquers if "_table" in f.name), next(f for f in felts if f.suffix == ".exr"))
 open_again(FOLDER / "scene.blend")
-wrong = [f.where for f in ours("addon.scene_check").check_scene(bpy.context.scene) if f.rule == "wrong_texture"]
+wrong = [f.where for f in ours("addon.scene_check.check").check_scene(bpy.context.scene) if f.rule == "wrong_texture"]
 require(len(wrong) == 1 and "felt" in wrong[0], f"of one exchanged file is told: {wrong}")
 print("textures: all is well")

@@ -18,8 +18,8 @@ def require_current(words, count):
     bpy.context.view_layer.update()
     lamps = [obj for obj in bpy.context.scene.objects if obj.type == "LIGHT"]
     require(len(lamps) == count, f"{words}: {len(lamps)} lamps")
-    report = ours("addon.lamps").survey(bpy.context.evaluated_depsgraph_get())
-    table = ours("addon.lamps").table_of(report)
+    report = ours("addon.lights.light_tables").survey(bpy.context.evaluated_depsgraph_get())
+    table = ours("addon.lights.light_tables").table_of(report)
     found = pixels(bpy.data.images["MM Lamps"])
     require(np.array_equal(found, table[::-1].ravel()), f"{words}: the table is another:\n{found}\n{table}")
     groups = [tree for tree in bpy.data.node_groups if tree.users and "measured_materials_lamps" in tree]

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 from application import HERE, Blender
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
-from measured_materials.bake.storage import Storage
 
 # Opened without a window: what the handlers make of a file that somebody else has saved.
 _FRESH = """
 import importlib, json, bpy
-lamps = importlib.import_module("bl_ext.user_default.measured_materials.addon.lamps")
+lamps = importlib.import_module("bl_ext.user_default.measured_materials.addon.lights.light_tables")
 report = lamps.survey(bpy.context.evaluated_depsgraph_get())
 found = {"table": lamps.table_of(report).tolist(), "groups": (report.slots, report.world.aimed)}
 print("fresh:" + json.dumps(found))

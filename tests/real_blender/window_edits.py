@@ -301,7 +301,7 @@ EDITS = {
 
 def expected():
     """What `lamps` would make of the scene if it had just been opened, by a survey of its own."""
-    lamps = importlib.import_module(f"{PACKAGE}.addon.lamps")
+    lamps = importlib.import_module(f"{PACKAGE}.addon.lights.light_tables")
     report = lamps.survey(bpy.context.evaluated_depsgraph_get())
     return lamps.table_of(report), (report.slots, report.world.aimed)
 

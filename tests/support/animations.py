@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Matrix
-from measured_materials.addon import footprint
-from measured_materials.addon.footprint import texel_footprint
+from measured_materials.addon.material import texel_footprint as footprint
+from measured_materials.addon.material.texel_footprint import texel_footprint
 from measured_materials.nodes import compat
 
 

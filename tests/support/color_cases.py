@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli import main
+from measured_materials.addon.cli.main import main
 from measured_materials.bake.photographs import read_stack
 
 from . import color_files as files

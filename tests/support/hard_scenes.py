@@ -9,7 +9,7 @@ import bmesh
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
-from measured_materials.addon import studio_shapes
+from measured_materials.addon.studio import studio_meshes
 
 from support.scenes import TestScene, lit_sphere
 
@@ -154,7 +154,7 @@ def two_sided(scene: TestScene) -> None:
 
 def flat(scene: TestScene) -> None:
     """Few faces, each with one normal."""
-    mesh = studio_shapes.sphere_mesh(12, 6)
+    mesh = studio_meshes.sphere_mesh(12, 6)
     mesh.shade_flat()
     for material in scene.sphere.data.materials:
         mesh.materials.append(material)

@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
-from measured_materials.addon import studio
-from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio import studio
 from measured_materials.nodes import compat
 from numpy.typing import NDArray
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.shading.lobes import Lobe
+from measured_materials.bake.lobes.lobes import Lobe
 
 NARROW = [
     Lobe("ggx", 1e-3),

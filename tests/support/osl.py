@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.tables.grid import Grid
+from measured_materials.bake.tables.grids.grid import Grid
 from measured_materials.nodes.osl_parameters import grid_constants
 from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
 

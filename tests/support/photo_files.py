@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.bake.image_io import load_openimageio
+from measured_materials.bake.images.image_io import load_openimageio
 
 _TYPES = {"uint8": "uint8", "uint16": "uint16", "float32": "float", "float16": "half"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 from mathutils import Matrix, Vector
-from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.nodes import compat, expr
 
 from .scenes import TestScene

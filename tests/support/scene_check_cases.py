@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from measured_materials.addon.lamps import update_scene
-from measured_materials.addon.scene_check import check_scene
-from measured_materials.addon.scene_check_subject import NOTE, SLOW, WRONG, Finding, measured_trees
+from measured_materials.addon.lights.light_tables import update_scene
+from measured_materials.addon.scene_check.check import check_scene
+from measured_materials.addon.scene_check.findings import NOTE, SLOW, WRONG, Finding, measured_trees
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 

@@ -9,13 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from measured_materials.addon import (
-    scene_check_blocks,
-    scene_check_mix,
-    scene_check_paths,
-    scene_check_rules,
-)
-from measured_materials.addon.lamps import update_scene
+from measured_materials.addon.lights.light_tables import update_scene
+from measured_materials.addon.scene_check import light_path_rules, material_rules, mix_rules, scene_rules
 from measured_materials.nodes import compat
 
 from support.light_paths import darken
@@ -34,7 +29,7 @@ from support.scene_check_cases import (
 from support.scenes import TestScene
 
 Change = Callable[[TestScene], Any]
-MODULES = (scene_check_rules, scene_check_paths, scene_check_blocks, scene_check_mix)
+MODULES = (scene_rules, light_path_rules, material_rules, mix_rules)
 IMAGES = 64  # texels along the longest edge that the test shrinks tables by
 
 
@@ -192,7 +187,7 @@ def changed_value(scene: TestScene) -> None:
 
 
 def measured_tree(scene: TestScene) -> Any:
-    from measured_materials.addon.scene_check_subject import measured_trees
+    from measured_materials.addon.scene_check.findings import measured_trees
 
     return measured_trees(material_of(scene))[0]
 
@@ -375,7 +370,7 @@ ELSEWHERE = {
 
 def told_rules() -> set[str]:
     """Names of all rules, from the code that tells them."""
-    told = {setting.rule for setting in scene_check_rules._SETTINGS}
+    told = {setting.rule for setting in scene_rules._SETTINGS}
     told |= {"glossy_bounces", "max_bounces"}  # named by their setting
     for module in MODULES:
         for name in re.findall(r'Finding\(\s*f?"([\w{}]+)"', Path(str(module.__file__)).read_text()):

@@ -10,8 +10,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from measured_materials.addon.lamps import lamp_image, update_scene
-from measured_materials.bake.bundle import Bundle
+from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
 
 from support.light_paths import darken, light_of

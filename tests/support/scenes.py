@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
-from measured_materials.addon import studio, studio_shapes
-from measured_materials.addon.renderer import set_unbiased
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio import studio, studio_meshes
 from measured_materials.nodes import compat
 from numpy.typing import NDArray
 
@@ -119,7 +119,7 @@ def lit_sphere(
         light.cycles.use_multiple_importance_sampling = True
         _add(scene, light, _look_at((2, -1.5, 3)))
     if ground:
-        mesh = studio_shapes.backdrop_mesh(curved=False)
+        mesh = studio_meshes.backdrop_mesh(curved=False)
         mesh.materials.append(_owned(diffuse_material((0.5, 0.5, 0.5))))
         bystanders.append(_add(scene, mesh, Matrix.Translation((0, 0, -1))))
     return TestScene(scene, sphere, bystanders)
@@ -163,7 +163,7 @@ def _sphere_scene(
 ) -> tuple[bpy.types.Scene, bpy.types.Object]:
     compat.ensure_cycles()
     scene = bpy.data.scenes.new("test")
-    mesh = studio_shapes.sphere_mesh(segments, segments // 2)
+    mesh = studio_meshes.sphere_mesh(segments, segments // 2)
     mesh.materials.append(material)
     sphere = _add(scene, mesh, Matrix.Identity(4))
     camera = bpy.data.cameras.new("camera")

@@ -8,9 +8,9 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-from measured_materials.bake.image_io import write_image, write_png
-from measured_materials.bake.preview import to_srgb
-from measured_materials.bake.storage import Storage
+from measured_materials.bake.brdf.preview_sphere import to_srgb
+from measured_materials.bake.images.image_io import write_image, write_png
+from measured_materials.bake.images.storage import Storage
 
 ELEVATIONS = (15, 35, 55, 75, 90)
 

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-from measured_materials.addon import studio
-from measured_materials.addon.renderer import set_unbiased
-from measured_materials.addon.world_light import PROBE
+from measured_materials.addon.lights.world_survey import PROBE
+from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.studio import studio
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.aimed_light_group import MAX_SLOTS, aim_by, can_switch
 from measured_materials.nodes.feature_passes import store_feature_passes

@@ -9,11 +9,11 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from measured_materials.bake import parameterization as par
-from measured_materials.bake.parameterization import NARROWEST_END, WIDEST_END, LogWarp
-from measured_materials.bake.tables.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
-from measured_materials.bake.tables.half_vector_grid import HalfVectorGrid
-from measured_materials.bake.tables.normal_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids import parameterization as par
+from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import NARROWEST_END, WIDEST_END, LogWarp
 from measured_materials.nodes.group import call
 from measured_materials.nodes.table_lookup_group import coordinates_group
 

@@ -12,16 +12,16 @@ import numpy as np
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.shading import power_law
-from measured_materials.bake.shading.lobes import Lobe
-from measured_materials.bake.shading.map_store import store_map
-from measured_materials.bake.shading.shading_map import averages_of, linearise
+from measured_materials.bake.shading_maps import power_law
+from measured_materials.bake.shading_maps.shading_map import averages_of, linearise
+from measured_materials.bake.shading_maps.store import store_map
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage
 
 from .points import pairs_above
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from measured_materials.bake import parameterization as par
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.tables.grids import parameterization as par
 
 from . import truth
 from .formula import F32, Array, Formula, dot32, near_pairs, worst, xp_float32

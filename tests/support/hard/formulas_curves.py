@@ -8,10 +8,10 @@ from collections.abc import Callable
 import mpmath as mp
 import numpy as np
 from measured_materials.bake import xp_numpy
-from measured_materials.bake.cosine_lobes import cosine_lobe, cubic_coefficients, draw_lobe, half_chord_square
-from measured_materials.bake.shading.power_law import fit
-from measured_materials.bake.shading.shading_map import averages_of, linearise
-from measured_materials.bake.shading.slice_atlas import level_position
+from measured_materials.bake.lobes.cosine_lobes import cosine_lobe, cubic_coefficients, draw_lobe, half_chord_square
+from measured_materials.bake.shading_maps.power_law import fit
+from measured_materials.bake.shading_maps.shading_map import averages_of, linearise
+from measured_materials.bake.shading_maps.slice_atlas import level_position
 
 from . import truth
 from .formula import F32, Array, Formula, dot32, near_pairs, worst

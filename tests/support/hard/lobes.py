@@ -6,7 +6,7 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from measured_materials.bake.cosine_lobes import COSINE_LOBES, HEAVY, cosine_lobe, draw_lobe, lobe_norm
+from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES, HEAVY, cosine_lobe, draw_lobe, lobe_norm
 
 from . import truth
 from .case import Array, Case, Osl

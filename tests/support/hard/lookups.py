@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.image_io import write_image
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.bake.storage import Storage
 from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.table import Table, tabulate
 from measured_materials.nodes import expr

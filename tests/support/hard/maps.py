@@ -9,10 +9,10 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from measured_materials.bake.shading.envelope import split
-from measured_materials.bake.shading.power_law import PowerLaw
-from measured_materials.bake.shading.shading_map import ShadingMap
-from measured_materials.bake.shading.slice_atlas import SliceLayout, pack_slices
+from measured_materials.bake.shading_maps.envelope_split import split
+from measured_materials.bake.shading_maps.power_law import PowerLaw
+from measured_materials.bake.shading_maps.shading_map import ShadingMap
+from measured_materials.bake.shading_maps.slice_atlas import SliceLayout, pack_slices
 from measured_materials.nodes.group import call
 from measured_materials.nodes.map_models import power_group
 from measured_materials.nodes.slices_group import SliceImages, SliceOptions, slices_group

@@ -7,7 +7,7 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from measured_materials.bake.shading.lobes import PHONG, Lobe, lobe_value
+from measured_materials.bake.lobes.lobes import PHONG, Lobe, lobe_value
 from measured_materials.nodes.group import call
 from measured_materials.nodes.lobe_group import lobe_group
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured_materials.bake.image_io import read_image, write_image
-from measured_materials.bake.storage import HALF_LARGEST, IMAGE_STORAGES, Storage, offset_for, raised, scale_for
+from measured_materials.bake.images.image_io import read_image, write_image
+from measured_materials.bake.images.storage import HALF_LARGEST, IMAGE_STORAGES, Storage, offset_for, raised, scale_for
 from measured_materials.nodes import expr
 from measured_materials.nodes.data_image import load_data_image
 

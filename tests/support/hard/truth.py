@@ -7,7 +7,7 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from measured_materials.bake.parameterization import LogWarp
+from measured_materials.bake.tables.grids.parameterization import LogWarp
 
 DIGITS = 40
 Array = np.ndarray
@@ -101,7 +101,7 @@ def chord(theta: Any) -> Any:
 
 
 def cosine_lobe(name: str, u: Any, n: Any) -> Any:
-    """A curve of bake/cosine_lobes.py as its author prints it, of the exact u."""
+    """A curve of bake/lobes/cosine_lobes.py as its author prints it, of the exact u."""
     c = 1 - u
     if c <= 0:
         return mp.mpf(0)

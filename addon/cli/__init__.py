@@ -1,0 +1,1 @@
+"""The command line: `measured_materials ...`, one file per command."""

@@ -1,0 +1,203 @@
+"""Sub-command `bake`: measurements, analytic models or photographs to bundles."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+from ...bake.brdf.bake import bake_file, bake_source
+from ...bake.brdf.record import BrdfRecord
+from ...bake.brdf.settings import BakeSettings, SplineFit
+from ...bake.bundle.bundle import SUFFIX, read_bundle
+from ...bake.bundle.origin import Origin, file_origin, model_origin
+from ...bake.errors import BakeError
+from ...bake.images.storage import TABLE_STORAGES, Storage
+from ...bake.sampling.half_vector_cells import SamplerLayout
+from ...bake.sources import known_formats
+from ...bake.sources.analytic import ANALYTIC, by_name
+from ...bake.tables.grids.parameterization import PARAMETERIZATIONS
+from ...bake.tables.search.grid_search import BASES
+from ...bake.tables.table import FILTERS
+from ..summary.bake_stages import bake_stages
+from ..summary.brdf_rows import bake_summary
+from . import bake_photographs
+from .bake_jobs import Bake, Job, add_replace, bake_jobs, usage_error
+from .result import Result
+
+_SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
+
+
+def add_to(commands: Any) -> None:
+    """Add `bake` with what can be baked."""
+    bake = commands.add_parser(
+        "bake", help="bake a measurement or photographs to a bundle", description="Bake to a bundle."
+    )
+    kinds = bake.add_subparsers(metavar="KIND", required=True)
+    brdf = kinds.add_parser(
+        "brdf",
+        help="a measured BRDF, or an analytic one",
+        description=f"Bake BRDFs, each to a folder NAME{SUFFIX}. Formats: {known_formats()}.",
+    )
+    brdf.add_argument("files", nargs="*", type=Path, metavar="FILE", help="measurement")
+    brdf.add_argument(
+        "--analytic",
+        action="append",
+        nargs="+",
+        default=[],
+        metavar=("NAME", "KEY=VALUE"),
+        help=f"bake a model ({', '.join(ANALYTIC)}), for instance: --analytic ggx alpha=0.1 f0=0.9,0.6,0.3",
+    )
+    brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
+    add_replace(brdf)
+    _add_settings(brdf)
+    brdf.add_argument("--json", action="store_true", help="print the result as JSON")
+    brdf.set_defaults(run=run, command="bake brdf")
+    bake_photographs.add_to(kinds)
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    usual = BakeSettings()
+    parser.add_argument(
+        "--resolution",
+        type=int,
+        default=usual.resolution,
+        metavar="N",
+        help="of an N x N x 2N table, or as many bytes (%(default)s)",
+    )
+    parser.add_argument(
+        "--basis",
+        choices=("auto", *BASES),
+        default=usual.basis,
+        help="angles of the table: to the normal, to the half vector, or those of less measured error (%(default)s)",
+    )
+    parser.add_argument(
+        "--parameterization",
+        choices=("auto", *PARAMETERIZATIONS),
+        default=usual.parameterization,
+        help="spacing of its samples; auto is that of least measured error (%(default)s)",
+    )
+    parser.add_argument(
+        "--alpha",
+        type=_alpha,
+        default=usual.alpha,
+        metavar="error|intensity|A,B",
+        help="Bezier shape: of least measured error, of largest table intensity, or given for theta, phi; the "
+        "latter two make it a Bezier table in the normal basis (%(default)s)",
+    )
+    parser.add_argument(
+        "--storage",
+        choices=TABLE_STORAGES,
+        default=str(usual.storage),
+        help="of the texels; log, 8 bits of the logarithm, is best for files below 100 KiB (%(default)s)",
+    )
+    parser.add_argument("--filter", choices=FILTERS, default=usual.filter, help="(%(default)s)")
+    parser.add_argument(
+        "--spline",
+        choices=get_args(SplineFit),
+        default=usual.spline,
+        help="coefficients for --filter bspline: the plain samples, fitted ones, or the better (%(default)s)",
+    )
+    parser.add_argument(
+        "--sampler",
+        type=int,
+        choices=_SAMPLERS,
+        default=usual.sampler.n_o,
+        metavar="N",
+        help="directions are drawn by tables of N x N x N/2 cells, N from 16 to 128: most of the bytes of a small "
+        "bundle; fewer cells, more noise (%(default)s)",
+    )
+    parser.add_argument(
+        "--envelope",
+        action=argparse.BooleanOptionalAction,
+        default=usual.envelope,
+        help="also fit Cycles' own closures under the measurement, so that the mirror has only the rest to carry: less "
+        "noise, at a bias of at most 0.1 %% of the light (on)",
+    )
+
+
+def _alpha(text: str) -> str | tuple[float, float]:
+    if text in ("error", "intensity"):
+        return text
+    try:
+        theta, phi = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither error nor intensity nor two numbers such as 0.5,0.5"
+        ) from None
+    return theta, phi
+
+
+def run(options: argparse.Namespace) -> Result:
+    """Bake every input; a bad one is told and does not keep the others from being baked."""
+    settings = _settings(options)
+    jobs, errors = _jobs(options)
+    done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), replace=options.replace)
+    document = {
+        "command": options.command,
+        "bundles": [{"path": str(result.path), **result.facts} for result in done],
+    }
+    lines = [bake_summary(BrdfRecord.read(read_bundle(result.path)), result.seconds) for result in done]
+    return Result(document, lines, errors + failed)
+
+
+def _settings(options: argparse.Namespace) -> BakeSettings:
+    try:
+        return BakeSettings(
+            resolution=options.resolution,
+            basis=options.basis,
+            parameterization=options.parameterization,
+            alpha=options.alpha,
+            storage=Storage(options.storage),
+            filter=options.filter,
+            spline=options.spline,
+            sampler=SamplerLayout(options.sampler, options.sampler, options.sampler // 2),
+            envelope=options.envelope,
+        )
+    except BakeError as error:
+        raise usage_error(error, options) from None
+
+
+def _jobs(options: argparse.Namespace) -> tuple[list[Job], list[BakeError]]:
+    if not options.files and not options.analytic:
+        raise argparse.ArgumentTypeError("nothing to bake: give a FILE or --analytic NAME")
+    jobs, errors = [], []
+    for file in options.files:
+        jobs.append(Job(file.name, file.stem, _file_baker(file), partial(_file_origin, file)))
+    for name, *pairs in options.analytic:
+        parameters = dict(_parameter(pair) for pair in pairs)
+        try:
+            source = by_name(name, **parameters)
+        except BakeError as error:
+            errors.append(error)
+        else:
+            origin = partial(model_origin, source.name, source.facts)
+            jobs.append(Job(source.name, source.name, _source_baker(source), origin))
+    return jobs, errors
+
+
+def _file_baker(file: Path) -> Bake:
+    return lambda target, settings, progress: bake_file(file, target, settings, progress)
+
+
+def _file_origin(file: Path) -> Origin:
+    try:
+        return file_origin(file)
+    except (OSError, ValueError):  # told by the reader
+        return {}
+
+
+def _source_baker(source: Any) -> Bake:
+    return lambda target, settings, progress: bake_source(source, target, settings, progress)
+
+
+def _parameter(pair: str) -> tuple[str, Any]:
+    key, equals, text = pair.partition("=")
+    if not equals or not key.isidentifier():
+        raise argparse.ArgumentTypeError(f"--analytic takes KEY=VALUE after the name, not {pair!r}")
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return key, text
+    return key, numbers if len(numbers) > 1 else numbers[0]

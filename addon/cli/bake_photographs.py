@@ -1,0 +1,306 @@
+"""Sub-command `bake arc`: photographs of a swatch on a light arc to bundles."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...bake.bundle.bundle import SUFFIX, is_bundle, read_bundle
+from ...bake.bundle.origin import Origin, photographs_origin
+from ...bake.bundle.result import BakeResult
+from ...bake.errors import BakeError
+from ...bake.images.storage import IMAGE_STORAGES, Storage
+from ...bake.lobes.lobes import Lobe
+from ...bake.photographs.photograph import IMAGE_SUFFIXES
+from ...bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
+from ...bake.shading_maps.bake import TILEABLES, ArcSettings, bake_arc
+from ...bake.shading_maps.record import ShadingMapRecord
+from ...bake.shading_maps.render_settings import RenderSettings
+from ...bake.shading_maps.store import COMPRESSIONS
+from ..photographs.arc_plot import draw_arc, need_matplotlib
+from ..photographs.find_decoder import blender_decoder
+from ..summary.bake_stages import USUAL_SIZE, bake_stages
+from ..summary.shading_map_rows import albedo_warning, arc_summary
+from .bake_jobs import Bake, Job, add_replace, bake_jobs, usage_error
+from .lighting_options import add_lighting, known_lobes, lighting, parsed_lobe
+from .result import Result, complain
+
+
+def add_to(kinds: Any) -> None:
+    """Add `arc` to the kinds of `bake`."""
+    arc = kinds.add_parser(
+        "arc",
+        help="photographs of a flat swatch, lit from several elevations",
+        description=f"Bake photographs of a flat swatch, taken from straight above with the lamp on an arc of "
+        f"elevations, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; photographs given one "
+        "by one are one stack.",
+    )
+    arc.add_argument(
+        "sources", nargs="*", type=Path, metavar="FOLDER|FILE", help="folders of photographs, or photographs"
+    )
+    arc.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
+    add_replace(arc)
+    _add_reading(arc.add_argument_group("photographs"))
+    _add_map(arc.add_argument_group("shading map"))
+    add_lighting(
+        arc.add_argument_group("lighting, which can be changed later without baking"),
+        f"f_r: {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF (lambert)",
+        f"NAME|auto|FILE{SUFFIX}",
+    )
+    arc.add_argument(
+        "--plot", type=Path, metavar="FILE.png", help="draw averages before and after linearisation (needs matplotlib)"
+    )
+    arc.add_argument("--json", action="store_true", help="print the result as JSON")
+    arc.set_defaults(run=run, command="bake arc")
+
+
+def _add_reading(group: Any) -> None:
+    usual = StackSettings()
+    group.add_argument(
+        "--size",
+        type=int,
+        default=USUAL_SIZE,
+        metavar="TEXELS",
+        help="reduce the swatch's longer side to so many; 0 keeps it as photographed (%(default)s)",
+    )
+    group.add_argument(
+        "--decode",
+        default=usual.decode,
+        metavar="RULE",
+        help="the curve of JPEG, PNG and TIFF: auto, srgb, linear or gamma:2.2; primaries are the file's (%(default)s)",
+    )
+    group.add_argument(
+        "--lights",
+        type=Path,
+        metavar="FILE",
+        help="lights.csv, .lp or a list 'file x y z' of the lights' directions (default: found in the folder, or "
+        "angles in the file names)",
+    )
+    group.add_argument(
+        "--azimuth",
+        type=float,
+        metavar="DEGREES",
+        help="of the arc's plane, 0 right, 90 up (default: the plane with most elevations)",
+    )
+    group.add_argument(
+        "--spread",
+        type=float,
+        default=usual.spread,
+        metavar="DEGREES",
+        help="that a light may lie off the plane (%(default)g)",
+    )
+    group.add_argument(
+        "--sides",
+        choices=SIDES,
+        default=usual.sides,
+        help="of the arc that may be lit from: that of the azimuth, or the far one too (%(default)s)",
+    )
+    group.add_argument("--crop", type=_numbers(int, 4), metavar="X,Y,W,H", help="the swatch in the photograph, pixels")
+    group.add_argument(
+        "--corners",
+        type=_numbers(float, 2),
+        nargs=4,
+        metavar="X,Y",
+        help="of the swatch: top left, top right, bottom right, bottom left; makes an oblique view square-on",
+    )
+    group.add_argument(
+        "--flat-field",
+        type=Path,
+        metavar="FILE|FOLDER",
+        help="photograph of an evenly white board under the same lamp, or one per light under the same names",
+    )
+    group.add_argument("--white-card", type=_numbers(int, 4), metavar="X,Y,W,H", help="a diffuse card in the picture")
+    group.add_argument(
+        "--white-reflectance",
+        type=float,
+        default=usual.white_reflectance,
+        metavar="SHARE",
+        help="of that card (%(default)g)",
+    )
+    group.add_argument("--albedo", type=float, metavar="SHARE", help="of the swatch, stated instead of a card")
+    group.add_argument(
+        "--align",
+        choices=ALIGNMENTS,
+        default=usual.align,
+        help="small movements of the camera (%(default)s: corrected)",
+    )
+
+
+def _add_map(group: Any) -> None:
+    usual = ArcSettings()
+    group.add_argument(
+        "--slices", type=int, default=usual.slices, metavar="N", help="levels of light, black included (%(default)s)"
+    )
+    group.add_argument(
+        "--storage",
+        choices=[str(kind) for kind in IMAGE_STORAGES],
+        default=str(usual.storage),
+        help="of the texels (%(default)s)",
+    )
+    group.add_argument(
+        "--compression",
+        choices=COMPRESSIONS,
+        default=usual.compression,
+        help="power: two numbers per texel and channel (Kautz et al. 2004); basis: RANK numbers (%(default)s)",
+    )
+    group.add_argument("--rank", type=int, default=usual.rank, metavar="1..3", help="of the basis (%(default)s)")
+    group.add_argument(
+        "--tileable", choices=TILEABLES, default=usual.tileable, help="make the swatch tile without seams (%(default)s)"
+    )
+
+
+def _numbers(kind: type, count: int) -> Any:
+    def parse(text: str) -> tuple[Any, ...]:
+        try:
+            numbers = tuple(kind(part) for part in text.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != count:
+            example = ",".join(str(100 * (k + 1)) for k in range(count))
+            raise argparse.ArgumentTypeError(f"{text!r} is not {count} numbers such as {example}")
+        return numbers
+
+    return parse
+
+
+def run(options: argparse.Namespace) -> Result:
+    """Bake every stack; a bad one is told and does not keep the others from being baked."""
+    settings = _settings(options)
+    jobs = _jobs(options)
+    if options.plot is not None:
+        _check_plot(options.plot, jobs, options.sources)
+    done, errors = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn, replace=options.replace)
+    drawn: list[str] = []
+    for result in done if options.plot is not None else []:
+        try:
+            draw_arc(result, options.plot)
+            drawn.append(str(options.plot))
+        except BakeError as error:
+            errors.append(error)
+    document: dict[str, Any] = {
+        "command": options.command,
+        "bundles": [{"path": str(result.path), **result.facts} for result in done],
+    }
+    if options.plot is not None:
+        document["plots"] = drawn
+    lines = [arc_summary(_record_of(result), result.seconds) for result in done]
+    return Result(document, lines + drawn, errors)
+
+
+def _warn(job: Job, result: BakeResult) -> None:
+    record = _record_of(result)
+    for warning in filter(None, [*record.photographs.warnings, albedo_warning(record)]):
+        complain(f"warning: {job.title}: {warning}")
+
+
+def _record_of(result: BakeResult) -> ShadingMapRecord:
+    return ShadingMapRecord.read(read_bundle(result.path))
+
+
+def _check_plot(plot: Path, jobs: Sequence[Job], sources: Sequence[Path]) -> None:
+    if plot.suffix.lower() != ".png":
+        raise argparse.ArgumentTypeError(f"--plot {plot} is not a FILE.png")
+    if _is_photograph(plot) and plot.resolve() in _photographs(sources):
+        raise argparse.ArgumentTypeError(f"--plot {plot} is one of the photographs and would be replaced")
+    if len(jobs) > 1:
+        raise argparse.ArgumentTypeError(f"--plot {plot} names one picture, but there are {len(jobs)} stacks")
+    need_matplotlib("--plot")
+
+
+def _photographs(sources: Sequence[Path]) -> set[Path]:
+    inside = [path for source in sources if source.is_dir() for path in source.iterdir()]
+    return {path.resolve() for path in (*sources, *inside)}
+
+
+def _settings(options: argparse.Namespace) -> ArcSettings:
+    auto, lobe, brdf = _lobe(options)
+    render = lighting(options, RenderSettings(), lobe)
+    if brdf is not None:
+        render = replace(render, lobe=None)
+    try:
+        return ArcSettings(
+            slices=options.slices,
+            storage=Storage(options.storage),
+            compression=options.compression,
+            rank=options.rank,
+            tileable=options.tileable,
+            lobe_auto=auto,
+            brdf=brdf,
+            render=render,
+            stack=StackSettings(
+                size=options.size or None,
+                decode=options.decode,
+                lights=options.lights,
+                azimuth=options.azimuth,
+                spread=options.spread,
+                sides=options.sides,
+                crop=options.crop,
+                corners=None if options.corners is None else tuple(options.corners),
+                flat_field=options.flat_field,
+                white_card=options.white_card,
+                white_reflectance=options.white_reflectance,
+                albedo=options.albedo,
+                align=options.align,
+            ),
+        )
+    except BakeError as error:
+        raise usage_error(error, options) from None
+
+
+def _lobe(options: argparse.Namespace) -> tuple[bool, Lobe, Path | None]:
+    """(auto, lobe, measured BRDF)."""
+    words = options.lobe or ["lambert"]
+    bundle = Path(words[0])
+    if words[0] != "auto" and bundle.suffix.lower() != SUFFIX:
+        return False, parsed_lobe(words, options, f", auto or a FILE{SUFFIX}"), None
+    if len(words) > 1:
+        raise argparse.ArgumentTypeError(f"--lobe {words[0]} takes no parameters, not {words[1]!r}")
+    return words[0] == "auto", Lobe("lambert"), None if words[0] == "auto" else bundle
+
+
+def _jobs(options: argparse.Namespace) -> list[Job]:
+    """A job per folder, or one for all files."""
+    if not options.sources:
+        raise argparse.ArgumentTypeError("nothing to bake: give a FOLDER of photographs; paths go before --lobe")
+    files = [path for path in options.sources if _is_photograph(path)]
+    if files and len(files) < len(options.sources):
+        other = next(path for path in options.sources if path not in files)
+        raise argparse.ArgumentTypeError(
+            f"{other} is a folder and {files[0]} is not; give folders or one stack of files"
+        )
+    if files:
+        name = _folder_name(files[0].parent)
+        return [Job(name, name, _baker(files), partial(_origin, name, files))]
+    named = [(_folder_name(folder), folder) for folder in options.sources]
+    return [Job(name, name, _baker(folder), partial(_origin, name, folder)) for name, folder in named]
+
+
+def _origin(name: str, source: Path | list[Path]) -> Origin:
+    return {"name": name, **photographs_origin(source)}
+
+
+def _is_photograph(path: Path) -> bool:
+    try:
+        return path.is_file() or (not path.exists() and path.suffix.lower() in IMAGE_SUFFIXES)
+    except (OSError, ValueError):  # ValueError: a null character in the path
+        return False
+
+
+def _folder_name(folder: Path) -> str:
+    try:
+        return folder.resolve().name or "swatch"
+    except (OSError, ValueError, RuntimeError):  # RuntimeError: a loop of links
+        return folder.name or "swatch"
+
+
+def _baker(source: Path | list[Path]) -> Bake:
+    def bake(target: Path, settings: ArcSettings, progress: Any) -> BakeResult:
+        if isinstance(source, Path) and is_bundle(source):
+            raise BakeError(source, "is a bundle, baked already", "give the folder of the photographs")
+        return bake_arc(source, target, settings, progress, decoder=blender_decoder())
+
+    return bake

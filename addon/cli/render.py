@@ -1,0 +1,220 @@
+"""Sub-command `render`: a bundle in the studio, as a picture."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...bake.bundle.bundle import read_bundle
+from ...bake.bundle.origin import mark_of
+from ...bake.errors import BakeError
+from ...bake.images.png import png_about
+from ...bake.shading_maps.record import Record, ShadingMapRecord, read_record
+from ...bake.shading_maps.render_settings import RenderSettings
+from ...bake.tables.table import FILTERS
+from .console.progress import Progress
+from .lighting_options import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
+from .need_blender import need_blender
+from .result import Result
+
+_LARGEST = 16384
+_MOST_REPEATS = 1000.0
+USUAL_REPEAT = 3.0
+# Behind the mark of a picture whose linear twin was written too.
+_TWIN = " linear"
+
+
+def add_to(commands: Any) -> None:
+    """Add `render`."""
+    parser = commands.add_parser(
+        "render",
+        help="a picture of a bundle in the studio",
+        description="Render a bundle in the studio scene with Cycles. Needs Blender or its Python module.",
+    )
+    parser.add_argument("bundle", type=Path, metavar="BUNDLE", help="a folder NAME.mmat")
+    parser.add_argument("--out", type=Path, metavar="FILE.png", help="picture (default: NAME.png here)")
+    parser.add_argument("--replace", action="store_true", help="also a file of that name that shows something else")
+    parser.add_argument("--exr", action="store_true", help="also FILE.exr, linear Rec.709, 32 bits")
+    parser.add_argument("--resolution", type=_positive(_LARGEST), default=480, metavar="PIXELS", help="(%(default)s)")
+    parser.add_argument("--samples", type=_positive(1 << 20), default=64, metavar="N", help="(%(default)s)")
+    parser.add_argument("--environment", type=Path, metavar="FILE", help="surroundings, an .exr or .hdr image")
+    parser.add_argument(
+        "--filter", choices=FILTERS, help="of a BRDF's table (default: the one the bundle was baked for)"
+    )
+    parser.add_argument(
+        "--aim",
+        choices=("auto", "always", "never"),
+        default="auto",
+        help="send the mirror towards lamps and bright surroundings, where there are any (%(default)s)",
+    )
+    parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
+    _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.set_defaults(run=run, command="render")
+
+
+def _add_shading_map(group: Any) -> None:
+    add_lighting(group, f"f_r: {known_lobes()}, or measured, where the bundle holds a BRDF")
+    group.add_argument(
+        "--repeat",
+        type=_repeats,
+        metavar="N",
+        help=f"swatches along a unit of texture coordinates; the ball's circumference has three ({USUAL_REPEAT:g})",
+    )
+
+
+def _repeats(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number <= _MOST_REPEATS:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number above 0, up to {_MOST_REPEATS:g}")
+    return number
+
+
+def _positive(largest: int) -> Any:
+    def parse(text: str) -> int:
+        if not text.isdecimal() or not 1 <= int(text) <= largest:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to {largest}")
+        return int(text)
+
+    return parse
+
+
+def run(options: argparse.Namespace) -> Result:
+    """Render one bundle. Raises BakeError."""
+    bundle = read_bundle(options.bundle)
+    record = read_record(bundle)
+    settings = _settings(record, options)
+    out = options.out or Path(bundle.path.resolve().stem + ".png")
+    if out.suffix.lower() != ".png":
+        raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
+    mark = mark_of(record.source.entries)
+    linear = out.with_suffix(".exr")
+    if options.exr and options.environment is not None and linear.resolve() == options.environment.resolve():
+        raise BakeError(linear, "is the environment and would be replaced", "give another --out FILE.png")
+    earlier = _mark_in(out)
+    if not options.replace:
+        _keep_others(out, [own for own in (mark, mark + _TWIN) if own == earlier], options)
+    if options.exr or earlier == mark + _TWIN:
+        mark += _TWIN
+    need_blender("render")
+    # About 1.5 million samples a second on two cores; only the proportion matters.
+    rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
+    with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
+        progress.start(bundle.path.stem)
+        mean = _render(record, settings, options, out, mark, progress)
+    files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
+    document = {
+        "command": options.command,
+        "bundle": str(bundle.path),
+        "files": files,
+        "resolution": options.resolution,
+        "samples": options.samples,
+        "mean_linear": [float(value) for value in mean],
+    }
+    if settings is not None:
+        document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
+    return Result(document, files)
+
+
+def _mark_in(out: Path) -> str:
+    """What an older render left in the file of this name, empty in all others."""
+    try:
+        return png_about(out) if out.is_file() else ""
+    except (OSError, ValueError) as error:
+        raise BakeError(out, f"cannot be read ({error})", "choose another place by --out") from error
+
+
+def _keep_others(out: Path, own: list[str], options: argparse.Namespace) -> None:
+    """Raise BakeError where a name that nobody gave is that of a file which no older render of this source has made.
+
+    `own` holds the mark of the picture there if it is such a render.
+    """
+    linear = out.with_suffix(".exr")
+    ours = {out: bool(own), linear: any(mark.endswith(_TWIN) for mark in own)}
+    for path in [out] * (options.out is None) + [linear] * options.exr:
+        if os.path.lexists(path) and not ours[path]:
+            cause = "is there already, is no known render of this source, and is not replaced"
+            raise BakeError(path, cause, "give another --out FILE.png, or --replace to replace it")
+
+
+def _settings(record: Record, options: argparse.Namespace) -> RenderSettings | None:
+    """How a shading map is to be lit, None for a BRDF. Options of the other kind are wrong usage."""
+    given = given_lighting(options) + (["repeat"] if options.repeat is not None else [])
+    if not isinstance(record, ShadingMapRecord):
+        given = [name for name in given if name != "mode"]
+        if given:
+            raise argparse.ArgumentTypeError(f"--{given[0].replace('_', '-')} is for shading maps, not BRDFs")
+        return None
+    if options.filter is not None or options.osl:
+        option = "filter" if options.filter is not None else "osl"
+        raise argparse.ArgumentTypeError(f"--{option} is for BRDFs, not shading maps")
+    usual = record.render
+    lobe = usual.lobe
+    if options.lobe == ["measured"]:
+        lobe = None
+    elif options.lobe is not None:
+        lobe = parsed_lobe(options.lobe, options, " or measured")
+    return lighting(options, usual, lobe)
+
+
+def _render(
+    record: Record,
+    settings: RenderSettings | None,
+    options: argparse.Namespace,
+    out: Path,
+    mark: str,
+    progress: Progress,
+) -> Any:
+    """Write the files and return the picture's mean colour."""
+    import bpy
+
+    from ...bake.images.image_io import write_png
+    from ...nodes.osl_material import build_osl_material
+    from ...nodes.osl_script import use_osl
+    from ...nodes.shading_map_material import build_shading_map
+    from ..lights.light_tables import lamp_image
+    from ..material.bake_photographs import set_repeat
+    from ..material.build_brdf import build_brdf, usual_choices
+    from ..rendering.contact_sheet import to_display
+    from ..studio.studio import build_studio, remove_studio, render_linear
+
+    progress("building", 0.0)
+    material = bpy.data.materials.new(record.files().path.stem)
+    try:
+        scene = build_studio(
+            material,
+            resolution=(options.resolution, options.resolution),
+            samples=options.samples,
+            environment=options.environment,
+        )
+        try:
+            if settings is None and options.osl:
+                lamps = None if options.aim == "never" else lamp_image()
+                use_osl(scene)
+                build_osl_material(record, material, mode=options.mode, filter=options.filter, lamps=lamps)
+            elif settings is None:
+                filter = {} if options.filter is None else {"filter": options.filter}
+                choices = replace(usual_choices(record, options.mode), aim=options.aim, **filter)
+                build_brdf(record, material, choices=choices, scene=scene)
+            else:
+                lamps = None if options.aim == "never" else lamp_image()
+                build_shading_map(record, material, settings=settings, lamps=lamps)
+                set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
+            linear = render_linear(
+                scene,
+                out.with_suffix(".exr") if options.exr else None,
+                progress=lambda share: progress("rendering", share),
+            )
+        finally:
+            remove_studio(scene)
+    finally:
+        bpy.data.materials.remove(material)
+    progress("writing", 0.0)
+    write_png(out, to_display(linear), mark)
+    return linear.mean((0, 1))

@@ -1,0 +1,1 @@
+"""A virtual gantry that photographs swatches along an arc."""

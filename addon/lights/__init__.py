@@ -1,0 +1,1 @@
+"""A scene's lights as tables that materials aim at."""

@@ -1,0 +1,297 @@
+"""The tables of a scene's lamps and world, kept current, that measured materials aim at (DESIGN.md section 5).
+
+They follow edits, frames and the start of a render; until then an old table costs noise, never bias.
+
+What handlers change are pixels and settings of nodes. Blender has closed its undo step when it calls them: a datablock
+that they made, removed or linked to another was one that the next undo did not know of, and crashed by. Images and
+groups are made, and groups of versions before exchanged, where a material is built, by operators, and when a file is
+loaded, which is before its first undo step.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ...bake.sampling.lamps import TEXELS, lamp_table
+from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aim_by, aimed_light_group, can_switch
+from ...nodes.light_images import new_table, world_table
+from ..events import listen, stop_listening
+from . import image_reload, world_survey
+from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
+from .world_survey import PROBE
+
+TABLE = "MM Lamps"
+# Of the draws, at most: the rest finds sky, bounce light and lamps that are not in the table.
+LARGEST_SHARE = 0.9
+# Seconds until writes that Blender has refused are tried again.
+_PATIENCE = 0.3
+# By scene, and its view layer in a window or whether it is rendered: lamps to aim at, and whether at the world.
+_needs: dict[tuple[int, Any], tuple[int, bool]] = {}
+
+
+def lamp_image() -> bpy.types.Image:
+    """The file's table of lamps; made, with nothing to aim at, where there is none."""
+    image = bpy.data.images.get((TABLE, None))
+    if image is None or not _is_table(image):
+        image = new_table(TABLE, TEXELS, CAPACITY)
+        _write(image, lamp_table([], CAPACITY))
+    return image
+
+
+def update_lamps(depsgraph: bpy.types.Depsgraph, *, switch: bool = True) -> LampReport:
+    """Bring the tables in line with an evaluated view layer; nothing is written where nothing has changed.
+
+    Makes, removes and links no datablock: for handlers.
+
+    Parameters
+    ----------
+    switch : also let materials aim at as many lamps as there are, and at the world where that pays
+    """
+    key = (depsgraph.scene.session_uid, depsgraph.view_layer.name) if switch else None
+    return _follow(survey(depsgraph), key, viewport=depsgraph.mode == "VIEWPORT")
+
+
+def update_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampReport:
+    """Bring the tables in line with a scene that need not be shown anywhere, all of its view layers together.
+
+    Makes what is missing, and exchanges groups of versions before: for operators and scripts, not for handlers.
+
+    Parameters
+    ----------
+    for_render : take the lamps that a render will show, which the viewport may hide
+    """
+    make_ready()
+    return _follow_scene(scene, for_render)
+
+
+def make_ready() -> None:
+    """Make the file's tables, and give the groups of versions before, which aim at what they were built for, room."""
+    lamp_image()
+    world_table()
+    own = [tree for tree in bpy.data.node_groups if tree.library is None]
+    aiming = [node for tree in own for node in tree.nodes if _is_fixed(getattr(node, "node_tree", None))]
+    replaced = {node.node_tree for node in aiming}
+    for node in aiming:
+        tables = [n.image for n in node.node_tree.nodes if _is_table(getattr(n, "image", None))]
+        node.node_tree = aimed_light_group(tables[0] if tables else lamp_image())
+    for old in replaced:
+        if not old.users and old.library is None:
+            bpy.data.node_groups.remove(old)
+
+
+def table_of(report: LampReport) -> np.ndarray:
+    """`bake.sampling.lamps.lamp_table` of what is to be aimed at."""
+    structure = report.world.structure if report.world.aimed else None
+    world = (structure.toward, structure.flux) if structure is not None else None
+    return lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE, world)
+
+
+def _follow_scene(scene: bpy.types.Scene, for_render: bool) -> LampReport:
+    return _follow(survey_scene(scene, for_render=for_render), (scene.session_uid, for_render))
+
+
+def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = True) -> LampReport:
+    if key is not None:
+        scene, which = key
+        if isinstance(which, str):  # edited since a file was opened or rendered, which looked at all layers together
+            for older in (False, True):
+                _needs.pop((scene, older), None)
+        _needs[key] = (report.slots, report.world.aimed)
+        _fit_slots()
+    changed = world_survey.write_world(report.world) if report.world.aimed else []
+    table = table_of(report)
+    changed += [image for image in _tables() if _write(image, table)]
+    if viewport:
+        for image in changed:
+            image_reload.for_the_viewport(image)
+    return report
+
+
+def _fit_slots() -> None:
+    """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
+    shown = {(s.session_uid, which) for s in bpy.data.scenes for which in (False, True, *s.view_layers.keys())}
+    needs = [need for key, need in _needs.items() if key in shown]
+    slots, world = max((slots for slots, _ in needs), default=0), any(aimed for _, aimed in needs)
+    for group in bpy.data.node_groups:
+        if can_switch(group) and (group[SLOTS_KEY], bool(group[WORLD_KEY])) != (slots, world):
+            aim_by(group, slots, world)
+
+
+def _is_fixed(tree: bpy.types.NodeTree | None) -> bool:
+    return tree is not None and SLOTS_KEY in tree and not can_switch(tree)
+
+
+def _is_table(image: bpy.types.Image | None) -> bool:
+    return image is not None and image.name.startswith(TABLE) and tuple(image.size) == (TEXELS, CAPACITY)
+
+
+def _tables() -> list[bpy.types.Image]:
+    """The file's table, and those that came along with linked and appended materials."""
+    return [image for image in bpy.data.images if _is_table(image)]
+
+
+def _write(image: bpy.types.Image, table: np.ndarray) -> bool:
+    pixels = np.ascontiguousarray(table[::-1]).ravel()
+    before = np.empty_like(pixels)
+    image.pixels.foreach_get(before)
+    if np.array_equal(pixels, before):
+        return False
+    image.pixels.foreach_set(pixels)
+    image.update()
+    return True
+
+
+def keep_current(scene: bpy.types.Scene) -> None:
+    """Bring the tables in line with the scene as it will be rendered, if some material aims by them."""
+    if _in_use() and PROBE not in scene:
+        update_scene(scene, for_render=True)
+
+
+def pack_tables() -> None:
+    """Put the tables into the .blend that is about to be saved: only so does it keep the pixels of such images.
+
+    A table that was lost holds zeros, and nothing is aimed by it. (That of the world is packed whenever it is written.)
+    """
+    for image in _tables():
+        if image.is_dirty and image.library is None and image.users:
+            image.pack()
+
+
+def _in_use() -> bool:
+    return any(image.users > 0 for image in _tables())
+
+
+def _is_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+@persistent
+def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    if not _in_use():
+        _needs.clear()  # nobody looks at the lamps until then
+    elif PROBE not in depsgraph.scene:
+        known = (depsgraph.scene.session_uid, depsgraph.view_layer.name) in _needs
+        with _tried_again_where_locked():
+            if not known or any(_concerns_lamps(update) for update in depsgraph.updates):
+                update_lamps(depsgraph)
+            elif any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
+                _fit_slots()
+
+
+@contextmanager
+def _tried_again_where_locked() -> Iterator[None]:
+    """While a thread renders, if only a material's preview, Blender refuses Python to write to nodes."""
+    try:
+        yield
+    except AttributeError as error:
+        _raise_unless_refused(error)
+        _needs.clear()
+        if not bpy.app.timers.is_registered(_try_again):
+            bpy.app.timers.register(_try_again, first_interval=_PATIENCE)
+
+
+def _raise_unless_refused(error: AttributeError) -> None:
+    if "not allowed" not in str(error):
+        raise error
+
+
+def _try_again() -> float | None:
+    """Look at what the windows show once more; called by a timer, until the writes are allowed."""
+    try:
+        for window in bpy.context.window_manager.windows:
+            depsgraph = window.view_layer.depsgraph
+            if depsgraph is not None and _in_use() and PROBE not in window.scene:
+                update_lamps(depsgraph)
+    except AttributeError as error:
+        _raise_unless_refused(error)
+        return _PATIENCE
+    return None
+
+
+def _concerns_lamps(update: bpy.types.DepsgraphUpdate) -> bool:
+    """Whether an edit may change what is aimed at; most only change other objects, or what they are made of."""
+    block = update.id
+    if isinstance(block, bpy.types.Object):
+        moved = update.is_updated_transform or update.is_updated_geometry
+        return block.type == "LIGHT" or (block.is_instancer and moved)
+    return isinstance(block, (bpy.types.Light, bpy.types.World, bpy.types.Scene, bpy.types.Collection))
+
+
+@persistent
+def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    # Before every picture of a render too, then with the lamps that it shows; that may be outside Blender's main
+    # thread, and the nodes are evaluated already: none is touched there, but where only that lets Cycles see the
+    # table, and then Blender evaluates them once more.
+    if _in_use() and PROBE not in depsgraph.scene:
+        with _tried_again_where_locked():
+            update_lamps(depsgraph, switch=depsgraph.mode == "VIEWPORT" and _is_main_thread())
+        if depsgraph.mode == "RENDER" and depsgraph.scene.render.use_persistent_data:
+            for image in (*_tables(), *world_survey.tables()):
+                image_reload.for_a_render(depsgraph.scene, image)
+
+
+@persistent
+def _before_a_render(scene: bpy.types.Scene, *_: Any) -> None:
+    # The last chance to change nodes, for lamps that only a render shows.
+    if _is_main_thread() and _in_use() and PROBE not in scene:
+        _follow_scene(scene, for_render=True)
+
+
+@persistent
+def _after_loading(*_: Any) -> None:
+    world_survey.distrust_tables()
+    image_reload.forget()
+    _needs.clear()
+    if _in_use():
+        update_scene(bpy.context.scene)
+
+
+@persistent
+def _after_importing(*_: Any) -> None:
+    # Inside of the operator that appends or links, before its undo step is closed.
+    if _in_use():
+        make_ready()
+
+
+@persistent
+def _after_undo(*_: Any) -> None:
+    # What has come back may be older than the tables, and the other way round: the next evaluation looks again.
+    world_survey.distrust_tables()
+    _needs.clear()
+
+
+@persistent
+def _before_saving(*_: Any) -> None:
+    pack_tables()
+
+
+_HANDLERS = {
+    "depsgraph_update_post": _after_an_edit,
+    "frame_change_post": _after_a_frame,
+    "render_init": _before_a_render,
+    "load_post": _after_loading,
+    "blend_import_post": _after_importing,
+    "undo_post": _after_undo,
+    "redo_post": _after_undo,
+    "save_pre": _before_saving,
+}
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    listen(_HANDLERS)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    stop_listening(_HANDLERS)
+    if bpy.app.timers.is_registered(_try_again):
+        bpy.app.timers.unregister(_try_again)
+    _needs.clear()

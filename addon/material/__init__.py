@@ -1,0 +1,1 @@
+"""All that touches a measured material in the .blend, without a window."""

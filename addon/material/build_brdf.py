@@ -1,0 +1,86 @@
+"""A measured BRDF's bundle as a material fitted to a scene: the one way that panel, import and command line take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from ...bake.brdf.record import BrdfRecord
+from ...bake.bundle.bundle import Bundle
+from ...nodes.data_image import Images
+from ...nodes.feature_passes import ALBEDO
+from ...nodes.material import build_material, usual_mode
+from ..lights.aim_targets import lamps_are_alone, what_to_aim_at
+from ..lights.lamp_survey import survey_scene
+from ..lights.light_tables import lamp_image
+from .choices import Choices
+from .scene_fit import BrdfPlan, plan_brdf
+
+
+def build_brdf(
+    source: Bundle | BrdfRecord,
+    material: bpy.types.Material | None = None,
+    *,
+    choices: Choices | None = None,
+    images: Images | None = None,
+    pack: bool = False,
+    scene: bpy.types.Scene | None = None,
+) -> tuple[bpy.types.Material, BrdfPlan]:
+    """Build or rebuild a material with what the choices and the scene call for.
+
+    Parameters
+    ----------
+    source : the bundle's record, or the bundle, which is then read
+    choices : by default the bundle's usual mode, all else automatic
+    images : the textures; by default those of the bundle, loaded
+    scene : that it is fitted to; by default the current one, and ready for lamps that come later
+
+    Raises
+    ------
+    BakeError : the bundle holds not what is asked for
+    """
+    record = BrdfRecord.of(source)
+    choices = choices or usual_choices(record)
+    ready, scene = scene is None, scene or bpy.context.scene
+    # Only once: of scenes with many instances it takes its time.
+    report, passes = survey_scene(scene, for_render=True), asks_for_passes(scene)
+    targets = what_to_aim_at(report)
+    plan = plan_brdf(record, choices, targets, passes, ready=ready)
+    material = build_material(
+        record,
+        material,
+        filter=plan.filter,
+        images=images,
+        pack=pack,
+        lamps=lamp_image() if plan.aim else None,
+        mode=plan.mode,
+        residual=plan.residual,
+        features=plan.features,
+        lamp_share=plan.aim and lamps_are_alone(report),
+    )
+    return material, plan
+
+
+def asks_for_passes(scene: bpy.types.Scene) -> bool:
+    """Whether a view layer holds what `nodes.feature_passes` writes."""
+    return any(ALBEDO in layer.aovs for layer in scene.view_layers)
+
+
+def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
+    """Everything automatic, in a given mode or the one that the bundle is good for."""
+    return Choices(mode=mode or usual_mode(record))
+
+
+def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
+    """What was chosen and what came of it, to keep with the material; JSON-ready."""
+    return {
+        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "residual", "filter")},
+        "effects": [effect.facts() for effect in plan.effects],
+    }
+
+
+def choices_from(known: Mapping[str, str]) -> Choices:
+    """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
+    return Choices(**{key: known[key] for key in ("mode", "aim", "residual", "filter", "detail") if key in known})

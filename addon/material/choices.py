@@ -1,0 +1,65 @@
+"""What the artist has chosen for a material beside the light: as a value, and as its properties."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+AUTO, ALWAYS, NEVER = "auto", "always", "never"
+
+
+@dataclass(frozen=True)
+class Choices:
+    """The artist's.
+
+    Parameters
+    ----------
+    mode : of `bake.brdf.modes.MODES`; of a shading map, `RenderSettings.mode` counts
+    aim, residual, detail : "auto", "always" or "never"
+    filter : "auto" or one of `bake.table.FILTERS`
+    """
+
+    mode: str = "exact"
+    aim: str = AUTO
+    residual: str = AUTO
+    filter: str = AUTO
+    detail: str = AUTO
+
+
+_quiet = False
+
+
+@contextmanager
+def without_rebuilding() -> Iterator[None]:
+    """Inside, a change of a material's properties rebuilds nothing."""
+    global _quiet
+    before, _quiet = _quiet, True
+    try:
+        yield
+    finally:
+        _quiet = before
+
+
+def is_rebuilding() -> bool:
+    """Whether a change of a material's properties is to rebuild it."""
+    return not _quiet
+
+
+def choices_of(properties: Any) -> Choices:
+    """The properties as choices."""
+    return Choices(
+        mode=properties.mode,
+        aim=properties.aim,
+        residual=properties.residual,
+        filter=properties.filter,
+        detail=properties.detail,
+    )
+
+
+def show_choices(properties: Any, choices: Choices) -> None:
+    """Set the properties to how a material is built; nothing is rebuilt."""
+    with without_rebuilding():
+        for name in ("mode", "aim", "residual", "filter", "detail"):
+            setattr(properties, name, getattr(choices, name))

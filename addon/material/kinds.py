@@ -1,0 +1,237 @@
+"""The kinds of measured material, a measured BRDF and a shading map: an object for each, of all that differs.
+
+How the window asks for the settings of the next bake is in `kind_forms`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import bpy
+
+from ...bake.brdf.common import kind_of as kind_told
+from ...bake.bundle.bundle import is_bundle
+from ...bake.bundle.result import Progress
+from ...bake.errors import BakeError
+from ..summary import brdf_rows, shading_map_rows
+from ..summary.cost_estimate import expectation
+from ..summary.text import one_line
+from .bake_material import analytic_of, bake_again, error_words, exists
+from .bake_photographs import bake_arc_again, map_words
+from .choices import choices_of, is_rebuilding, show_choices, without_rebuilding
+from .facts import facts_of, is_measured, record_of, source_file
+from .lighting import lighting_of, show_lighting, uses_mode
+from .rebuild import current_choices, current_lighting, images_of_brdf, images_of_map, rebuild_brdf, relight
+from .scene_fit import plan_filter
+from .textures import bundle_path, missing_texture
+
+Source = Path | Sequence[Path] | None
+
+
+class Kind(ABC):
+    """What the panel tells of a material, and how it is rebuilt and baked again."""
+
+    # What it is baked from, and how the panel says that it is gone.
+    source_word: ClassVar[str]
+    lost_words: ClassVar[str]
+    # Each gives label and value pairs of a record.
+    rows: ClassVar[tuple[Callable[[Any], brdf_rows.Rows], ...]]
+    # Whether it can write what `nodes.feature_passes` denoises by.
+    writes_passes: ClassVar[bool]
+
+    @abstractmethod
+    def images(self, material: bpy.types.Material) -> list[str]:
+        """Names of the bundle's images that the material is built of as it is. Raises BakeError."""
+
+    @abstractmethod
+    def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:
+        """Rebuild the material as its properties say, of which a group has `changed`. Raises BakeError."""
+
+    @abstractmethod
+    def show(self, material: bpy.types.Material) -> None:
+        """Set the properties to how the material is built; nothing is rebuilt. Raises BakeError."""
+
+    @abstractmethod
+    def refit(self, material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
+        """Rebuild the material with what a scene calls for; all that was chosen stays. Raises BakeError.
+
+        Without a scene it is the current one, and the material is ready for lamps that come later.
+        """
+
+    @abstractmethod
+    def bake_again(
+        self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
+    ) -> None:
+        """Bake what the material was baked from, or another source, and rebuild it in place. Raises BakeError."""
+
+    @abstractmethod
+    def words(self, material: bpy.types.Material) -> str:
+        """What a bake has come to, short. Raises BakeError."""
+
+    @abstractmethod
+    def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
+        """Names of the quality properties that have an effect."""
+
+    def error(self, material: bpy.types.Material) -> str:
+        """The error to compare the next bake's with; empty where there is none of the kind. Raises BakeError."""
+        return ""
+
+    def cost(self, material: bpy.types.Material) -> str:
+        """Time and error of what is set, in words; empty where they are not known."""
+        return ""
+
+    def why_not_rebuildable(self, material: bpy.types.Material) -> str:
+        """Why neither mode nor light can be changed; empty if they can."""
+        path = bundle_path(material)
+        try:
+            missing = missing_texture(material, record_of(material), self.images(material))
+        except BakeError as error:
+            return one_line(str(error))
+        return f"{missing}, and {path} is gone" if missing and not is_bundle(path) else ""
+
+    def why_not_bakeable(self, material: bpy.types.Material) -> str:
+        """Why the material cannot be baked again without being given a file; empty if it can."""
+        file = source_file(material)
+        if file is not None:
+            return "" if exists(file) else f"The {self.source_word} {file} is not there"
+        try:
+            analytic_of(material)
+        except BakeError:
+            return "The material does not say what it was baked from"
+        return ""
+
+
+class _Brdf(Kind):
+    """A measured BRDF, isotropic or anisotropic."""
+
+    source_word, lost_words, writes_passes = "measurement", "The measurement is not there", True
+    rows = (
+        brdf_rows.source_rows,
+        brdf_rows.error_rows,
+        brdf_rows.envelope_rows,
+        brdf_rows.table_rows,
+        brdf_rows.albedo_rows,
+        brdf_rows.size_rows,
+    )
+
+    def images(self, material: bpy.types.Material) -> list[str]:
+        return images_of_brdf(record_of(material), current_choices(material))
+
+    def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:
+        if changed == material.measured_quality:
+            rebuild_brdf(material, choices_of(changed))
+
+    def show(self, material: bpy.types.Material) -> None:
+        show_choices(material.measured_quality, current_choices(material))
+
+    def refit(self, material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
+        rebuild_brdf(material, scene=scene)
+
+    def bake_again(
+        self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
+    ) -> None:
+        bake_again(material, settings, pack=pack, file=source, progress=progress)
+
+    def words(self, material: bpy.types.Material) -> str:
+        return error_words(material)
+
+    def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
+        mode = material.measured_quality.mode
+        if mode == "preview":
+            return ("mode",)
+        return ("mode", "aim", *(("residual",) if mode != "reference" else ()), "filter")
+
+    def error(self, material: bpy.types.Material) -> str:
+        with contextlib.suppress(BakeError):
+            return dict(brdf_rows.error_rows(record_of(material)))["RMS error"]
+        return ""
+
+    def cost(self, material: bpy.types.Material) -> str:
+        try:
+            record, choices = record_of(material), choices_of(material.measured_quality)
+            return expectation(record, choices.mode, plan_filter(record, choices)[0])
+        except BakeError:
+            return ""
+
+
+class _ShadingMap(Kind):
+    """Photographs of a flat swatch under an arc of lights."""
+
+    source_word, lost_words, writes_passes = "folder", "The photographs are not there", False
+    rows = (
+        brdf_rows.source_rows,
+        shading_map_rows.photograph_rows,
+        shading_map_rows.map_rows,
+        shading_map_rows.energy_rows,
+        shading_map_rows.map_error_rows,
+        shading_map_rows.lighting_rows,
+        brdf_rows.albedo_rows,
+        brdf_rows.size_rows,
+    )
+
+    def images(self, material: bpy.types.Material) -> list[str]:
+        return images_of_map(record_of(material), current_lighting(material))
+
+    def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:
+        mode = material.measured_quality.mode
+        if changed == material.measured_lighting:
+            relight(material, lighting_of(changed, mode))
+        else:
+            # To all its digits, of which the properties hold seven.
+            relight(material, replace(current_lighting(material), mode=mode))
+
+    def show(self, material: bpy.types.Material) -> None:
+        settings = current_lighting(material)
+        show_choices(material.measured_quality, current_choices(material))
+        show_lighting(material, settings)
+
+    def refit(self, material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
+        relight(material, current_lighting(material), scene)
+
+    def bake_again(
+        self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
+    ) -> None:
+        bake_arc_again(material, settings, pack=pack, source=source, progress=progress)
+
+    def words(self, material: bpy.types.Material) -> str:
+        return map_words(material)
+
+    def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
+        return (*(("mode",) if uses_mode(material.measured_lighting.technique) else ()), "aim", "detail")
+
+
+BRDF, SHADING_MAP = _Brdf(), _ShadingMap()
+
+
+def kind_of(material: bpy.types.Material | None) -> Kind | None:
+    """Of a material that was made here; None for all others."""
+    if material is None or not is_measured(material):
+        return None
+    return SHADING_MAP if kind_told(facts_of(material)) == "shading_map" else BRDF
+
+
+def rebuild_or_say(changed: Any, _context: bpy.types.Context | None = None) -> None:
+    """Rebuild the material as its properties say, of which a group has `changed`; the update of all of these.
+
+    Where that fails, the group says so and the properties are set back.
+    """
+    if not is_rebuilding():
+        return
+    material = changed.id_data
+    kind = kind_of(material)
+    with without_rebuilding():
+        changed.problem = ""
+        if kind is None:
+            return
+        try:
+            kind.rebuild_as_set(material, changed)
+        except BakeError as error:
+            changed.problem = one_line(f"{error.cause}; {error.remedy}")
+            # Foreign facts cannot be shown; the panel tells of them.
+            with contextlib.suppress(BakeError):
+                kind.show(material)

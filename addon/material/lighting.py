@@ -1,0 +1,67 @@
+"""How a shading-map material is lit: its properties as settings, and the other way round."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...bake.lobes.lobes import PARAMETERS, Lobe, Parameter
+from ...bake.shading_maps.render_settings import RenderSettings
+from .choices import without_rebuilding
+
+# The choice of a measured BRDF among the lobes.
+MEASURED = "measured"
+# Those named as in the settings.
+_PLAIN = ("above", "technique", "tiling")
+
+
+def number(value: float) -> float:
+    """What was typed: Blender keeps 0.3 as the nearest single-precision number."""
+    return float(f"{value:.7g}")
+
+
+def parameter_key(lobe: str, parameter: Parameter) -> str:
+    """Name of the property that holds a lobe's parameter."""
+    return f"{lobe}_{parameter.name}"
+
+
+def uses_mode(technique: str) -> bool:
+    """Whether a technique goes by the light that is reflected, so that the mode and what is brighter matter."""
+    return technique in ("lookup", "final_radiance")
+
+
+def lighting_of(properties: Any, mode: str) -> RenderSettings:
+    """The properties of the light, and the material's mode, as settings. Raises BakeError."""
+    values = [
+        number(getattr(properties, parameter_key(properties.lobe, p))) for p in PARAMETERS.get(properties.lobe, ())
+    ]
+    return RenderSettings(
+        lobe=None if properties.lobe == MEASURED else Lobe(properties.lobe, *values),
+        sigma=_given(properties.sigma, 1e-6),
+        above=properties.above,
+        technique=properties.technique,
+        mode=mode,
+        tiling=properties.tiling,
+        a_max=_given(properties.a_max, 1e-9),
+    )
+
+
+def _given(value: float, least: float) -> float | None:
+    """0 stands for what is found by default."""
+    return max(number(value), least) if value > 0 else None
+
+
+def show_lighting(material: bpy.types.Material, settings: RenderSettings) -> None:
+    """Set the material's properties, its mode among them, to how it is lit; nothing is rebuilt."""
+    properties = material.measured_lighting
+    with without_rebuilding():
+        material.measured_quality.mode = settings.mode
+        lobe = settings.lobe
+        properties.lobe = MEASURED if lobe is None else lobe.name
+        values = () if lobe is None else (lobe.p1, lobe.p2)
+        for parameter, value in zip(PARAMETERS.get(properties.lobe, ()), values):
+            setattr(properties, parameter_key(properties.lobe, parameter), value)
+        for name in _PLAIN:
+            setattr(properties, name, getattr(settings, name))
+        properties.sigma, properties.a_max = settings.sigma or 0.0, settings.a_max or 0.0

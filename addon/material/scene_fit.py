@@ -1,0 +1,180 @@
+"""Only the effects a scene calls for: what a material's graph is to hold, what it does without, and why (DESIGN.md 5).
+
+Nothing here touches a node. What is left out changes no picture beyond the bias that is stated with it; whoever wants
+an effect left out that would be missed is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ...bake.brdf.record import BrdfRecord
+from ...bake.errors import BakeError
+from ...bake.tables.table import FILTERS
+from .choices import ALWAYS, AUTO, NEVER, Choices
+
+# Light that may be left out unasked: as much as the envelope's own stated bias.
+_NEGLIGIBLE = 1e-3
+# Pixels that averaged texels may be across, and how many must become one for it to be worth while.
+_UNSEEN = 0.5
+_WORTHWHILE = 4
+# How much larger a table's error may become by a simpler filter.
+_AS_GOOD = 1.1
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something a graph may hold: whether it does, why, and what its absence saves or costs, all in words."""
+
+    name: str
+    kept: bool
+    why: str
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class BrdfPlan:
+    """What a tabulated BRDF's graph is to hold, arguments of `nodes.material.build_material`, and the account of it."""
+
+    mode: str
+    filter: str
+    residual: bool
+    aim: bool
+    features: bool
+    effects: tuple[Effect, ...]
+
+
+def plan_brdf(
+    record: BrdfRecord,
+    choices: Choices,
+    to_aim_at: str,
+    passes: bool = False,
+    *,
+    ready: bool = False,
+) -> BrdfPlan:
+    """The least that the mode needs.
+
+    Parameters
+    ----------
+    record : of a bundle, or of a material's own copy of what it says
+    to_aim_at : in words what the scene has to aim at; empty if nothing
+    passes : a view layer asks for the denoiser's
+    ready : what is not there to aim at may come
+
+    Raises
+    ------
+    BakeError : the bundle holds not what the mode needs, or a choice would bias the picture
+    """
+    if choices.mode == "preview":
+        account = Effect("Mirror", False, "mode Preview: native closures fitted to the measurement, biased")
+        return BrdfPlan("preview", record.table.filter, False, False, False, (account,))
+    filter, residual = record.table.filter, True
+    effects = []
+    if choices.mode != "reference":
+        effect = plan_residual(record, choices)
+        residual = effect.kept
+        effects.append(effect)
+    aim = False
+    if residual:
+        aimed = plan_aim(choices, to_aim_at, ready=ready)
+        filter, reconstruction = plan_filter(record, choices)
+        aim = aimed.kept or is_ready(choices, ready)
+        effects += [aimed, reconstruction, plan_bounces(choices.mode)]
+    features = passes and residual
+    if residual:
+        why = "a view layer asks for them" if features else "no view layer asks for them"
+        effects.append(Effect("Denoiser's passes", features, why))
+    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects))
+
+
+def is_ready(choices: Choices, ready: bool) -> bool:
+    """Whether a graph that has nothing to aim at is built so that it will aim as soon as there is."""
+    return ready and choices.aim == AUTO
+
+
+def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:
+    """Whether to aim, where `to_aim_at` says in words what there is; empty if nothing."""
+    name = "Aimed light"
+    if choices.aim == ALWAYS:
+        return Effect(name, True, to_aim_at or "asked for, though the scene has nothing to aim at yet")
+    if choices.aim == NEVER:
+        found = f", and this scene has {to_aim_at}: noisier, no bias" if to_aim_at else ""
+        return Effect(name, False, f"not wanted{found}")
+    if to_aim_at:
+        return Effect(name, True, to_aim_at)
+    later = "; ready for lamps to come, which takes 10 % more time until Fit to Scene" * is_ready(choices, ready)
+    return Effect(name, False, f"nothing to aim at: no lamps, and an even world{later}")
+
+
+def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
+    """Whether modes "exact" and "balanced" need a mirror beside the native closures. Raises BakeError."""
+    name, envelope = "Residual by mirror", record.envelope
+    if envelope is None:
+        cause = f"mode {choices.mode} needs native closures"
+        raise BakeError(record.where, cause, "bake it again with Native Closures")
+    rest = 1 - envelope.share
+    # By viewer too: a residual of the rim only is a small part of all light, and all that is seen there.
+    worst = max(1 - share for _, share in envelope.by_theta_o_deg)
+    carried = f"it carries {100 * rest:.2g} % of the light"
+    if choices.residual == ALWAYS:
+        return Effect(name, True, f"asked for; {carried}")
+    if rest <= _NEGLIGIBLE and worst <= 10 * _NEGLIGIBLE:
+        return Effect(name, False, f"{carried}; native closures alone are as good")
+    if choices.residual == NEVER:
+        raise BakeError(
+            record.where,
+            f"needs its residual: {carried}, {100 * worst:.2g} % from some viewers",
+            "choose mode Preview, or leave the residual to Automatic",
+        )
+    return Effect(name, True, carried)
+
+
+def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str, Effect]:
+    """The simplest filter whose measured error is about that of the one the table was baked for."""
+    baked, errors = record.table.filter, record.rms_by_filter
+    if choices.filter != AUTO:
+        return choices.filter, Effect("Interpolation", choices.filter != "nearest", f"{choices.filter}, as asked for")
+    for name in FILTERS[: FILTERS.index(baked)]:
+        if baked in errors and errors.get(name, float("inf")) <= _AS_GOOD * errors[baked]:
+            why = f"{name} instead of {baked}: its error is no more than 10 % larger"
+            return name, Effect("Interpolation", False, why)
+    simpler = FILTERS[max(FILTERS.index(baked) - 1, 0)]
+    ratio = errors.get(simpler, 0.0) / max(errors.get(baked, 0.0), 1e-30)
+    why = f"{baked}: the error of {simpler} is {ratio:.2g} times as large" if ratio and simpler != baked else baked
+    return baked, Effect("Interpolation", True, why)
+
+
+def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str, where: str) -> tuple[int, Effect]:
+    """How many texels of a swatch may become one, and why. Raises BakeError where they are wanted away and would show.
+
+    Parameters
+    ----------
+    model : of the shading map; only slices can be averaged
+    footprint : pixels across the largest texel; infinite where that is not known, for `why_unknown`
+    """
+    name = "Texels"
+    if choices.detail == ALWAYS:
+        return 1, Effect(name, True, "asked for at any distance")
+    factor = 1
+    while footprint * factor * 2 <= _UNSEEN and factor < 1 << 14:
+        factor *= 2
+    if factor < _WORTHWHILE:
+        known = f"a texel is up to {footprint:.2g} pixels across" if not why_unknown else why_unknown
+        if choices.detail == NEVER:
+            raise BakeError(where, f"needs its texels: {known}", "leave the detail to Automatic")
+        return 1, Effect(name, True, known)
+    if model != "slices":
+        return 1, Effect(name, True, f"compressed as {model}, which has no mean")
+    return factor, Effect(name, False, f"{factor} x {factor} as one: seen here they are {footprint:.2g} pixels across")
+
+
+def plan_bounces(mode: str) -> Effect:
+    """Whether light that a diffuse surface has scattered is worth the mirror."""
+    name = "Mirror after a diffuse bounce"
+    if mode == "balanced":
+        return Effect(name, False, "mode Balanced: Preview's closures there; unseen directly")
+    return Effect(name, True, f"mode {mode.capitalize()}")

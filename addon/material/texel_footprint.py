@@ -1,0 +1,168 @@
+"""How large a swatch's texels are in the camera's pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..lights.motion import changes
+
+_IGNORED = 0.002
+# What a mesh that is not one is asked for.
+_KINDS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+_HIDING = frozenset({"hide_render", "hide_viewport"})
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Pixels across the largest texel, or why that cannot be known: then `pixels` is infinite."""
+
+    pixels: float
+    why_unknown: str = ""
+
+
+def texel_footprint(
+    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float] | None
+) -> Footprint:
+    """The largest texel of a material in pixels of the scene's camera, at the point of its objects nearest to it.
+
+    Parameters
+    ----------
+    texels : along u and v in a unit of the UV map; None where an artist has changed how it is mapped
+    """
+    camera = scene.camera
+    if texels is None:
+        return _unknown("its texture coordinates are the artist's own")
+    if camera is None or camera.type != "CAMERA" or camera.data.type == "PANO":
+        return _unknown("there is no camera with a flat picture")
+    if changes(camera):
+        return _unknown("the camera moves or zooms")
+    if changes(scene):
+        return _unknown("markers change the scene's camera")
+    if changes(material.node_tree):
+        return _unknown("its nodes are animated")
+    largest, shown = 0.0, set()
+    for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
+        layer.update()
+        found = _largest_in(layer.depsgraph, material, scene, texels, shown)
+        if found.why_unknown:
+            return found
+        largest = max(largest, found.pixels)
+    for obj in scene.objects:
+        if _wears(obj, material) and obj not in shown and (not obj.hide_render or changes(obj, _HIDING)):
+            return _unknown(f"{obj.name} is hidden here, but may be rendered")
+    return Footprint(largest) if shown else _unknown("no object of this scene wears it")
+
+
+def _largest_in(
+    graph: bpy.types.Depsgraph,
+    material: bpy.types.Material,
+    scene: bpy.types.Scene,
+    texels: tuple[float, float],
+    shown: set[bpy.types.Object],
+) -> Footprint:
+    """The largest texel in one view layer, 0 where it shows none; objects with the material are added to `shown`."""
+    camera = scene.camera
+    pixels_per_unit, perspective = _projection(camera, scene, graph)
+    eye = camera.evaluated_get(graph).matrix_world.translation
+    largest = 0.0
+    for instance in graph.object_instances:
+        obj = instance.object
+        if not _wears(obj, material):
+            continue
+        shown.add(obj.original)
+        for moved in (obj.original, *_instancers(instance)):
+            if changes(moved):
+                return _unknown(f"{moved.name} moves or changes its shape")
+        size = _largest_texel(obj, np.array(instance.matrix_world)[:3, :3], texels)
+        if size is None:
+            return _unknown(f"{obj.original.name} has no UV map")
+        distance = _distance(obj, instance.matrix_world, eye) if perspective else 1.0
+        if distance <= 0:
+            return _unknown(f"the camera is at {obj.original.name}")
+        largest = max(largest, size * pixels_per_unit / distance)
+    return Footprint(largest)
+
+
+def _unknown(why: str) -> Footprint:
+    return Footprint(float("inf"), why)
+
+
+def _wears(obj: bpy.types.Object, material: bpy.types.Material) -> bool:
+    """Whether it has a surface that shows the material."""
+    return obj.type in _KINDS and any(s.material and s.material.original == material for s in obj.material_slots)
+
+
+def _instancers(instance: Any) -> list[bpy.types.Object]:
+    """What an instance hangs on: the outermost instancer, which changes with all that it instances."""
+    return [instance.parent.original] if instance.is_instance and instance.parent is not None else []
+
+
+def _projection(camera: Any, scene: bpy.types.Scene, graph: Any) -> tuple[float, bool]:
+    """Pixels per unit across, at distance 1 where the second is True."""
+    render = scene.render
+    # Less than the whole is for trying out; nothing is fitted anew when it is set back.
+    share = max(render.resolution_percentage, 100) / 100
+    matrix = camera.evaluated_get(graph).calc_matrix_camera(
+        graph,
+        x=render.resolution_x,
+        y=render.resolution_y,
+        scale_x=render.pixel_aspect_x,
+        scale_y=render.pixel_aspect_y,
+    )
+    width, height = render.resolution_x * share, render.resolution_y * share
+    return max(matrix[0][0] * width, matrix[1][1] * height) / 2, camera.data.type == "PERSP"
+
+
+def _distance(obj: Any, matrix: Any, eye: Vector) -> float:
+    """From the eye to the nearest corner, edge or face of the bounding box, by a bound that is never too large."""
+    corners = np.array([matrix @ Vector(corner) for corner in obj.bound_box])
+    centre = corners.mean(0)
+    return float(np.linalg.norm(np.array(eye) - centre) - np.linalg.norm(corners - centre, axis=1).max())
+
+
+def _largest_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) -> float | None:
+    """Extent in the world of the texel that is stretched most; None without UVs."""
+    mesh = obj.to_mesh()
+    try:
+        layer = mesh.uv_layers.active if mesh is not None else None
+        if layer is None or not len(mesh.polygons):
+            return None
+        mesh.calc_loop_triangles()
+        count = len(mesh.loop_triangles)
+        loops, vertices = np.empty(count * 3, np.int32), np.empty(count * 3, np.int32)
+        mesh.loop_triangles.foreach_get("loops", loops)
+        mesh.loop_triangles.foreach_get("vertices", vertices)
+        places, uvs = np.empty(len(mesh.vertices) * 3), np.empty(len(mesh.loops) * 2)
+        mesh.vertices.foreach_get("co", places)
+        layer.uv.foreach_get("vector", uvs)
+    finally:
+        obj.to_mesh_clear()
+    corners = places.reshape(-1, 3)[vertices].reshape(-1, 3, 3) @ linear.T
+    uv = uvs.reshape(-1, 2)[loops].reshape(-1, 3, 2) * texels
+    return _largest_stretch(corners, uv)
+
+
+def _largest_stretch(corners: np.ndarray, uv: np.ndarray) -> float | None:
+    """Largest singular value of the maps from texels to the world, over triangles (n, 3, 3) and (n, 3, 2).
+
+    Unwrapped meshes have a few triangles that are nearly a line in the UV map: the worst `_IGNORED` of the area is not
+    asked.
+    """
+    edges, steps = corners[:, 1:] - corners[:, :1], uv[:, 1:] - uv[:, :1]
+    determinant = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
+    solid = np.abs(determinant) > 1e-12
+    if not solid.any():
+        return None
+    # d position / d texel = edges^T inverse(steps)^T
+    inverse = np.linalg.inv(steps[solid])
+    jacobian = np.einsum("nkx,njk->nxj", edges[solid], inverse)
+    stretch = np.linalg.norm(jacobian, 2, axis=(1, 2))
+    areas = np.linalg.norm(np.cross(edges[solid, 0], edges[solid, 1]), axis=1)
+    order = np.argsort(stretch)
+    covered = np.cumsum(areas[order])
+    return float(stretch[order][np.searchsorted(covered, (1 - _IGNORED) * covered[-1])])

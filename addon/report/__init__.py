@@ -1,0 +1,1 @@
+"""The report on a material: tables, pictures, page."""

@@ -1,0 +1,1 @@
+"""What of a scene keeps a measured material from being right."""

@@ -1,0 +1,1 @@
+"""A small scene to look at a material in."""

@@ -1,0 +1,1 @@
+"""Rows and words that the panel and the command line share."""

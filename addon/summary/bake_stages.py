@@ -1,0 +1,83 @@
+"""Stages of a bake and the time each takes, for estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...bake.brdf.bake import KIND_OF_STAGE
+from ...bake.brdf.settings import BakeSettings
+from ...bake.shading_maps.bake import ArcSettings
+
+# Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds
+# of megabytes.
+USUAL_SIZE = 1024
+
+
+def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
+    """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order.
+
+    Only its reading tells whether a BRDF is anisotropic: the stages of both kinds are listed, those of the one behind
+    those of the other, and `share_done` keeps to the kind that it is asked for.
+    """
+    if isinstance(settings, ArcSettings):
+        return _arc_stages(settings)
+    return _brdf_stages(settings) | {
+        stage + KIND_OF_STAGE: seconds for stage, seconds in _anisotropic_stages(settings).items()
+    }
+
+
+def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
+    size = (settings.resolution / 64) ** 3
+    # One descent in the normal-vector basis, two in the half-vector basis.
+    descents = ("normal" in settings.bases) + 2 * ("half" in settings.bases)
+    given = settings.spacing in ("identity", "uniform", "squared") or not isinstance(settings.alpha, str)
+    fits = settings.filter == "bspline" and settings.spline != "plain"
+    return {
+        "reading": 0.5,
+        "choosing grid": 0.3 if given else 1.0 * descents,
+        "tabulating": 0.5 * size,
+        "fitting spline": 2.6 * size if fits else 0.0,
+        "sampler": 0.9 + 0.3 * size,
+        "measuring": 0.4,
+        "envelope": 5.0 + 1.2 * size if settings.envelope else 0.0,
+        "writing": 0.4 + 0.2 * size,
+    }
+
+
+def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
+    """As `_brdf_stages`: sampler and envelope have sizes of their own, and take most of the time."""
+    size = (settings.resolution / 64) ** 3
+    fits = settings.filter == "bspline" and settings.spline != "plain"
+    kinds = 6 if len(settings.bases) > 1 else 2
+    return {
+        "choosing grid": 0.5 * kinds,
+        "tabulating": 0.6 * size,
+        "fitting spline": 6.0 * size if fits else 0.0,
+        "sampler": 4.5,
+        "measuring": 2.0,
+        "envelope": 21.0 if settings.envelope else 0.0,
+        "writing": 0.3 + 0.5 * size,
+    }
+
+
+def _arc_stages(settings: ArcSettings) -> dict[str, float]:
+    """Of ten photographs of 2 megapixels; only the proportions matter."""
+    return {
+        "reading": 2.0,
+        "aligning": 1.5 if settings.stack.align != "off" else 0.0,
+        "averages and slices": 0.3,
+        "predicting photographs": 0.5,
+        "making it tile": 8.0 if settings.tileable != "off" else 0.0,
+        "compressing": {"none": 0.4, "power": 1.0, "basis": 1.5}[settings.compression],
+        "measuring": 0.5,
+        "writing": 0.6,
+    }
+
+
+def share_done(stages: Mapping[str, float], stage: str, share: float) -> float:
+    """Share of the whole, given the share of one stage; 0 for a stage that is not known."""
+    if stage not in stages:
+        return 0.0
+    names = [name for name in stages if name.endswith(KIND_OF_STAGE) == stage.endswith(KIND_OF_STAGE)]
+    before = sum(stages[name] for name in names[: names.index(stage)])
+    return (before + share * stages[stage]) / max(sum(stages[name] for name in names), 1e-9)

@@ -1,0 +1,184 @@
+"""A shading map's facts in words: label and value pairs for the terminal and the panel alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...bake.lobes.lobes import Lobe
+from ...bake.shading_maps.record import ShadingMapRecord
+from ...bake.shading_maps.record_parts import PhotographsRecord
+from ...bake.shading_maps.shading_map import SAME_LEVEL
+from .brdf_rows import Rows, colour
+
+_MODEL_WORDS = {"slices": "slices", "power": "power law"}
+
+
+def photograph_rows(record: ShadingMapRecord) -> Rows:
+    """What was photographed, how it was read and what fixed its scale."""
+    return read_rows(record.photographs)
+
+
+def read_rows(photographs: PhotographsRecord) -> Rows:
+    """Those of photographs, baked or only read."""
+    averages, files = photographs.averages, photographs.files
+    lights = f"{len(averages)} lights"
+    if files is not None and files != len(averages):
+        lights = f"{files} of {lights}"
+    degrees = photographs.elevations_deg
+    elevations = f"{min(degrees):.0f}° to {max(degrees):.0f}°" if degrees else "not known"
+    rows = [("Photographs", f"{lights}, {level_count(averages)} levels"), ("Elevations", elevations)]
+    if photographs.lights is not None:
+        rows.append(("Directions", photographs.lights))
+    rows += [("Decoded as", words) for words in photographs.decoded_as]
+    rows += [("Converted", f"from {what}") for what in photographs.converted_from]
+    if photographs.calibration is not None:
+        known = photographs.calibrated_by is not None
+        rows.append(("Calibration", photographs.calibration if known else "none, sigma sets the scale"))
+    return rows
+
+
+def level_count(averages: Sequence[float]) -> int:
+    """Distinct levels of light among average radiances, as linearisation sees them."""
+    count, last = 0, None
+    for value in sorted(averages):
+        if last is None or value - last > SAME_LEVEL * max(averages):
+            count, last = count + 1, value
+    return count
+
+
+def map_rows(record: ShadingMapRecord) -> Rows:
+    """Size, model and tiling of the map."""
+    stored = record.map
+    words = f"basis of rank {len(stored.curves)}" if stored.model == "basis" else _MODEL_WORDS[stored.model]
+    size = f"{stored.slices} slices of {stored.layout.width} x {stored.layout.height}"
+    rows = [("Shading map", size), ("Texels", f"{words}, {stored.storage}")]
+    if (tiling := record.tiling) is not None:
+        seams = f"seams {tiling.before:.2g} before, {tiling.after:.2g} now (1: not to be seen)"
+        rows.append(("Tileable", f"{tiling.method}, {seams}"))
+    return rows
+
+
+def lighting_rows(record: ShadingMapRecord) -> Rows:
+    """How the map is lit."""
+    settings, albedo = record.render, record.albedo
+    rows = [
+        ("f_r", lobe_words(settings.lobe)),
+        ("Sigma", f"{albedo.sigma:.4g}" + (", by default" if settings.sigma is None else "")),
+        ("Brightest", f"r = {albedo.a_max:.4g} 1/sr, beyond it {settings.above}"),
+    ]
+    rows.append(("Technique", f"{settings.technique.replace('_', ' ')}, {settings.mode}, {settings.tiling}"))
+    return rows + _fit_rows(record)
+
+
+def lobe_words(lobe: Lobe | None) -> str:
+    """Name and parameters of a lobe; None is a measured BRDF."""
+    if lobe is None:
+        return "measured BRDF"
+    name, *parameters = (f"{key} {value:.4g}" if key != "name" else str(value) for key, value in lobe.facts().items())
+    return ", ".join([name.replace("_", " "), *parameters])
+
+
+def _fit_rows(record: ShadingMapRecord) -> Rows:
+    """Which lobe the averages along the arc ask for."""
+    fit = record.lobe_fit
+    return [("Fits best", f"{lobe_words(fit.lobe)}, {_percent(fit.residual)} left")] if fit else []
+
+
+def energy_rows(record: ShadingMapRecord) -> Rows:
+    """Shares of the reflected light that the native closure and the stochastic mirror carry."""
+    envelope, residual = record.map.envelope_energy, record.map.residual_energy
+    return [("Envelope", f"{_percent(envelope)} of the light"), ("Residual", _percent(residual))]
+
+
+def map_error_rows(record: ShadingMapRecord) -> Rows:
+    """Errors at photographs that were left out, and of the storage."""
+    errors = record.errors
+    rows: Rows = []
+    if errors.held_out_relative is not None:
+        told = f"{_percent(errors.held_out_relative)} median of {errors.held_out} photographs"
+        rows.append(("Held-out", f"{told}, RMS {errors.held_out_rms:.3g}"))
+    else:
+        rows.append(("Held-out", "too few photographs to leave one out"))
+    storage = f"{errors.storage_rms:.2g} of a_max ({_percent(errors.storage_rms / max(errors.signal_rms, 1e-30))})"
+    return [*rows, ("Storage RMS", storage)]
+
+
+def warning_rows(record: ShadingMapRecord) -> Rows:
+    """What is doubtful about the photographs."""
+    return doubt_rows(record.photographs)
+
+
+def doubt_rows(photographs: PhotographsRecord) -> Rows:
+    """What is doubtful about photographs, baked or only read."""
+    return [("Warning" if k == 0 else "", text) for k, text in enumerate(photographs.warnings)]
+
+
+def albedo_warning(record: ShadingMapRecord) -> str:
+    """One line where more light leaves than arrives; empty otherwise."""
+    albedo, calibrated = record.albedo, record.map.a_max is not None
+    if not albedo.above_one_deg:
+        return ""
+    sigma = albedo.sigma / max(albedo.largest, 1e-9)
+    remedy = "check the white card" if calibrated else f"state --albedo, or choose --sigma {sigma:.2g}"
+    if calibrated and record.photographs.calibrated_by == "albedo":
+        remedy = "state a lower --albedo, or another --lobe"
+    return f"the albedo reaches {albedo.largest:.3g} in a channel: more light leaves than arrives; {remedy}"
+
+
+def arc_summary(record: ShadingMapRecord, seconds: float) -> str:
+    """One line on a shading map just baked."""
+    photographs, stored, held_out = record.photographs, record.map, record.errors.held_out_relative
+    parts = [
+        f"{len(photographs.averages)} photographs",
+        f"{level_count(photographs.averages)} levels",
+        f"{stored.slices} slices of {stored.layout.width} x {stored.layout.height}",
+        f"envelope {_percent(stored.envelope_energy)} of the energy",
+        "held-out error " + ("unknown" if held_out is None else _percent(held_out)),
+        f"albedo {colour(record.albedo.directional[0])}",
+        *(f"colours converted from {what}" for what in photographs.converted_from),
+        f"{seconds:.1f} s",
+    ]
+    return f"{record.files().path}: {', '.join(parts)}"
+
+
+def stack_document(stack: Any, name: str) -> dict[str, Any]:
+    """JSON-ready account of photographs read but not baked, with the parts of a bundle's facts that there are."""
+    averages = stack.images.mean(axis=(1, 2, 3), dtype="float64")
+    order = averages.argsort(kind="stable")
+    elevations = None
+    if stack.directions is not None:
+        elevations = np.degrees(np.arcsin(np.clip(stack.directions[order, 2], -1, 1))).round(3).tolist()
+    return {
+        "source": {"name": name, "facts": {"format": "photographs on a light arc", **stack.facts}},
+        "averages": {
+            "photographs": [stack.names[k] for k in order],
+            "elevations_deg": elevations,
+            "before": averages[order].tolist(),
+        },
+        "clipped_share": [stack.facts["clipped_share"][k] for k in order],
+        "width": int(stack.images.shape[2]),
+        "height": int(stack.images.shape[1]),
+        "warnings": list(stack.warnings),
+    }
+
+
+def stack_lines(document: Mapping[str, Any]) -> list[str]:
+    """A table of photographs from dark to bright."""
+    averages = document["averages"]
+    names, levels = averages["photographs"], averages["before"]
+    elevations = averages["elevations_deg"] or [None] * len(names)
+    width = min(max(map(len, names)), 48)
+    width = max(width, 10)
+    lines = [f"{'photograph':{width}s}  elevation   average  of brightest  clipped"]
+    for name, elevation, level, clipped in zip(names, elevations, levels, document["clipped_share"]):
+        angle = "        ?" if elevation is None else f"{elevation:8.1f}°"
+        share = 100 * level / max(levels[-1], 1e-30)
+        lines.append(f"{name[:width]:{width}s}  {angle} {level:9.4g} {share:11.1f} % {100 * clipped:6.1f} %")
+    return lines
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"

@@ -1,0 +1,1 @@
+"""Operators and panels: the top floor."""

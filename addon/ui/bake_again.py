@@ -1,0 +1,92 @@
+"""Operator: bake a measured material again, with other settings or from another file, in place."""
+
+# No postponed annotations here: Blender reads the properties from them.
+import bpy
+
+from ...bake.errors import BakeError
+from ..material.facts import is_measured, source_file
+from ..material.kinds import kind_of
+from ..summary.text import one_line
+from .context import shown_material
+from .import_photographs import tell_warnings
+from .kind_forms import form_of
+from .window_progress import window_progress
+
+_FILEPATH = bpy.props.StringProperty(
+    name="Measurement",
+    description="Another file, or folder of photographs, to bake; the material's own by default",
+    subtype="FILE_PATH",
+    options={"HIDDEN", "SKIP_SAVE"},
+)
+_FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+_DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+_CHOOSE = bpy.props.BoolProperty(
+    name="Choose File", description="Ask for the measurement or the photographs", options={"HIDDEN", "SKIP_SAVE"}
+)
+_FILTER_GLOB = bpy.props.StringProperty(default="", options={"HIDDEN", "SKIP_SAVE"})
+
+
+class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
+    """Bake again with these settings; every object keeps the material"""
+
+    bl_idname = "measured_materials.bake_again"
+    bl_label = "Bake Again"
+    bl_options = {"UNDO"}
+
+    filepath: _FILEPATH
+    files: _FILES
+    directory: _DIRECTORY
+    choose: _CHOOSE
+    filter_glob: _FILTER_GLOB
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether there is a measured material that can be changed."""
+        material = shown_material(context)
+        if not is_measured(material):
+            cls.poll_message_set("There is no measured material here; import a measurement first")
+            return False
+        if not material.is_editable:
+            cls.poll_message_set(f"{material.name} is linked from another .blend file")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the file where the material's own is gone."""
+        material = shown_material(context)
+        kind = kind_of(material)
+        lost = kind.why_not_bakeable(material)
+        if not (self.choose or lost):
+            return self.execute(context)
+        if lost:
+            self.report({"INFO"}, f"{lost}: choose it")
+        file, form = source_file(material), form_of(kind)
+        self.filter_glob = ";".join(f"*{suffix}" for suffix in form.suffixes)
+        self.filepath = form.path(file) if file else ""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Bake and rebuild."""
+        material = shown_material(context)
+        try:
+            told = self._bake(context, material)
+        except BakeError as error:
+            self.report({"ERROR"}, one_line(str(error)))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{material.name}: {told}")
+        return {"FINISHED"}
+
+    def _bake(self, context: bpy.types.Context, material: bpy.types.Material) -> str:
+        kind = kind_of(material)
+        form, before = form_of(kind), kind.error(material)
+        settings, pack = form.settings(material)
+        source = form.chosen(self)
+        with window_progress(context, settings) as progress_of:
+            kind.bake_again(material, settings, pack=pack, source=source, progress=progress_of(0))
+        tell_warnings(self, material)
+        return kind.words(material) + (f", was {before}" if before else "")
+
+
+classes = (MEASURED_MATERIALS_OT_bake_again,)
+register, unregister = bpy.utils.register_classes_factory(classes)

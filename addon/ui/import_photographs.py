@@ -1,0 +1,153 @@
+"""Operator: bake photographs of a swatch on a light arc and make a material of them; file menu, dropped light files."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...bake.errors import BakeError
+from ...bake.photographs.photograph import IMAGE_SUFFIXES
+from ...bake.shading_maps.record import ShadingMapRecord
+from ..material.bake_material import bundle_folder, told_place
+from ..material.bake_photographs import import_arc, map_words
+from ..material.facts import record_of
+from ..summary.text import one_line
+from .context import object_under
+from .properties.lighting import LightingProperties, draw_lighting
+from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
+from .window_progress import window_progress
+
+LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
+
+_FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+_FILEPATH = bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})
+_DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+_FILTER_GLOB = bpy.props.StringProperty(
+    default=";".join(f"*{suffix}" for suffix in sorted(IMAGE_SUFFIXES)), options={"HIDDEN"}
+)
+_OBJECT = bpy.props.StringProperty(
+    name="Object",
+    description="Object that gets the material; the active one by default",
+    options={"HIDDEN", "SKIP_SAVE"},
+)
+_BUNDLES = bpy.props.StringProperty(
+    name="Bundles",
+    description="Folder for the baked textures. Empty: beside the .blend file or, before it is saved, beside the "
+    "photographs' folder",
+    subtype="DIR_PATH",
+    options={"SKIP_SAVE"},
+)
+
+
+class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.types.Operator):
+    """Bake photographs of a flat swatch, lit from several elevations, and make a material of them.
+    Choose the photographs, or none or one of them for the whole folder"""
+
+    bl_idname = "measured_materials.import_arc"
+    bl_label = "Import Arc"
+    bl_options = {"UNDO", "PRESET"}
+
+    files: _FILES
+    filepath: _FILEPATH
+    directory: _DIRECTORY
+    filter_glob: _FILTER_GLOB
+    object_name: _OBJECT
+    bundles: _BUNDLES
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for photographs, or, when a file with their lights was dropped, for settings only."""
+        source = chosen_photographs(self)
+        if source is None:
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        target = object_under(context, event)
+        self.object_name = target.name if target else ""
+        title = f"Import {source.name}" if isinstance(source, Path) else f"Import {len(source)} photographs"
+        return context.window_manager.invoke_props_dialog(self, title=title, confirm_text="Bake")
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """In the file browser's sidebar or in the dialogue."""
+        draw_arc_settings(self.layout, self, self)
+        draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)
+        column = self.layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(self, "bundles")
+        if self.object_name:
+            column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Bake, and put the material onto the object."""
+        source = chosen_photographs(self)
+        if source is None:
+            self.report({"ERROR"}, "No photographs were chosen: JPEG, PNG, TIFF, EXR or HDR, or their folder")
+            return {"CANCELLED"}
+        try:
+            settings = arc_settings_of(self, self, self.mode)
+            folder = bundle_folder(self.bundles, source if isinstance(source, Path) else source[0].parent)
+            with window_progress(context, settings) as progress_of:
+                material = import_arc(source, folder, settings, pack=self.pack, progress=progress_of(0))
+        except BakeError as error:
+            self.report({"ERROR"}, one_line(str(error)))
+            return {"CANCELLED"}
+        show_arc_settings(material.measured_arc, settings, pack=self.pack)
+        tell_warnings(self, material)
+        obj = bpy.data.objects.get(self.object_name) or context.object
+        place = told_place(self, material, obj)
+        self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
+        return {"FINISHED"}
+
+
+class MEASURED_MATERIALS_FH_arc(bpy.types.FileHandler):
+    """Of a stack the file with its lights is dropped; image files are for others to take."""
+
+    bl_idname = "MEASURED_MATERIALS_FH_arc"
+    bl_label = "Photographs on an Arc"
+    bl_import_operator = "measured_materials.import_arc"
+    bl_file_extensions = ".lp"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        """Where the import makes sense."""
+        return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
+
+
+def chosen_photographs(operator: Any) -> Path | list[Path] | None:
+    """The chosen files, or the folder where none, only one, or the file with the lights is chosen; None for nothing."""
+    names = [element.name for element in operator.files if element.name]
+    folder = Path(bpy.path.abspath(operator.directory)) if operator.directory else None
+    photographs = [name for name in names if Path(name).suffix.lower() in IMAGE_SUFFIXES]
+    if folder is not None and len(photographs) > 1:
+        return [folder / name for name in photographs]
+    if operator.filepath:
+        path = Path(bpy.path.abspath(operator.filepath))
+        one_of_them = path.suffix.lower() in IMAGE_SUFFIXES or path.suffix.lower() in LIGHT_FILES
+        return path.parent if one_of_them and not path.is_dir() else path
+    return folder
+
+
+def tell_warnings(operator: bpy.types.Operator, material: bpy.types.Material) -> None:
+    """Report what is doubtful about the photographs."""
+    record = record_of(material)
+    for warning in record.photographs.warnings if isinstance(record, ShadingMapRecord) else ():
+        operator.report({"WARNING"}, one_line(warning))
+
+
+def _menu(self: Any, _context: bpy.types.Context) -> None:
+    self.layout.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Photographs on an Arc (folder)")
+
+
+classes = (MEASURED_MATERIALS_OT_import_arc, MEASURED_MATERIALS_FH_arc)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    _register_classes()
+    bpy.types.TOPBAR_MT_file_import.append(_menu)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    bpy.types.TOPBAR_MT_file_import.remove(_menu)
+    _unregister_classes()

@@ -1,0 +1,84 @@
+"""How the window asks for the next bake of each kind of material: the settings, and another file to bake."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Any, ClassVar
+
+import bpy
+
+from ...bake.photographs.photograph import IMAGE_SUFFIXES
+from ..material.kinds import BRDF, SHADING_MAP, Kind, Source
+from .import_brdf import SUFFIXES
+from .import_photographs import chosen_photographs
+from .properties.bake import draw_settings, settings_of
+from .properties.photographs import arc_settings_of, draw_arc_settings
+
+
+class Form(ABC):
+    """What is asked of one kind."""
+
+    suffixes: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
+    def draw(self, layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
+        """Those of the settings that have an effect."""
+
+    @abstractmethod
+    def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
+        """The settings of the next bake, and whether its textures go into the .blend. Raises BakeError."""
+
+    @abstractmethod
+    def chosen(self, operator: Any) -> Source:
+        """What an operator with `filepath`, `files` and `directory` was given to bake; None for nothing."""
+
+    @abstractmethod
+    def path(self, source: Path) -> str:
+        """Where a file browser begins."""
+
+
+class _BrdfForm(Form):
+    """A file of a measurement."""
+
+    suffixes = SUFFIXES
+
+    def draw(self, layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
+        draw_settings(layout, material.measured_materials)
+
+    def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
+        properties = material.measured_materials
+        return settings_of(properties), properties.pack
+
+    def chosen(self, operator: Any) -> Source:
+        return Path(bpy.path.abspath(operator.filepath)) if operator.filepath else None
+
+    def path(self, source: Path) -> str:
+        return str(source)
+
+
+class _ShadingMapForm(Form):
+    """A folder of photographs, or some."""
+
+    suffixes = tuple(sorted(IMAGE_SUFFIXES))
+
+    def draw(self, layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
+        draw_arc_settings(layout, material.measured_arc, material.measured_lighting)
+
+    def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
+        properties, mode = material.measured_arc, material.measured_quality.mode
+        return arc_settings_of(properties, material.measured_lighting, mode), properties.pack
+
+    def chosen(self, operator: Any) -> Source:
+        return chosen_photographs(operator)
+
+    def path(self, source: Path) -> str:
+        return f"{source}/"
+
+
+_FORMS: dict[Kind, Form] = {BRDF: _BrdfForm(), SHADING_MAP: _ShadingMapForm()}
+
+
+def form_of(kind: Kind) -> Form:
+    """The form of a kind."""
+    return _FORMS[kind]

@@ -1,0 +1,1 @@
+"""Property groups of the panel."""

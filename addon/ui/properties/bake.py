@@ -1,0 +1,193 @@
+"""What the artist can set for a bake, as Blender properties: the same on the import operator and on a material."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from typing import Any, get_args
+
+import bpy
+
+from ....bake.brdf.settings import AlphaChoice, BakeSettings, SplineFit
+from ....bake.images.storage import TABLE_STORAGES, Storage
+from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
+from ....bake.tables.grids.parameterization import Parameterization
+from ....bake.tables.search.grid_search import BASES
+from ....bake.tables.table import Filter
+from .enum_items import enum
+
+_USUAL = BakeSettings()
+
+# What a choice is called and does; choices themselves are those of the settings, in their order.
+_WORDS = {
+    "bezier": ("Bezier", "Gathered at one end of each angle (Mallett & Yuksel 2016)"),
+    "uniform": ("Uniform", "Evenly in angle"),
+    "identity": ("Cosine", "Evenly in the cosine of the angle"),
+    "squared": ("Squared", "Gathered at the normal or the half vector, as MERL's measurements are"),
+    "normal": ("Normal", "Elevations of light and viewer and the angle between their azimuths"),
+    "error": ("Least Error", "By the error measured at directions that are not in the table"),
+    "intensity": ("Intensity", "By the largest total intensity of the table (Mallett & Yuksel 2016)"),
+    "given": ("Given", "By hand"),
+    "half": ("Half", "OpenEXR, 16 bits per channel"),
+    "float32": ("Float", "OpenEXR, 32 bits per channel"),
+    "rgbe": ("RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
+    "log": ("Log", "PNG, 8 bits of each channel's logarithm: the smallest, for tables of low resolution"),
+    "nearest": ("Nearest", "No interpolation, the fastest"),
+    "trilinear": ("Linear", "Between the nearest samples"),
+    "bspline": ("B-Spline", "Smooth cubic spline"),
+    "auto": ("Automatic", "Whichever has the smaller measured error"),
+    "fitted": ("Fitted", "Where this material needs it, by measured error"),
+    "plain": ("Plain", "The samples themselves, which blurs them (Mallett & Yuksel 2016)"),
+}
+
+
+# Names that mean another thing in another list.
+_SPLINE_WORDS = {"fitted": ("Fitted", "Passing as near to the samples as it can without turning negative")}
+_BASIS_WORDS = {"half": ("Half Vector", "Angles to the half vector, along which a highlight runs: best for gloss")}
+
+
+def _enum(
+    name: str,
+    description: str,
+    choices: tuple[str, ...],
+    usual: object,
+    words: dict[str, tuple[str, str]] | None = None,
+) -> Any:
+    return enum(name, description, choices, _WORDS | (words or {}), usual)
+
+
+_RESOLUTION = bpy.props.IntProperty(
+    name="Resolution",
+    description="N of an N x N x 2N table, or of one of as many bytes. Time and memory grow with its cube",
+    default=_USUAL.resolution,
+    min=4,
+    soft_min=16,
+    soft_max=128,
+    max=MAX_RESOLUTION,
+)
+_PARAMETERIZATION = _enum(
+    "Spacing",
+    "How the table's samples are spread over the angles",
+    ("auto", *get_args(Parameterization)),
+    _USUAL.parameterization,
+)
+_BASIS = _enum("Basis", "The angles that the table is stored over", ("auto", *BASES), _USUAL.basis, _BASIS_WORDS)
+_ALPHA = _enum(
+    "Alpha", "How the shape of the Bezier spacing is chosen", (*get_args(AlphaChoice), "given"), _USUAL.alpha
+)
+_ALPHA_THETA = bpy.props.FloatProperty(
+    name="Elevation", description="0 gathers samples at the normal, 1 at grazing angles", default=0.5, min=0, max=1
+)
+_ALPHA_PHI = bpy.props.FloatProperty(
+    name="Azimuth",
+    description="0 gathers samples towards the mirror direction and the light, 1 at right angles to them",
+    default=0.5,
+    min=0,
+    max=1,
+)
+_STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
+_FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
+_SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
+_ENVELOPE = bpy.props.BoolProperty(
+    name="Native Closures",
+    description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
+    "noise, at a bias of at most 0.1 % of the light",
+    default=_USUAL.envelope,
+)
+_PACK = bpy.props.BoolProperty(
+    name="Pack into .blend",
+    description="Keep the textures inside the .blend file. While rendering they then take 16 bytes per texel",
+    default=True,
+)
+
+
+class BakeProperties:
+    """Mixed into a PropertyGroup or an Operator."""
+
+    resolution: _RESOLUTION
+    basis: _BASIS
+    parameterization: _PARAMETERIZATION
+    alpha: _ALPHA
+    alpha_theta: _ALPHA_THETA
+    alpha_phi: _ALPHA_PHI
+    storage: _STORAGE
+    filter: _FILTER
+    spline: _SPLINE
+    envelope: _ENVELOPE
+    pack: _PACK
+
+
+class MEASURED_MATERIALS_PG_bake(BakeProperties, bpy.types.PropertyGroup):
+    """Settings of a material's next bake."""
+
+
+def settings_of(properties: Any) -> BakeSettings:
+    """The properties as bake settings; of what is not shown, nothing counts. Raises BakeError."""
+    alpha: Any = "error"
+    if _has_alpha(properties):
+        given = properties.alpha == "given"
+        alpha = (properties.alpha_theta, properties.alpha_phi) if given else properties.alpha
+    return BakeSettings(
+        resolution=properties.resolution,
+        basis=properties.basis,
+        parameterization=properties.parameterization,
+        alpha=alpha,
+        storage=Storage(properties.storage),
+        filter=properties.filter,
+        spline=properties.spline,
+        envelope=properties.envelope,
+    )
+
+
+def _has_alpha(properties: Any) -> bool:
+    """The shape of a Bezier table in the normal-vector basis can be had in other ways than by error."""
+    return properties.parameterization == "bezier" and properties.basis == "normal"
+
+
+def show_settings(properties: Any, settings: BakeSettings) -> None:
+    """Set the properties to what a bake was made with."""
+    for name in ("resolution", "filter", "spline", "envelope"):
+        setattr(properties, name, getattr(settings, name))
+    # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
+    properties.parameterization = settings.spacing
+    properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
+    properties.storage = str(settings.storage)
+    if isinstance(settings.alpha, str):
+        properties.alpha = settings.alpha
+    else:
+        properties.alpha = "given"
+        properties.alpha_theta, properties.alpha_phi = settings.alpha
+
+
+def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
+    """Those of the settings that have an effect."""
+    column = layout.column()
+    column.use_property_split, column.use_property_decorate = True, False
+    column.prop(properties, "resolution")
+    column.prop(properties, "basis")
+    column.prop(properties, "parameterization")
+    if _has_alpha(properties):
+        column.prop(properties, "alpha")
+        if properties.alpha == "given":
+            shape = column.column(align=True)
+            shape.prop(properties, "alpha_theta", slider=True)
+            shape.prop(properties, "alpha_phi", slider=True)
+    column.prop(properties, "filter")
+    if properties.filter == "bspline":
+        column.prop(properties, "spline")
+    column.prop(properties, "storage")
+    column.prop(properties, "envelope")
+    column.prop(properties, "pack")
+
+
+classes = (MEASURED_MATERIALS_PG_bake,)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    _register_classes()
+    bpy.types.Material.measured_materials = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_bake)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    del bpy.types.Material.measured_materials
+    _unregister_classes()

@@ -1,0 +1,145 @@
+"""How a shading map is lit, as Blender properties: changed on a material they rebuild it at once, without a bake."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from typing import Any
+
+import bpy
+
+from ....bake.lobes.lobes import LOBES, PARAMETERS, Parameter
+from ....bake.shading_maps.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
+from ....bake.shading_maps.shading_map import ABOVE
+from ...material.kinds import rebuild_or_say
+from ...material.lighting import MEASURED, parameter_key, uses_mode
+from .enum_items import enum
+from .quality import mode_property
+
+_USUAL = RenderSettings()
+
+# What a choice is called and does; choices themselves are those of the settings, in their order.
+_WORDS = {
+    "lambert": ("Diffuse", "The same in all directions"),
+    "oren_nayar": ("Rough Diffuse", "Oren-Nayar: flatter towards the rim, as plaster or suede"),
+    "ggx": ("Glossy", "GGX"),
+    "sheen": ("Sheen", "Brighter towards the rim, as velvet"),
+    "phong": ("Phong", "A diffuse part and a highlight (Kautz et al. 2004)"),
+    "phong_schlick": ("Phong, Schlick", "With a quotient for the highlight, and its wide foot (Schlick 1994)"),
+    "phong_lyon": ("Phong, Lyon", "With a highlight that ends (Lyon 1993)"),
+    "phong_cosine": ("Phong, Cosine", "With the fourth power of a stretched cosine for the highlight, which ends"),
+    "phong_cubic": ("Phong, Cubic", "With a cubic for the highlight and a wide foot (Romanyuk 2007)"),
+    MEASURED: ("Measured BRDF", "A baked BRDF"),
+    "clamp": ("Clamp", "Stay with the brightest photograph"),
+    "scale": ("Scale", "Brighten the brightest photograph in proportion"),
+    "lookup": ("Lookup", "The photograph that reflects as much light, the most faithful"),
+    "lit_texture": ("Lit Texture", "The brightest photograph as a texture"),
+    "angular": ("Angular", "The photograph taken at the light's elevation"),
+    "final_radiance": ("Final Radiance", "By the light that the flat material sends out; EEVEE only, Cycles: Lookup"),
+    "repeat": ("Repeat", "The swatch again and again"),
+    "extend": ("Extend", "The border's colour"),
+}
+
+
+def _parameter(parameter: Parameter, **options: Any) -> Any:
+    return bpy.props.FloatProperty(
+        name=parameter.name.capitalize(),
+        default=parameter.default,
+        min=parameter.low,
+        max=parameter.high,
+        soft_max=min(parameter.high, 1000.0),
+        precision=3,
+        **options,
+    )
+
+
+def _choice(name: str, description: str, choices: tuple[str, ...], usual: object, **options: Any) -> Any:
+    return enum(name, description, choices, _WORDS, usual, **options)
+
+
+def _annotations(**options: Any) -> dict[str, Any]:
+    """Of both classes below; `options` go to every property."""
+    lobe = _choice("f_r", "How the flat material reflects", (*LOBES, MEASURED), "lambert", **options)
+    parameters = {parameter_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
+    sigma = bpy.props.FloatProperty(
+        name="Sigma",
+        description=f"Factor of f_r, the albedo of a white one. 0: as calibrated, or else {UNCALIBRATED_SIGMA:g}",
+        default=0.0,
+        min=0.0,
+        max=1e6,
+        soft_max=2.0,
+        precision=3,
+        **options,
+    )
+    a_max = bpy.props.FloatProperty(
+        name="Brightest",
+        description="Light that the brightest photograph reflects, in 1/sr. 0: as calibrated, or else as much as f_r "
+        "does at most",
+        default=0.0,
+        min=0.0,
+        max=1e9,
+        soft_max=1.0,
+        precision=3,
+        **options,
+    )
+    above = "Where more light is reflected than in any photograph"
+    return {
+        "lobe": lobe,
+        **parameters,
+        "sigma": sigma,
+        "a_max": a_max,
+        "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
+        "technique": _choice("Technique", "Of Kautz et al. 2004", TECHNIQUES, _USUAL.technique, **options),
+        "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
+    }
+
+
+class LightingProperties:
+    """Mixed into the import operator."""
+
+    __annotations__ = {**_annotations(), "mode": mode_property()}
+
+
+class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
+    """How a shading-map material is lit."""
+
+    __annotations__ = {
+        # Not animatable: an animation would change the values without rebuilding the material.
+        **_annotations(update=rebuild_or_say, options=set()),
+        "problem": bpy.props.StringProperty(
+            description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"}
+        ),
+    }
+
+
+def draw_lighting(
+    layout: bpy.types.UILayout, properties: Any, *, fitted: bool = False, with_mode: bool = False
+) -> None:
+    """Those that have an effect, without the lobe where it will be fitted; the operator's also with its mode."""
+    column = layout.column()
+    column.use_property_split, column.use_property_decorate = True, False
+    if not fitted:
+        column.prop(properties, "lobe")
+        for parameter in PARAMETERS.get(properties.lobe, ()):
+            column.prop(properties, parameter_key(properties.lobe, parameter), slider=parameter.high <= 1)
+    column.prop(properties, "sigma")
+    column.prop(properties, "a_max")
+    column.prop(properties, "technique")
+    if uses_mode(properties.technique):
+        column.prop(properties, "above")
+        if with_mode:
+            column.prop(properties, "mode")
+    column.prop(properties, "tiling")
+
+
+classes = (MEASURED_MATERIALS_PG_lighting,)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    _register_classes()
+    bpy.types.Material.measured_lighting = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_lighting)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    del bpy.types.Material.measured_lighting
+    _unregister_classes()

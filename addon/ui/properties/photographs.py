@@ -1,0 +1,216 @@
+"""What the artist can set for the bake of a shading map, as Blender properties."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ....bake.images.storage import IMAGE_STORAGES, Storage
+from ....bake.photographs.radiometry.response import parse_rule
+from ....bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
+from ....bake.shading_maps.bake import TILEABLES, ArcSettings
+from ....bake.shading_maps.shading_map import MAX_SLICES, MIN_SLICES
+from ....bake.shading_maps.store import COMPRESSIONS
+from ...material.lighting import MEASURED, lighting_of, number
+from ...summary.bake_stages import USUAL_SIZE
+from .enum_items import enum
+
+_USUAL, _STACK = ArcSettings(), StackSettings()
+_MAP = ("slices", "storage", "compression", "rank", "tileable")
+_CORNERS = ("corner_top_left", "corner_top_right", "corner_bottom_right", "corner_bottom_left")
+
+# What a choice is called and does; choices themselves are those of the settings, in their order.
+_WORDS = {
+    "half": ("Half", "OpenEXR, 16 bits per channel"),
+    "float32": ("Float", "OpenEXR, 32 bits per channel"),
+    "rgbe": ("RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
+    "byte": ("Byte", "PNG, 8 bits per channel, the smallest"),
+    "none": ("None", "Nothing of the kind"),
+    "power": ("Power Law", "Two numbers per texel and channel (Kautz et al. 2004)"),
+    "basis": ("Basis", "A few numbers per texel and channel, on curves fitted to this swatch"),
+    "off": ("Off", "As photographed"),
+    "auto": ("Automatic", "As it is found best"),
+    "quilt": ("Quilt", "Patches from all over the swatch"),
+    "offset": ("Offset", "One cut in either direction; nearly all of the swatch stays as it is"),
+    "warn": ("Warn", "Only told"),
+    "one": ("One", "That of the azimuth alone"),
+    "both": ("Both", "The far side of the swatch too"),
+    "srgb": ("sRGB", "As most cameras and programs write them"),
+    "linear": ("Linear", "As developed from RAW without a curve"),
+    "gamma": ("Gamma", "By a power function"),
+    "whole": ("Whole", "The photographs show nothing but the swatch"),
+    "crop": ("Crop", "A rectangle of the photograph"),
+    "corners": ("Corners", "Four corners, which makes an oblique view square-on"),
+    "albedo": ("Albedo", "By the share of light that the swatch reflects, as you state it"),
+    "card": ("White Card", "By a diffuse card that lies beside the swatch"),
+}
+
+
+def _enum(name: str, description: str, choices: tuple[str, ...], usual: object) -> Any:
+    return enum(name, description, choices, _WORDS, usual)
+
+
+def _whole(name: str, description: str, usual: int, low: int, high: int, soft: int | None = None) -> Any:
+    return bpy.props.IntProperty(
+        name=name, description=description, default=usual, min=low, max=high, soft_max=soft or high
+    )
+
+
+def _float(name: str, description: str, usual: float, low: float, high: float) -> Any:
+    return bpy.props.FloatProperty(
+        name=name, description=description, default=usual, min=low, max=high, precision=2 if high <= 10 else 1
+    )
+
+
+def _rectangle(name: str, description: str) -> Any:
+    words = f"{description}: x and y from the upper left, width and height, in pixels"
+    return bpy.props.IntVectorProperty(name=name, description=words, size=4, min=0, default=(0, 0, 0, 0))
+
+
+def _corner(name: str) -> Any:
+    words = "Pixels from the upper left of the photograph"
+    return bpy.props.FloatVectorProperty(name=name, description=words, size=2, min=-1, max=1 << 24, precision=1)
+
+
+def _path(name: str, description: str, subtype: str = "FILE_PATH") -> Any:
+    return bpy.props.StringProperty(name=name, description=description, subtype=subtype)
+
+
+def _flag(name: str, description: str, usual: bool = False) -> Any:
+    return bpy.props.BoolProperty(name=name, description=description, default=usual)
+
+
+class ArcProperties:
+    """Mixed into a PropertyGroup or an Operator."""
+
+    __annotations__ = {
+        "size": _whole(
+            "Size", "Texels of the swatch's longer side. 0 keeps it as photographed", USUAL_SIZE, 0, 16384, 4096
+        ),
+        "slices": _whole(
+            "Slices", "Levels of reflected light, black included", _USUAL.slices, MIN_SLICES, MAX_SLICES, 16
+        ),
+        "tileable": _enum("Tileable", "Make the swatch tile without seams", TILEABLES, _USUAL.tileable),
+        "compression": _enum("Compression", "What is kept of each texel", COMPRESSIONS, _USUAL.compression),
+        "rank": _whole("Rank", "Numbers per texel and channel", _USUAL.rank, 1, 3),
+        "storage": _enum("Storage", "Format of the texels", tuple(map(str, IMAGE_STORAGES)), _USUAL.storage),
+        "frame": _enum("Frame", "Where the swatch is in the photographs", ("whole", "crop", "corners"), "whole"),
+        "crop": _rectangle("Crop", "The swatch"),
+        **{name: _corner(name.removeprefix("corner_").replace("_", " ").title()) for name in _CORNERS},
+        "decode": _enum(
+            "Decode",
+            "Curve of JPEG, PNG and TIFF files; their primaries are read from them",
+            ("auto", "srgb", "linear", "gamma"),
+            "auto",
+        ),
+        "gamma": _float("Gamma", "Its exponent", 2.2, 0.1, 10),
+        "scale_by": _enum("Calibrate", "How brightness gets its unit", ("none", "albedo", "card"), "none"),
+        "albedo": _float("Albedo", "Share of light that the swatch reflects", 0.5, 0.001, 1),
+        "white_card": _rectangle("Card", "The white card"),
+        "white_reflectance": _float("Reflectance", "Of the white card", _STACK.white_reflectance, 0.01, 1),
+        "flat_field": _path("Flat Field", "Photograph of an evenly white board under the same lamp"),
+        "align": _enum("Camera", "What is done about small movements of it", ALIGNMENTS, _STACK.align),
+        "lights": _path("Lights", "A lights.csv or .lp file. Empty: found in the folder, or angles in file names"),
+        "one_plane": _flag("Choose Plane", "Use the lights near this azimuth. Off: where most elevations are"),
+        "azimuth": _float("Azimuth", "Degrees: 0 right, 90 up", 0, -360, 360),
+        "spread": _float("Spread", "Degrees that a light may lie off the plane of the arc", _STACK.spread, 0.1, 90),
+        "sides": _enum("Sides", "Of the arc that the lights may stand on", SIDES, _STACK.sides),
+        "fit_lobe": _flag("Fit f_r", "Choose f_r by the brightness of the photographs along the arc"),
+        "brdf": _path("BRDF", "Bundle (.mmat) of a baked BRDF to use as f_r", "DIR_PATH"),
+        "pack": _flag("Pack into .blend", "Keep the textures inside the .blend file", True),
+    }
+
+
+class MEASURED_MATERIALS_PG_arc(ArcProperties, bpy.types.PropertyGroup):
+    """Settings of a shading-map material's next bake."""
+
+
+def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
+    """The properties, those of the lighting, and the mode, as bake settings. Raises BakeError."""
+    p = properties
+    return ArcSettings(
+        **{name: getattr(p, name) for name in _MAP},
+        lobe_auto=p.fit_lobe,
+        brdf=_file(p.brdf) if light.lobe == MEASURED and not p.fit_lobe else None,
+        render=lighting_of(light, mode),
+        stack=StackSettings(
+            size=p.size or None,
+            decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
+            lights=_file(p.lights),
+            azimuth=number(p.azimuth) if p.one_plane else None,
+            spread=number(p.spread),
+            sides=p.sides,
+            crop=tuple(p.crop) if p.frame == "crop" else None,
+            corners=tuple(tuple(getattr(p, name)) for name in _CORNERS) if p.frame == "corners" else None,
+            flat_field=_file(p.flat_field),
+            white_card=tuple(p.white_card) if p.scale_by == "card" else None,
+            white_reflectance=number(p.white_reflectance),
+            albedo=number(p.albedo) if p.scale_by == "albedo" else None,
+            align=p.align,
+        ),
+    )
+
+
+def _file(text: str) -> Path | None:
+    return Path(bpy.path.abspath(text)) if text else None
+
+
+def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> None:
+    """Set the properties to what a bake was made with; for the lighting there is `show_lighting`."""
+    p, stack = properties, settings.stack
+    for name in _MAP:
+        setattr(p, name, str(value) if isinstance(value := getattr(settings, name), Storage) else value)
+    p.size, p.fit_lobe, p.pack = stack.size or 0, settings.lobe_auto, pack
+    response = parse_rule(stack.decode)
+    p.decode = "auto" if response is None else response.name.partition(":")[0]
+    if response is not None and p.decode == "gamma":
+        p.gamma = response.gamma
+    p.one_plane, p.azimuth = stack.azimuth is not None, stack.azimuth or 0.0
+    p.frame = "crop" if stack.crop else "corners" if stack.corners else "whole"
+    p.crop, p.white_card = stack.crop or (0, 0, 0, 0), stack.white_card or (0, 0, 0, 0)
+    for name, corner in zip(_CORNERS, stack.corners or ()):
+        setattr(p, name, corner)
+    p.scale_by = "card" if stack.white_card else "none" if stack.albedo is None else "albedo"
+    p.albedo = 0.5 if stack.albedo is None else stack.albedo
+    p.spread, p.sides = stack.spread, stack.sides
+    p.white_reflectance, p.align = stack.white_reflectance, stack.align
+    for name, path in (("lights", stack.lights), ("flat_field", stack.flat_field), ("brdf", settings.brdf)):
+        setattr(p, name, "" if path is None else str(path))
+
+
+def draw_arc_settings(layout: bpy.types.UILayout, properties: Any, light: Any) -> None:
+    """Those of the bake's settings that have an effect."""
+    p, column = properties, layout.column()
+    column.use_property_split, column.use_property_decorate = True, False
+    rank = ("rank",) if p.compression == "basis" else ()
+    frame = {"crop": ("crop",), "corners": _CORNERS}.get(p.frame, ())
+    gamma = ("gamma",) if p.decode == "gamma" else ()
+    scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
+    plane = ("azimuth",) if p.one_plane else ()
+    brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
+    for part in (
+        ("size", "slices", "tileable", "compression", *rank, "storage"),
+        ("frame", *frame, "decode", *gamma, "scale_by", *scale, "flat_field", "align"),
+        ("lights", "one_plane", *plane, "spread", "sides"),
+        ("fit_lobe", *brdf, "pack"),
+    ):
+        for name in part:
+            column.prop(p, name)
+        column.separator()
+
+
+classes = (MEASURED_MATERIALS_PG_arc,)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    _register_classes()
+    bpy.types.Material.measured_arc = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_arc)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    del bpy.types.Material.measured_arc
+    _unregister_classes()

@@ -1,0 +1,111 @@
+"""How much a material spends on a sample, as Blender properties: a change rebuilds it at once."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from typing import Any
+
+import bpy
+
+from ....bake.brdf.modes import MODES
+from ....bake.tables.table import FILTERS
+from ...material.choices import AUTO
+from ...material.kinds import rebuild_or_say
+from .enum_items import enum
+
+# What a choice is called and does; choices themselves are those of the settings, in their order.
+_MODE_WORDS = {
+    "preview": (
+        "Preview",
+        "Cycles' own closures fitted to the measurement; as quick as Principled, and what EEVEE shows",
+    ),
+    "balanced": ("Balanced", "Exact where it is seen directly or in a mirror, Preview after a diffuse bounce"),
+    "exact": ("Exact", "Cycles' own closures as far as they go, the rest by a stochastic mirror: less noise"),
+    "reference": ("Reference", "All of it by a stochastic mirror"),
+}
+_FILTER_WORDS = {"nearest": "Nearest", "trilinear": "Linear", "bspline": "B-Spline"}
+
+
+def mode_property(**options: Any) -> Any:
+    """The one choice of a mode, for both kinds of material."""
+    return enum("Mode", "What accuracy is worth here", MODES, _MODE_WORDS, "exact", **options)
+
+
+_MODE = mode_property(options=set(), update=rebuild_or_say)
+_AIM = bpy.props.EnumProperty(
+    name="Aim at Lights",
+    description="Send the mirror towards the scene's lamps and the bright parts of its world",
+    items=[
+        (AUTO, "Automatic", "Where the scene has something to aim at"),
+        ("always", "Always", "Ready for lamps that are still to come"),
+        ("never", "Never", "Meet lights by chance"),
+    ],
+    default=AUTO,
+    options=set(),
+    update=rebuild_or_say,
+)
+_RESIDUAL = bpy.props.EnumProperty(
+    name="Residual",
+    description="The mirror for what Cycles' own closures leave of the measurement",
+    items=[
+        (AUTO, "Automatic", "Where it carries light"),
+        ("always", "Always", "Even if it carries next to nothing"),
+        ("never", "Never", "Refused where it carries light; mode Preview does without"),
+    ],
+    default=AUTO,
+    options=set(),
+    update=rebuild_or_say,
+)
+_FILTER = bpy.props.EnumProperty(
+    name="Filter",
+    description="How the table is reconstructed between samples",
+    items=[(AUTO, "As Baked", "What the table was measured with")] + [(f, _FILTER_WORDS[f], "") for f in FILTERS],
+    default=AUTO,
+    options=set(),
+    update=rebuild_or_say,
+)
+_DETAIL = bpy.props.EnumProperty(
+    name="Detail",
+    description="The swatch's texels",
+    items=[
+        (AUTO, "Automatic", "Left out where a texel is far below a pixel everywhere"),
+        ("always", "Always", "Kept at any distance"),
+        ("never", "Never", "The swatch's mean; refused where texels can be seen"),
+    ],
+    default=AUTO,
+    options=set(),
+    update=rebuild_or_say,
+)
+
+
+class MEASURED_MATERIALS_PG_quality(bpy.types.PropertyGroup):
+    """Mode, and what is not left to the scene."""
+
+    mode: _MODE
+    aim: _AIM
+    residual: _RESIDUAL
+    filter: _FILTER
+    detail: _DETAIL
+    problem: bpy.props.StringProperty(description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"})
+
+
+def draw_quality(layout: bpy.types.UILayout, properties: Any, names: tuple[str, ...]) -> None:
+    """Those of these names, which have an effect."""
+    column = layout.column()
+    column.use_property_split, column.use_property_decorate = True, False
+    for name in names:
+        column.prop(properties, name)
+
+
+classes = (MEASURED_MATERIALS_PG_quality,)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    _register_classes()
+    bpy.types.Material.measured_quality = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_quality)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    del bpy.types.Material.measured_quality
+    _unregister_classes()

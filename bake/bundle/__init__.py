@@ -1,0 +1,1 @@
+"""Bundles: folders of images and one JSON document."""

@@ -1,0 +1,1 @@
+"""Files that say where the light of each photograph was."""

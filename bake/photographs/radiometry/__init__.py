@@ -1,0 +1,1 @@
+"""What pixel values mean: curves, primaries, marks in files."""

@@ -1,0 +1,193 @@
+"""A shading map's material.json as one record: read once, and checked here and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..brdf.baked_table import BakedTable
+from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
+from ..brdf.grids import is_anisotropic
+from ..brdf.parts import TableRecord, sampler_of
+from ..brdf.record import BrdfRecord
+from ..bundle.bundle import MATERIAL, Bundle
+from ..bundle.checked_json import Fields
+from ..errors import BakeError
+from ..sampling.half_vector_cells import SamplerLayout
+from ..tables.atlas import AtlasLayout
+from . import power_law, slice_basis
+from .record_parts import (
+    LitAlbedoRecord,
+    LobeFitRecord,
+    MapErrorsRecord,
+    MapRecord,
+    PhotographsRecord,
+    TilingRecord,
+    check_images_hold,
+    render_settings_of,
+)
+from .render_settings import RenderSettings
+from .shading_map import ShadingMap
+from .slice_atlas import unpack_slices
+
+
+@dataclass(frozen=True)
+class MeasuredLobeRecord:
+    """A measured, isotropic BRDF that a shading map holds as its f_r.
+
+    Attributes
+    ----------
+    table, sampler : as of a BRDF's record
+    albedo : at the normal, a grey; None in bundles of before version 2
+    """
+
+    table: TableRecord
+    sampler: SamplerLayout
+    albedo: float | None
+
+
+@dataclass(frozen=True)
+class ShadingMapRecord:
+    """All that is known of a baked shading map; pixels are loaded by the methods only.
+
+    Attributes
+    ----------
+    where : the place that errors name
+    map : the stored map
+    render : how it is lit
+    albedo : under that light
+    tiling, lobe_fit : None where the swatch was not made to tile, and where no lobe was fitted
+    f_r : the measured BRDF that the bundle holds, if any
+    images, packed, rendering, document, bundle : as of `bake.brdf.record.BrdfRecord`
+    """
+
+    where: str | Path
+    source: SourceRecord
+    photographs: PhotographsRecord
+    map: MapRecord
+    render: RenderSettings
+    albedo: LitAlbedoRecord
+    errors: MapErrorsRecord
+    tiling: TilingRecord | None
+    lobe_fit: LobeFitRecord | None
+    f_r: MeasuredLobeRecord | None
+    images: Mapping[str, ImageRecord]
+    packed: bool
+    rendering: RenderingRecord
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+    bundle: Bundle | None = field(repr=False, compare=False)
+
+    @classmethod
+    def read(cls, bundle: Bundle) -> ShadingMapRecord:
+        """Of a bundle. Raises BakeError where it is of another kind, or an entry is missing or wrong."""
+        return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
+
+    @classmethod
+    def of(cls, source: Bundle | ShadingMapRecord) -> ShadingMapRecord:
+        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
+        return source if isinstance(source, ShadingMapRecord) else cls.read(source)
+
+    @classmethod
+    def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> ShadingMapRecord:
+        """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
+        fields = Fields(document, where)
+        if (kind := fields.text("kind")) != "shading_map":
+            raise BakeError(where, f"kind {kind!r:.40} is not a shading map", "update the extension")
+        images = images_of(fields)
+        stored = MapRecord.parse(fields.part("map"))
+        sizes = {name: (image.width, image.height, image.channels) for name, image in images.items()}
+        check_images_hold(stored, sizes, where)
+        tiling, fit = (isinstance(document.get(key), dict) for key in ("tiling", "lobe_fit"))
+        return cls(
+            where=where,
+            source=SourceRecord.parse(fields.part("source")),
+            photographs=PhotographsRecord.parse(fields),
+            map=stored,
+            render=render_settings_of(fields.part("render")),
+            albedo=LitAlbedoRecord.parse(fields, "albedo"),
+            errors=MapErrorsRecord.parse(fields.part("errors")),
+            tiling=TilingRecord.parse(fields.part("tiling")) if tiling else None,
+            lobe_fit=LobeFitRecord.parse(fields.part("lobe_fit")) if fit else None,
+            f_r=_measured_lobe_of(fields, images),
+            images=images,
+            packed=document.get("packed") is True,
+            rendering=RenderingRecord.parse(document.get("rendering")),
+            document=document,
+            bundle=bundle,
+        )
+
+    @property
+    def name(self) -> str:
+        """Of the swatch."""
+        return self.source.name
+
+    def has(self, image: str) -> bool:
+        """Whether there is an image of this name."""
+        return image in self.images
+
+    def files(self) -> Bundle:
+        """The bundle with the images. Raises BakeError where this record is of a document alone."""
+        if self.bundle is None:
+            raise BakeError(self.where, "has no images of its own", "give the bundle")
+        return self.bundle
+
+    def measured_lobe(self) -> MeasuredLobeRecord:
+        """The measured f_r. Raises BakeError where the bundle holds none."""
+        if self.f_r is None or not self.has("table"):
+            raise BakeError(self.where, "holds no measured BRDF to use as f_r", "choose a lobe, or bake with --brdf")
+        return self.f_r
+
+    def baked_lobe(self) -> BakedTable:
+        """The table of the measured f_r with its alias tables. Raises BakeError where the bundle holds none."""
+        lobe = self.measured_lobe()
+        return BakedTable(self.files(), "table", lobe.table, lobe.sampler, lobe.table.filter)
+
+    def load_map(self) -> ShadingMap:
+        """The map as stored, for numpy. Raises BakeError."""
+        bundle, stored = self.files(), self.map
+        tiles = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3] * np.float32(1 / stored.scale)
+        levels = np.linspace(0, 1, stored.slices)
+        if stored.model == "slices":
+            m = bundle.load("envelope")[..., :3] * np.float32(1 / stored.envelope_scale)
+            rest = np.concatenate([np.zeros_like(tiles[:1]), tiles])
+            return ShadingMap(rest + levels[:, None, None, None].astype(np.float32) * m)
+        model: Any
+        if stored.model == "power":
+            model = power_law.PowerLaw(tiles[0], tiles[1])
+        else:
+            model = slice_basis.SliceBasis(np.moveaxis(tiles, 0, -1), np.array(stored.curves))
+        return ShadingMap(np.stack([np.maximum(model.evaluate(x), 0).astype(np.float32) for x in levels]))
+
+
+def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> MeasuredLobeRecord | None:
+    """None where the bundle holds no table. Raises BakeError."""
+    if not fields.has("table"):
+        return None
+    table = TableRecord.parse(fields.part("table"), images["table"].storage if "table" in images else None)
+    if is_anisotropic(table.grid):
+        raise BakeError(fields.where, "takes f_r from an anisotropic BRDF", "bake it again with an isotropic one")
+    layout = sampler_of(fields.part("sampler"), anisotropic=False)
+    assert isinstance(layout, SamplerLayout)
+    check_size(images, "table", AtlasLayout.of(table.grid).size, fields)
+    check_size(images, "sampler", (layout.cells, layout.n_o), fields)
+    told = fields.part("f_r") if fields.has("f_r") else None
+    albedo = told.number("albedo", 0, 10) if told and told.has("albedo") else None
+    return MeasuredLobeRecord(table, layout, albedo)
+
+
+Record = BrdfRecord | ShadingMapRecord
+
+
+def read_record(bundle: Bundle) -> Record:
+    """Of a bundle of either kind. Raises BakeError where an entry is missing or wrong."""
+    return parse_record(bundle.material, bundle.path / MATERIAL, bundle)
+
+
+def parse_record(document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> Record:
+    """Of a document from anywhere, named `where` in errors. Raises BakeError as `read_record`."""
+    kind = ShadingMapRecord if kind_of(document) == "shading_map" else BrdfRecord
+    return kind.parse(document, where, bundle)

@@ -1,0 +1,163 @@
+"""Which grid serves an anisotropic source: its symmetries, its basis, and the basis' shape, all by measurement."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...source import Array, BrdfSource
+from ..accuracy import DirectionPairs
+from ..grids.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
+from ..grids.grid import Grid
+from .alpha_search import AlphaSearch, AlphaTrial
+from .grid_fit import GridErrors, Measure, fit_warps
+
+# Relative L1 difference up to which a symmetry is taken as exact, and half of the samples are saved.
+SYMMETRIC = 1e-3
+_WIDTHS = (0.03, 0.1, 0.3, 1.0)
+_RATIOS = (2.0, 1.4)
+_NARROWEST, _WIDEST = 2e-3, 8.0
+_ALPHAS_THETA, _ALPHAS_PHI = (0.0, 0.25, 0.5, 0.75), (0.05, 0.15, 0.3, 0.5)
+_RANKING = 4096
+# Of "auto".
+AUTO = {"half": ("slopes",), "normal": ("bezier", "fitted")}
+_INTENSITY_N = 12
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Relative L1 differences of f(wi, wo) to f(wo, wi), and to f after half a turn about the normal."""
+
+    reciprocity_error: float
+    half_turn_error: float
+
+    @property
+    def reciprocal(self) -> bool:
+        """Whether light and viewer may be exchanged."""
+        return self.reciprocity_error <= SYMMETRIC
+
+    @property
+    def half_turn(self) -> bool:
+        """Whether half a turn of the surface changes nothing, as of all brushed metals and most weaves."""
+        return self.half_turn_error <= SYMMETRIC
+
+    def facts(self) -> dict[str, float]:
+        """JSON-ready."""
+        return {"reciprocity_error": self.reciprocity_error, "half_turn_error": self.half_turn_error}
+
+
+def measured_symmetry(source: BrdfSource, pairs: DirectionPairs, truth: Array) -> Symmetry:
+    """Of values `truth` (P, 3) at the pairs."""
+    turn = np.array([-1.0, -1.0, 1.0])
+
+    def error(value: Array) -> float:
+        return pairs.relative_error(value - truth, truth)
+
+    return Symmetry(
+        error(source.evaluate(pairs.wo, pairs.wi)), error(source.evaluate(pairs.wi * turn, pairs.wo * turn))
+    )
+
+
+def half_shape(n: int, folded: bool) -> tuple[int, int, int, int]:
+    """Samples of the half basis at resolution n: n along each slope, n / 4 in theta_d, and as many in half of phi_d."""
+    quarter = max(4, round(n / 4))
+    return (1 if folded else 2) * quarter, quarter, n, n
+
+
+def normal_shape(n: int, folded: bool) -> tuple[int, int, int, int]:
+    """Samples [2 N, N, N, 4 N] of the normal basis, phi_o halved where folded, of as many texels as `half_shape`'s.
+
+    phi_delta takes 4 N: 2 N on either side of the viewer, what the isotropic table has for the one side it needs.
+    """
+    texels = np.prod([float(x) for x in half_shape(n, True)])
+    size = max(4, round((texels / (4 if folded else 8)) ** 0.25))
+    return (1 if folded else 2) * size, size, size, 4 * size
+
+
+class AnisotropicCandidates:
+    """Grids fitted to an anisotropic source; as `isotropic_search.IsotropicCandidates`."""
+
+    kinds = AUTO
+
+    @staticmethod
+    def named(basis: str, parameterization: str) -> tuple[str, ...]:
+        """The spacings of a basis under one name: slopes are fitted, and "squared" is a spacing of theta_h."""
+        if basis == "half":
+            return AUTO["half"] if parameterization == "fitted" else ()
+        return (parameterization,) if parameterization in NORMAL_KINDS else ()
+
+    def __init__(self, source: BrdfSource, n: int, alpha: str | tuple[float, float]) -> None:
+        self.source, self.n, self.alpha = source, n, alpha
+        self.errors = GridErrors.at(source, _RANKING, 0.25)
+        self.symmetry = measured_symmetry(source, self.errors.pairs, self.errors.truth)
+        self.found: list[Grid] = []
+        self.search: AlphaSearch | None = None
+
+    def asymmetries(self) -> dict[str, float]:
+        """JSON-ready."""
+        return self.symmetry.facts()
+
+    def add(self, basis: str, kind: str, if_hopeful: bool) -> None:
+        """Find the best grid of a basis and parameterisation."""
+        if basis == "half":
+            reciprocal = self.symmetry.reciprocal
+            start = AnisotropicHalfGrid(half_shape(self.n, reciprocal), folded=reciprocal)
+            self.found.append(_best_half(start, self.errors))
+            return
+        folded = self.symmetry.half_turn
+        grid = AnisotropicNormalGrid(normal_shape(self.n, folded), folded=folded, parameterization=kind)
+        if kind == "fitted":
+            grid = fit_warps(grid, self.errors)
+        elif kind == "bezier":
+            grid = self._best_bezier(grid, account=not if_hopeful)
+        self.found.append(grid)
+
+    def _best_bezier(self, grid: AnisotropicNormalGrid, account: bool) -> AnisotropicNormalGrid:
+        """Of a coarse square of shapes; total intensities cost seconds, and are summed if they choose or are asked."""
+        if not isinstance(self.alpha, str):
+            return replace(grid, alpha_theta=float(self.alpha[0]), alpha_phi=float(self.alpha[1]))
+        shapes = itertools.product(_ALPHAS_THETA, _ALPHAS_PHI)
+        trials = [replace(grid, alpha_theta=theta, alpha_phi=phi) for theta, phi in shapes]
+        if not account:
+            return min(trials, key=self.errors)
+        self.search = AlphaSearch(
+            tuple(
+                AlphaTrial(g.alpha_theta, g.alpha_phi, total_intensity(self.source, g), self.errors(g)) for g in trials
+            )
+        )
+        best = self.search.by_error if self.alpha == "error" else self.search.by_intensity
+        return replace(grid, alpha_theta=best.alpha_theta, alpha_phi=best.alpha_phi)
+
+
+def total_intensity(source: BrdfSource, grid: AnisotropicNormalGrid, most: int = _INTENSITY_N) -> float:
+    """Sum of all samples of the table (MY16 section 4.2), or of one of at most `most` elevations of its proportions."""
+    n_a, n_b, n_r, n_c = grid.shape
+    share = min(1.0, most / n_b)
+    azimuth, columns = (max(4, 2 * round(n * share / 2)) for n in (n_a, n_c))
+    small = replace(grid, shape=(azimuth, max(4, round(n_b * share)), max(4, round(n_r * share)), columns))
+    values = source.evaluate(*small.directions(*np.meshgrid(*map(np.arange, small.shape), indexing="ij")))
+    return float(values.sum(dtype=np.float64))
+
+
+def _best_half(start: AnisotropicHalfGrid, rms: Measure) -> AnisotropicHalfGrid:
+    """Widths by a coarse square of trials, then steps in either width for as long as one pays."""
+    coarse = (replace(start, width_x=x, width_y=y) for x, y in itertools.product(_WIDTHS, _WIDTHS))
+    best = min(coarse, key=rms)
+    for ratio in _RATIOS:
+        while True:
+            steps = ((ratio, 1.0), (1 / ratio, 1.0), (1.0, ratio), (1.0, 1 / ratio), (ratio, ratio), (1 / ratio,) * 2)
+            moved = [
+                replace(
+                    best,
+                    width_x=float(np.clip(best.width_x * x, _NARROWEST, _WIDEST)),
+                    width_y=float(np.clip(best.width_y * y, _NARROWEST, _WIDEST)),
+                )
+                for x, y in steps
+            ]
+            found = min(moved, key=rms)
+            if rms(found) >= rms(best) * 0.995:
+                break
+            best = found
+    return best

@@ -1,0 +1,1 @@
+"""Swatches that repeat without seams."""
