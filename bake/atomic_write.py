@@ -16,7 +16,7 @@ from uuid import uuid4
 if sys.platform != "win32":
     import fcntl
 
-_ABANDONED_AFTER = 3600.0  # seconds, where no lock can tell whether a writer still lives
+_ABANDONED_AFTER = 3600.0  # seconds, where no lock shows whether a writer still lives
 _PARTIAL, _ASIDE = "partial", "old"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class BakeError(Exception):
-    """Input that cannot be used, told in one line: which file, what is wrong with it, what to do.
+    """Input that cannot be used, reported in one line: which file, what is wrong with it, what to do.
 
     Parameters
     ----------

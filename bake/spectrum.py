@@ -147,7 +147,7 @@ def xyz_to_rec709(white: Array | None = None) -> Array:
 
 
 def spectrum_to_rec709(spectra: Array, wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
-    """Linear Rec.709 of reflectance or BRDF spectra lit by an illuminant, D65 unless told otherwise.
+    """Linear Rec.709 of reflectance or BRDF spectra lit by an illuminant, D65 by default.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Node group: a tabulated BRDF in the mode chosen (DESIGN.md section 5)."""
+"""Node group: a tabulated BRDF in the mode chosen (addon/docs/method.md, section 9)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .weighted_closures import WeightedClosures
 
 @dataclass(frozen=True)
 class BrdfParts:
-    """What a material is built of; None for what its mode does not use or its bundle does not hold.
+    """Parts that a material is built of; None for what its mode does not use or its bundle does not hold.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def uses_nodes(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) ->
 
 
 def compute_device() -> str:
-    """What Cycles takes for "GPU Compute", e.g. "OPTIX"; "NONE" where nothing is chosen."""
+    """Device that Cycles takes for "GPU Compute", e.g. "OPTIX"; "NONE" where nothing is chosen."""
     addon = bpy.context.preferences.addons.get("cycles")
     return str(getattr(addon.preferences, "compute_device_type", "NONE")) if addon is not None else "NONE"
 

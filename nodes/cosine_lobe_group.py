@@ -20,7 +20,7 @@ from .lobe_group import lobe_group, lobe_pdf_group, sample_lobe_group
 LEAST_EXPONENT = 0.01
 # Far beyond it float32 overflows on the way to values and factors.
 FINITE_EXPONENT = 1e8
-# Directions of float32 cannot tell angles in a highlight narrower than this one's apart.
+# Directions of float32 cannot distinguish angles in a highlight narrower than this one's.
 MOST_EXPONENT = 1e4
 USUAL_EXPONENT = 50.0
 

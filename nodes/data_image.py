@@ -38,6 +38,7 @@ class LoadedBundle(Bundle):
         return self.textures[name]
 
     def load(self, name: str) -> NDArray[np.float32]:
+        """Pixels (H, W, C) of a texture of the material, top row first."""
         image = self.texture(name)
         values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
         image.pixels.foreach_get(values)
@@ -106,7 +107,7 @@ def movable_path(path: Path) -> str:
 
 
 def file_name(image: bpy.types.Image) -> str:
-    """Of the file it was loaded from, without the folder, whichever system wrote the path."""
+    """Name of the file an image was loaded from, without the folder, whichever system wrote the path."""
     return re.split(r"[/\\]", image.filepath)[-1]
 
 
@@ -142,5 +143,5 @@ def name_made(image: bpy.types.Image) -> None:
 
 
 def content_of(data: bytes) -> str:
-    """What `CONTENT_KEY` holds of a file of these bytes."""
+    """Value of `CONTENT_KEY` for a file of these bytes."""
     return hashlib.sha256(data).hexdigest()

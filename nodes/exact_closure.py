@@ -1,4 +1,4 @@
-"""A tabulated BRDF as native closures under it and a mirror for the rest (DESIGN.md section 5)."""
+"""A tabulated BRDF as native closures under it and a mirror for the rest (addon/docs/method.md, section 9)."""
 
 from __future__ import annotations
 

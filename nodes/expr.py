@@ -233,7 +233,7 @@ def where(condition: Value, a: Value, b: Value) -> Any:
             {0: condition, 4: b, 5: a},
         )
         return Vector(made.outputs[1])
-    # The Mix node names sockets alike for every type; they are told apart by their place.
+    # The Mix node names sockets alike for every type; they differ by their place.
     made = node(
         "ShaderNodeMix",
         {"data_type": "FLOAT", "clamp_factor": False},

@@ -1,4 +1,4 @@
-"""What a denoiser wants to know of a measured material: its albedo and its normal, as passes free of noise.
+"""What a denoiser needs to know of a measured material: its albedo and its normal, as passes free of noise.
 
 Cycles writes its own denoising passes at the first surface that is not a mirror. Where a sample of a measured material
 is a stochastic mirror, they hence show what that mirror happened to meet: another surface's normal, or none, and the

@@ -1,4 +1,4 @@
-"""Node groups of compressed shading maps, with the sockets of `slices_group`: KSS04's power law, and a basis."""
+"""Node groups of compressed shading maps, sockets as of `slices_group`: a power law (Kautz et al. 2004) or a basis."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def safe_name(name: str, room: int = 0) -> str:
 
 
 def part_name(name: str) -> str:
-    """What a material's groups and textures are called after, which say before or behind it what they are."""
+    """Name that a material's groups and textures share; what they are is said before or behind it."""
     return safe_name(name, _ROOM)
 
 

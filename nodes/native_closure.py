@@ -1,4 +1,4 @@
-"""Cycles' own closures that equal an f_r of a shading map, or lie under it (DESIGN.md section 6)."""
+"""Cycles' own closures that equal an f_r of a shading map, or lie under it (addon/docs/method.md, section 12)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def viewport_closures(lobe: Lobe, normal: Any, colour: Any) -> list[Any]:
 
 
 def add_closures(closures: list[Any]) -> Any:
-    """Their sum."""
+    """Closure that is the sum of several."""
     total = closures[0]
     for closure in closures[1:]:
         total = expr.Scalar(expr.node("ShaderNodeAddShader", {}, {0: total, 1: closure}).outputs[0])

@@ -1,4 +1,4 @@
-"""Node group: a shading map lit by f_r, as envelope and residual, by mirror alone, or as KSS04's rival techniques."""
+"""Node group: a shading map lit by f_r, by envelope and residual, by mirror, or as in Kautz et al. 2004, figure 6."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class MeasuredLobe:
 
 @dataclass(frozen=True)
 class Lighting:
-    """How a map is lit.
+    """Lighting of a shading map.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Lighting:
         return self.settings.lobe
 
     def options(self, *, stochastic: bool) -> SliceOptions:
-        """Of the slices' group."""
+        """Options of the slices' group."""
         above, tiling = self.settings.above, self.settings.tiling
         return SliceOptions(above, self.peak and self.exact, self.measured is not None, stochastic, tiling)
 
@@ -221,7 +221,7 @@ def _proportional(drawn: DrawnDirection, f_cos: Any, lighting: Lighting, texture
 def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, light_level: Any) -> Any:
     """EEVEE: what the flat material would send out, by Shader to RGB, is the level; its hue stays with the light.
 
-    A level of 1 is what the brightest photograph shows under light of unit irradiance, so "Light Level" tells the
+    A level of 1 is what the brightest photograph shows under light of unit irradiance, so "Light Level" is the
     irradiance that the scene's key light stands for.
     """
     radiance = expr.Vector(_sum_shader_to_rgb(lighting, normal))

@@ -66,7 +66,7 @@ def build_shading_map(
 
 
 def lighting_of(record: ShadingMapRecord, settings: RenderSettings) -> Lighting:
-    """How the map is lit by a lobe; a measured f_r is added by the caller."""
+    """Lighting of the map by a lobe; a measured f_r is added by the caller."""
     measured = None
     if settings.lobe is None:
         measured = record.baked_lobe().load()

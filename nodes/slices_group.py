@@ -1,4 +1,4 @@
-"""Node group: light reflected by a shading map at level x, and its split into envelope and residual (KSS04)."""
+"""Node group: light reflected by a shading map at level x, and its split into envelope and residual."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class SliceImages:
 
 @dataclass(frozen=True)
 class SliceOptions:
-    """What of the lookup a material needs.
+    """Options of the slices' lookup that a material needs.
 
     Parameters
     ----------

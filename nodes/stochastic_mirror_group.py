@@ -1,4 +1,4 @@
-"""Node groups: an arbitrary BRDF as a perfect mirror whose facet the shader itself draws (DESIGN.md section 5)."""
+"""Node groups: an arbitrary BRDF as a perfect mirror whose facet the shader itself draws (method.md, section 7)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .native_closure import choose_closure
 
 
 def ray_hash(salt: Any = None) -> tuple[Any, tuple[Any, Any, Any]]:
-    """Position, and three hashes of all else that tells one ray from another at a position; others for another salt.
+    """Position, and three hashes of all else that separates rays at a position; others for another salt.
 
     Of a camera far from the origin many rays meet the surface at one float32 position and differ in direction alone;
     those of an orthographic one all have one direction, and differ within the triangle more finely than in position.

@@ -19,7 +19,8 @@ from .table_lookup_group import table_lookup_group
 
 @dataclass(frozen=True)
 class TableGroups:
-    """Of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that pdf.
+    """Node groups of a tabulated BRDF: (wi, wo, random) to it, (wo, random numbers) to (wi, pdf), and (wi, wo) to that
+    pdf.
 
     Parameters
     ----------

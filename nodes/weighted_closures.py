@@ -1,4 +1,4 @@
-"""Native closures with weights that depend on the viewer: an envelope, or those of mode Preview (DESIGN.md section 5).
+"""Native closures with weights that depend on the viewer: an envelope, or those of mode Preview (method.md, section 9).
 
 Weights of an isotropic material depend on theta_o alone, those of an anisotropic one on the azimuth too.
 """
@@ -47,7 +47,7 @@ class WeightedClosures:
         return [expr.image_tap(self.image, u, row, "Linear") for row in rows]
 
     def closure(self, weights: list[tuple[Any, Any]], normal: Any, factor: Any) -> Any:
-        """Their sum, times a colour."""
+        """Sum of the closures, times a colour."""
         parts = [
             native_closure(lobe, colour * factor, normal, self.tangent)
             for lobe, (colour, _) in zip(self.closures, weights, strict=True)

@@ -277,7 +277,15 @@ class Stage:
 
 def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
     texts = Stage(lacquer).drawn(panel._Panel)
-    for text in ("lacquer", "MERL", "RMS error", "8 x 8 x 16, normal basis, bezier", "hand", "In files", "In memory"):
+    for text in (
+        "lacquer",
+        "MERL",
+        "RMS error",
+        "8 x 8 x 16, normal basis, bezier",
+        "manually",
+        "In files",
+        "In memory",
+    ):
         assert text in texts
     stage = Stage(lacquer)
     stage.engine = "BLENDER_WORKBENCH"

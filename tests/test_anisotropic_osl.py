@@ -55,7 +55,7 @@ def test_lookup(tmp_path: Path, name: str, filter: str) -> None:
     position = np.stack(grid.coordinates(xp_numpy, wi, wo), -1)
     if filter == "nearest":
         off = off[(np.abs(position - np.floor(position) - 0.5) > 1e-3).all(-1)]
-    # As for the nodes, `test_anisotropic_cards.py`; OSL's arctangent, mended, keeps 1e-7 of a turn.
+    # As for the nodes, `test_anisotropic_cards.py`; OSL's arctangent, corrected, keeps 1e-7 of a turn.
     assert np.quantile(off, 0.99) < 3e-4 and np.median(off) < 3e-5
 
 

@@ -1,4 +1,4 @@
-"""The demonstration of shading maps, small: what it writes and tells, what it leaves behind, and its roll."""
+"""The demonstration of shading maps, small: what it writes and reports, what it leaves behind, and its roll."""
 
 from __future__ import annotations
 

@@ -248,7 +248,7 @@ def test_inspect_tells_what_else_could_have_been_chosen(
     assert main(["inspect", str(tmp_path / "lacquer.mmat")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("Table ") and "half basis, " in line for line in lines)
-    (rivals,) = [line for line in lines if line.startswith("Others' error")]
+    (rivals,) = [line for line in lines if line.startswith("RMS of other grids")]
     assert all(name in rivals for name in ("normal fitted", "normal uniform", "half squared", "half uniform"))
     assert main(["bake", "brdf", str(measurement), *out, "--basis", "half", "--alpha", "0.5,0.5"]) == 2
 

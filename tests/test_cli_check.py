@@ -1,4 +1,4 @@
-"""`check FILE.blend`: findings line by line, mending into the file or another, and files that are none."""
+"""`check FILE.blend`: findings line by line, fixing the file or a copy, and files that are none."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_lists_mends_and_keeps_the_old_file(blends: Path) -> None:
     assert "scene Scene: Clamping, Indirect Light is 4, should be 0: " in done.stdout
     assert "scene Other: Filter Glossy is 1, should be 0: " in done.stdout
     last = done.stderr.splitlines()[-1]
-    assert last == ("measured_materials: scene.blend: 2 settings bias its measured materials; --mend mends 2 of them")
+    assert last == ("measured_materials: scene.blend: 2 settings bias its measured materials; --fix fixes 2 of them")
     assert file.read_bytes() == before
 
     done = command("scene.blend", "--mend", "--json", cwd=blends)
@@ -99,9 +99,9 @@ def test_lists_mends_and_keeps_the_old_file(blends: Path) -> None:
 
 def test_saves_elsewhere_and_finds_the_textures_from_there(blends: Path) -> None:
     before = (blends / "scene.blend").read_bytes()
-    done = command("scene.blend", "--mend", "--out", "new/mended.blend", cwd=blends)
+    done = command("scene.blend", "--fix", "--out", "new/mended.blend", cwd=blends)
     assert done.returncode == 0, done.stderr
-    assert "mended scene Other: Filter Glossy is 1 -> 0" in done.stdout.splitlines()
+    assert "fixed scene Other: Filter Glossy is 1 -> 0" in done.stdout.splitlines()
     assert (blends / "scene.blend").read_bytes() == before and not (blends / "scene.blend1").exists()
     done = command("mended.blend", "--json", cwd=blends / "new")
     assert done.returncode == 0
@@ -157,7 +157,7 @@ def test_a_place_that_cannot_be_written_leaves_nothing(blends: Path) -> None:
 
 @pytest.mark.parametrize("arguments, word", [
     ("check", "FILE.blend"),
-    ("check x.blend --out y.blend", "--mend"),
+    ("check x.blend --out y.blend", "--fix"),
     ("check x.blend --mend --out y.png", "is not a FILE.blend"),
 ])  # fmt: skip
 def test_wrong_usage(arguments: str, word: str, capsys: pytest.CaptureFixture[str]) -> None:

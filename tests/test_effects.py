@@ -1,4 +1,4 @@
-"""What a material's graph holds and does without, and who may say otherwise."""
+"""What a material's graph holds and omits, and who may override that."""
 
 from __future__ import annotations
 

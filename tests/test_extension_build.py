@@ -39,7 +39,7 @@ def blender_ext(*arguments: str | Path) -> str:
 
 @pytest.fixture(scope="module")
 def tags(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tags Blender knows, in the form its tool wants."""
+    """The tags Blender knows, in the form its tool requires."""
     known = SCRIPTS / "modules/_bpy_internal/extensions/tags.py"
     file = tmp_path_factory.mktemp("tags") / "tags.py"
     file.write_text(known.read_text() + '\nresult = {"add-on": addons, "theme": themes}\n')

@@ -53,7 +53,7 @@ def test_close_candidates_are_told_apart() -> None:
     found = race(source, grids)
     assert [c.grid for c in found] == grids
     assert rms[winner(found)] <= 1.01 * min(rms.values())
-    # What dropped out is told by what it was behind: never less than the winner's.
+    # What dropped out is reported by how far it was behind: never less than the winner's.
     assert all(np.isfinite(c.rms) and c.rms >= min(x.rms for x in found) for c in found)
 
 

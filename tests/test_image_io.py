@@ -236,7 +236,7 @@ def exr(
     tail: int = 4096,
     extra: bytes = b"",
 ) -> bytes:
-    """A made-up file whose header says what a test wants, followed by zeros."""
+    """A made-up file whose header says what a test needs, followed by zeros."""
     channels = b"".join(n.encode() + b"\0" + struct.pack("<4i", kind, 0, step, step) for n in names) + b"\0"
     head = b"\x76\x2f\x31\x01" + struct.pack("<I", version | flags) + extra
     head += attribute("channels", "chlist", channels)

@@ -318,7 +318,7 @@ def test_files_of_versions_before_get_room_when_they_are_opened(scene: bpy.types
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
     aiming = [tree for tree in bpy.data.node_groups if SLOTS_KEY in tree and tree.users]
     assert aiming and all(can_switch(tree) and tree[SLOTS_KEY] == 2 for tree in aiming)
-    # Nothing of it was changed by hand, and nothing says so.
+    # Nothing of it was edited manually, and nothing says so.
     assert all(tree[HASH_KEY] == content_hash(tree) for tree in bpy.data.node_groups if HASH_KEY in tree)
 
 

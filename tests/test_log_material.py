@@ -57,7 +57,7 @@ def test_a_material_is_its_table(bundle: Bundle, mode: str, osl: bool) -> None:
 
 
 def test_values_interpolated_would_be_found(bundle: Bundle) -> None:
-    """The instrument tells codes from values."""
+    """The instrument distinguishes codes from values."""
     table = BrdfRecord.read(bundle).load_table()
     with stage("sky") as lit:
         right, wrong = (lit.truth(t.evaluate)[lit.mask] for t in (table, values_alone(table)))
@@ -92,7 +92,7 @@ def test_four_modes_build(bundle: Bundle) -> None:
 
 
 def test_from_bake_to_render(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Baked, told of by `inspect`, and rendered."""
+    """Baked, reported by `inspect`, and rendered."""
     options = ["--resolution", "6", "--storage", "log", "--sampler", "16", "--parameterization", "uniform"]
     assert main(["bake", "brdf", "--analytic", "ggx", "alpha=0.4", "--out", str(tmp_path), *options]) == 0
     pictures = {p.stem.rsplit("_")[-1] for p in (tmp_path / "ggx.mmat").glob("*.png")}

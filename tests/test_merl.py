@@ -175,7 +175,7 @@ def test_holes_are_filled_close_to_truth(satin: Ggx, satin_file: Path, tmp_path:
     above = ~merl.below_horizon()
     marks = [np.nan, -1.0, np.inf, -0.2]
     kinds = rng.integers(0, 4, planes.shape)
-    # One entry in 20 with its mirror image, so that averaging the halves cannot mend it, and one solid block.
+    # One entry in 20 with its mirror image, so that averaging the halves cannot repair it, and one solid block.
     hit = rng.random(planes.shape) < 0.05
     hit |= hit[..., (180 - np.arange(180)) % 180]
     hit[:, 30:33, 20:24, :] = True

@@ -89,7 +89,7 @@ TYPES = [item.identifier for item in bpy.types.Object.bl_rna.properties["type"].
 
 @pytest.mark.parametrize("kind", sorted({*TYPES} - {"GPENCIL"}))
 def test_an_import_says_where_its_material_is(bundle: Bundle, kind: str, tmp_path: Path) -> None:
-    """For every type of object: in its slot and told so, or kept by a fake user and refused in one line."""
+    """For every type of object: in its slot and reported so, or kept by a fake user and refused in one line."""
     obj = bpy.data.objects.new(kind, data_of(kind))
     assert obj.type == kind
     material = build_material(bundle)

@@ -1,4 +1,4 @@
-"""Node groups against float64 numpy, input by input, on render cards (DESIGN.md section 10, point 1)."""
+"""Node groups against float64 numpy, input by input, on render cards (addon/docs/method.md, section 16)."""
 
 from __future__ import annotations
 

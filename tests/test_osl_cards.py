@@ -1,6 +1,6 @@
-"""The functions of the OSL shaders against float64 numpy, input by input, on render cards (DESIGN.md section 10).
+"""The functions of the OSL shaders against float64 numpy, input by input, on render cards (method.md, section 16).
 
-OSL's sines and cosines are fast and wrong by up to 2e-7; its arcsine and arctangent by 1e-4, unless mended as ours are.
+OSL's sines and cosines are fast and wrong by up to 2e-7; its arcsine and arctangent by 1e-4, unless corrected.
 """
 
 from __future__ import annotations

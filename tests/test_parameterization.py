@@ -62,7 +62,7 @@ def test_ends_and_monotony(kind: str, alpha: float) -> None:
 
 
 def test_bezier_equals_the_papers_curve() -> None:
-    """The stable form is MY16's quadratic Bezier with control points (0,0), (1-alpha... ) traced by parameter t."""
+    """The stable form is the quadratic Bezier of Mallett & Yuksel 2016, equation 5, traced by parameter t."""
     for alpha in (0.0, 0.2, 0.7, 1.0):
         t = np.linspace(0, 1, 200)
         x = 1 - (1 - t) ** 2  # cos g along the curve

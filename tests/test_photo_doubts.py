@@ -46,7 +46,7 @@ def tiff(path: Path, *pages: tuple[np.ndarray, int]) -> Path:
 
 
 def inspected(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """Warnings as `inspect` tells them."""
+    """Warnings as `inspect` reports them."""
     assert main(["inspect", str(folder), "--json"]) == 0
     return json.loads(capsys.readouterr().out)["warnings"]
 

@@ -112,7 +112,7 @@ def test_few_photographs_of_which_one_moved_are_mended(moved: int) -> None:
 
 
 def test_lines_are_moved_along_one_axis_only() -> None:
-    """Across fine lines an error of a fifth of a pixel spoils more than two pixels along them mend."""
+    """Across fine lines an error of a fifth of a pixel spoils more than two pixels along them repair."""
     y, x = np.mgrid[:96, :96].astype(float)
     lines = 0.5 + 0.3 * np.sin(2 * np.pi * y / 6) + 0.02 * np.sin(2 * np.pi * x / 23)
     other = 0.5 + 0.3 * np.sin(2 * np.pi * y / 6) + 0.02 * np.sin(2 * np.pi * (x - 2) / 23)

@@ -286,7 +286,7 @@ def test_natural_order() -> None:
     assert sorted(names, key=natural_key) == ["Image1.jpg", "image2.jpg", "image2b.jpg", "image10.jpg"]
 
 
-def test_companions_are_silent_and_strangers_are_told(tmp_path: Path) -> None:
+def test_companions_are_silent_and_foreign_files_are_reported(tmp_path: Path) -> None:
     stack_of(tmp_path, ".png", [np.full((4, 4, 3), 99, np.uint8)] * 2)
     for name in ("LICENSE", "README", "notes.txt", "dirs.json", ".hidden.jpg", "Thumbs.db"):
         (tmp_path / name).write_text("x")

@@ -150,7 +150,7 @@ def test_prefixes_missing_doubled_and_unlisted(tmp_path: Path) -> None:
     assert lights.facts["left_out"] == ["normals.png", "low.jpg"]
 
 
-def test_contradiction_and_strangers_are_errors(tmp_path: Path) -> None:
+def test_contradiction_and_foreign_files_are_errors(tmp_path: Path) -> None:
     file = write_text(tmp_path / "dirs.lp", "a.jpg 0 0 1\na.jpg 1 0 1\nb.jpg 1 0 1")
     with pytest.raises(BakeError, match=r"dirs\.lp: gives a\.jpg two different lights"):
         find_lights(paths_of(tmp_path, "a.jpg", "b.jpg"), None, True)

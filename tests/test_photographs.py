@@ -290,7 +290,7 @@ def test_progress_and_facts(tmp_path: Path) -> None:
 
 
 def test_genuine_photographs(shared_data: Path) -> None:
-    """Tiny relief: the light file names a subfolder, lights cover the dome, one plane is chosen and told."""
+    """Tiny relief: the light file names a subfolder, lights cover the dome, one plane is chosen and reported."""
     stack = read_stack(shared_data / "stacks" / "tiny_relief" / "jpg", StackSettings(spread=10))
     assert stack.directions is not None and 8 <= len(stack.names) < 240
     assert any("lights cover many azimuths" in warning for warning in stack.warnings)

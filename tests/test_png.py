@@ -47,7 +47,7 @@ def png(
     before: bytes = b"",
     packed: bytes | None = None,
 ) -> bytes:
-    """A made-up file whose header and rows are what a test wants."""
+    """A made-up file whose header and rows are what a test needs."""
     channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(kind, 1)
     rows = bytes((1 + 4 * channels) * 4) if rows is None else rows
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", *size, depth, kind, 0, 0, interlace))

@@ -135,8 +135,8 @@ def test_any_finite_slices_give_finite_laws_within_bounds(free_k: bool, data: st
 @pytest.mark.parametrize("free_k", [False, True])
 def test_black_texels_and_the_bounds(free_k: bool) -> None:
     slices = np.zeros((8, 1, 4, 3), np.float32)
-    slices[1:, 0, 1] = 1  # constant: K wants to be 0
-    slices[-1, 0, 2] = 1  # only the last slice: K wants to be infinite
+    slices[1:, 0, 1] = 1  # constant: K tends to 0
+    slices[-1, 0, 2] = 1  # only the last slice: K tends to infinity
     slices[1:-1, 0, 3] = 1  # nothing in the last slice
     law = fit(slices, free_k=free_k)
     assert (law.k[0, 0] == 0).all() and (law.exponent[0, 0] == 1).all()

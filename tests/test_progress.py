@@ -91,7 +91,7 @@ def test_readable_time(seconds: float, words: str) -> None:
 
 
 class Told:
-    """Shares of the whole, as the stages that a bake has told of make them."""
+    """Shares of the whole, as the stages that a bake has reported make them."""
 
     def __init__(self, settings: BakeSettings | ArcSettings) -> None:
         self.stages = bake_stages(settings)

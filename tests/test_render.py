@@ -137,7 +137,7 @@ def test_changed_pixels_are_refused(tmp_path: Path) -> None:
 
 
 def test_building_again_survives_what_artists_do(grey: Bundle, tmp_path: Path) -> None:
-    """A changed interface, a deleted output and a group edited by hand neither stop a new bake nor get lost."""
+    """A changed interface, a deleted output and a group edited manually neither stop a new bake nor get lost."""
     material = build_material(grey)
     node = group_node(material)
     edited = node.node_tree

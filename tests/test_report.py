@@ -252,7 +252,7 @@ def _check_facts(document: dict[str, Any]) -> None:
 
 
 def test_inputs_of_the_user(tiny: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A folder of photographs, the map baked from it, and one without lights: no word of what cannot be told."""
+    """A folder of photographs, the map baked from it, and one without lights: no word of what cannot be known."""
     folder = write_stack(tmp_path / "denim", tuple(range(8, 88, 8)), size=(20, 16))
     nameless = tmp_path / "felt"
     nameless.mkdir()

@@ -121,7 +121,7 @@ def test_closed_form(synthetic, jacobian):
 
 @pytest.mark.parametrize("span", [(-np.pi, np.pi), (0, np.pi), (1.0, 2.0)])
 def test_two_azimuths_are_isotropic(tmp_path: Path, span):
-    """As in Mitsuba and pbrt: half vectors are told from wi. Of two that differ the mean is read."""
+    """As in Mitsuba and pbrt: half vectors count from wi. Of two that differ the mean is read."""
     path = tmp_path / "two.bsdf"
     write_tensor_file(path, closed_form_fields(span))
     source = read_rgl(path)

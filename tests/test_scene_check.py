@@ -1,4 +1,4 @@
-"""The scene check: every rule where it fires and where not, its mending, and which materials count."""
+"""The scene check: every rule where it fires and where not, its fix, and which materials count."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def painted(bundle: Bundle) -> Iterator[TestScene]:
 
 @pytest.mark.parametrize("case", CASES, ids=[f"{case.rule}-{k}" for k, case in enumerate(CASES)])
 def test_rule(painted: TestScene, case: Case) -> None:
-    """Silent before, told after, silent again when mended."""
+    """Silent before, reported after, silent again when fixed."""
     assert not rules(painted)
     case.spoil(painted)
     found = rules(painted)[case.rule]
@@ -224,7 +224,7 @@ def test_linked_materials_are_told_and_left_alone(bundle: Bundle, tmp_path: Path
 
 @pytest.mark.parametrize("has_room", [True, False])
 def test_linked_groups_with_too_few_slots(bundle: Bundle, tmp_path: Path, has_room: bool) -> None:
-    """Built under one lamp there, used under two here: a group with room follows, one of versions before is told of."""
+    """Built under one lamp there, used under two here: a group with room follows, an older one is reported."""
     library = tmp_path / "library.blend"
     with lit_sphere(build_material(bundle, lamps=lamp_image()), 16) as scene:
         update_scene(scene.scene)

@@ -1,4 +1,4 @@
-"""The scene check's rules on both sides of what they tell; no rule is without either."""
+"""The scene check's rules on both sides of what they report; no rule is without either."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_edge(bundle: Bundle, edge: Edge) -> None:
 def test_a_mended_area_lamp_is_a_fiftieth_of_its_distance_wide(
     painted: TestScene, shape: str, x: float, y: float
 ) -> None:
-    """In the world, whatever its object's scale, and as told: half a degree of radius seen from the sphere."""
+    """In the world, whatever its object's scale, and as stated: half a degree of radius seen from the sphere."""
     scaled(x, y, shape=shape, size=0.0, size_y=0.0)(painted)
     lamp = bpy.data.objects["AREA"]
     finding = rules(painted)["lamp_size"]

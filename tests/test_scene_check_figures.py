@@ -1,4 +1,4 @@
-"""The numbers that the scene check tells users, each held to half and one and a half times of what a render shows."""
+"""The numbers that the scene check shows users, each held to half and one and a half times of what a render shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene check on light that differs by kind of ray, and on volumes: what is told, and pictures that prove it."""
+"""The scene check on light that differs by kind of ray, and on volumes: what is reported, proven by pictures."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def change(scene: TestScene, spoil: Callable[[TestScene], None], samples: int, s
     return scene.render(samples, seeds).mean((1, 2, 3)) / before - 1
 
 
-# Material, place, and the change to be seen, where a scene this small shows less than the check tells; the other
+# Material, place, and the change to be seen, where a scene this small shows less than the check states; the other
 # figures are held closely by `test_scene_check_figures.py`. In a "room" the ground is of the paint too; the "mirror" is
 # all there is of mode Reference and finds an "unaimed" lamp, which is small, by chance.
 PROOFS: dict[str, tuple[str, float, float]] = {
@@ -55,7 +55,7 @@ PROOFS: dict[str, tuple[str, float, float]] = {
 
 @pytest.mark.parametrize("rule", PROOFS)
 def test_it_does_change_the_picture(bundle: Bundle, rule: str) -> None:
-    """By about as much as the check tells.
+    """By about as much as the check states.
 
     No seed changes in the other direction: with six of them that happens by chance once in 32 times where a setting
     does nothing on average, and with a mean change of this size far more rarely.
@@ -107,7 +107,7 @@ def test_a_mended_mix_keeps_the_sun(bundle: Bundle, mode: str, tint: tuple[float
 def test_a_mended_mix_is_what_cycles_own_closure_shows(matte: Bundle, mode: str) -> None:
     """A matte material under a sun, seven parts of it black: Diffuse of three tenths of its albedo.
 
-    The truth shares nothing with what is mended; noise is a percent.
+    The truth shares nothing with what is fixed; noise is a percent.
     """
     material = build_material(matte, mode=mode, lamps=lamp_image())
     with lit_sphere(material, 32, lamp=False, ground=False, resolution=32) as scene:

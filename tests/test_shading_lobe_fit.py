@@ -58,7 +58,7 @@ def test_bad_lobes(arguments: tuple[Any, ...]) -> None:
 
 
 def test_unknown_parameter_by_name() -> None:
-    """The error tells the right names."""
+    """The error names the right ones."""
     with pytest.raises(BakeError, match="choose from alpha"):
         Lobe.of("ggx", roughness=0.5)
     with pytest.raises(BakeError, match="has no parameter alpha"):
@@ -136,7 +136,7 @@ def test_fit_survives_noise_and_prefers_the_simple() -> None:
 
 
 def test_few_photographs_ask_for_few_parameters() -> None:
-    """One photograph cannot tell lobes apart, three cannot fit Phong's two parameters and a scale."""
+    """One photograph cannot distinguish lobes, three cannot fit Phong's two parameters and a scale."""
     assert set(fit_lobe([1.0], [2.0]).candidates) == {"lambert"}
     assert set(fit_lobe(ELEVATIONS[:3], [1, 2, 3]).candidates) == {"lambert", "oren_nayar", "ggx", "sheen"}
     assert set(fit_lobe([1.0, 1.0, 1.0, 1.0], [1, 1, 1, 1]).candidates) == {"lambert"}

@@ -84,7 +84,7 @@ def test_sample_nodes(lobe: Lobe) -> None:
 
 
 def test_groups_are_shared_and_small() -> None:
-    """Equal groups are made once; the budget of a whole material is about 120 nodes (DESIGN.md section 11)."""
+    """Equal groups are made once; the budget of a whole material is about 120 nodes (method.md, section 15)."""
     compat.ensure_cycles()
     for name in LOBES:
         assert lobe_group(name) == lobe_group(name)

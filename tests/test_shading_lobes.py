@@ -203,7 +203,7 @@ def test_estimator_is_unbiased_and_bounded(lobe: Lobe, theta_o: float) -> None:
 
 
 def test_sampling_takes_another_share() -> None:
-    """A caller whose S(r) is steep may want fewer cosine draws."""
+    """A caller whose S(r) is steep may need fewer cosine draws."""
     wo = spherical(0.3, 0.0)
     u = np.full(1000, 0.5), np.full(1000, 0.5), np.linspace(0, 1, 1000)
     for share in (0.05, 0.5):

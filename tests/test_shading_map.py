@@ -53,7 +53,7 @@ def test_slices_have_even_means_and_nothing_new(levels: list[float], slices: int
 
 
 def test_every_slice_lies_between_its_two_photographs() -> None:
-    """KSS04 equation 1, black being one of the photographs: slice 1 lies below the darkest one."""
+    """Kautz et al. 2004, equation 1, black being one of the photographs: slice 1 lies below the darkest one."""
     images = photographs([0.3, 1.0, 0.55])
     made = linearise(images, 6)
     expected = {1: 0.2 / 0.3 * images[0], 2: images[0] + (0.1 / 0.25) * (images[2] - images[0])}
@@ -118,7 +118,7 @@ def test_envelope_never_exceeds_the_map_as_far_as_f_r_reaches(storage: Storage, 
 
 
 def test_without_the_bound_at_the_end_the_envelope_would_exceed() -> None:
-    """What DESIGN.md section 6 warns of: beyond a_max a clamped map stays, and m alone goes on."""
+    """Beyond a_max a clamped map stays and m alone goes on (addon/docs/method.md, section 11)."""
     shading_map = rough_map(seed=4)
     parts = split(shading_map)
     assert (parts.envelope * 5 > shading_map.slices[-1] + 1e-3).mean() > 0.5

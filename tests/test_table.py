@@ -106,7 +106,7 @@ def test_atlas_round_trip_and_place(n: int) -> None:
 
 
 def test_largest_table_fits_a_texture() -> None:
-    """256 x 256 x 512 is the reference size of MY16's figures."""
+    """256 x 256 x 512 is the reference size of the figures of Mallett & Yuksel 2016."""
     assert max(AtlasLayout.of(NormalVectorGrid(MAX_RESOLUTION, "uniform")).size) <= 16384
     for reciprocal in (True, False):
         assert all(AtlasLayout.of(HalfVectorGrid(sizes)) for sizes in half_sizes(MAX_RESOLUTION, reciprocal))

@@ -119,7 +119,7 @@ def test_frame_uv_is_where_the_gantry_looks(view: tuple[float, float]) -> None:
 
 def test_frames_add_up_to_the_truth() -> None:
     class Recorder:
-        """In place of a gantry: a frame tells where light and camera stood."""
+        """In place of a gantry: a frame says where light and camera stood."""
 
         def set_view(self, theta: float, phi: float) -> None:
             self.view = theta, phi

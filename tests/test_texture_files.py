@@ -119,7 +119,7 @@ PARTS = {f"{name} {part}" for name in ("canvas", "satin") for part in ("table", 
 
 
 def run(folder: Path, script: str) -> dict[str, Any]:
-    """What the script tells, after `MAKE`, in a process of its own."""
+    """What the script reports, after `MAKE`, in a process of its own."""
     call = [sys.executable, "-P", "-c", MAKE + script, str(folder)]
     done = subprocess.run(call, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -173,7 +173,7 @@ tell(right=is_right(moved), wrong=wrong(), rules=rules())
 
 
 def test_another_materials_file_is_told_and_put_right(tmp_path: Path) -> None:
-    """Of older bundles *Find Missing Files* takes one for both: panel and check say so, and mending finds the right."""
+    """Of older bundles *Find Missing Files* takes one for both: panel and check say so, and the fix finds it."""
     script = """
 save()
 build(bake(older=True), pack=False)
@@ -211,7 +211,7 @@ tell(before=before, swapped=swapped, right=right, after=after, mended=is_right()
 
 
 def test_a_planted_swap_of_a_packed_texture_is_told(tmp_path: Path) -> None:
-    """The size may be the same: only the content tells. A rebuild does not use it, and mending packs the right one."""
+    """The size may be the same: only the content shows it. A rebuild does not use it; the fix packs the other."""
     script = """
 build(bake(), pack=True)
 canvas, satin = (bpy.data.materials[name] for name in ("canvas", "satin"))

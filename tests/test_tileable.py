@@ -63,7 +63,7 @@ def test_neighbours_across_the_border_differ_no_more_than_others(method: Any) ->
 
 
 def seam_in_the_middle(height: int, width: int) -> Array:
-    """Source texels that tell of a seam left and right of the left half."""
+    """Source texels that show a seam left and right of the left half."""
     source = np.moveaxis(np.indices((height, width)), 0, 2).copy()
     source[:, : width // 2, 1] -= 1000
     return source

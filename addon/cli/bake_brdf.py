@@ -130,7 +130,7 @@ def _alpha(text: str) -> str | tuple[float, float]:
 
 
 def run(options: argparse.Namespace) -> Result:
-    """Bake every input; a bad one is told and does not keep the others from being baked."""
+    """Bake every input; a bad one is reported and does not stop the others."""
     settings = _settings(options)
     jobs, errors = _jobs(options)
     done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), replace=options.replace)
@@ -184,7 +184,7 @@ def _file_baker(file: Path) -> Bake:
 def _file_origin(file: Path) -> Origin:
     try:
         return file_origin(file)
-    except (OSError, ValueError):  # told by the reader
+    except (OSError, ValueError):  # reported by the reader
         return {}
 
 

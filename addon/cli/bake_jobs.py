@@ -38,7 +38,7 @@ def bake_jobs(
     *,
     replace: bool = False,
 ) -> tuple[list[BakeResult], list[BakeError]]:
-    """Bake every job; a bad one is told and does not keep the others from being baked.
+    """Bake every job; a bad one is reported and does not stop the others.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _targets(jobs: Sequence[Job], out: Path) -> list[Path]:
         return [out] * len(jobs)
     seen: set[str] = set()
     for job in jobs:
-        # Many file systems do not tell upper from lower case, nor a letter with its accent from the two in a row.
+        # Many file systems do not distinguish case, nor a letter with its accent from the two in a row.
         key = unicodedata.normalize("NFC", job.stem).casefold()
         if key in seen:
             remedy = f"bake one of them with --out OTHER{SUFFIX}"

@@ -168,7 +168,7 @@ def _numbers(kind: type, count: int) -> Any:
 
 
 def run(options: argparse.Namespace) -> Result:
-    """Bake every stack; a bad one is told and does not keep the others from being baked."""
+    """Bake every stack; a bad one is reported and does not stop the others."""
     settings = _settings(options)
     jobs = _jobs(options)
     if options.plot is not None:

@@ -21,13 +21,13 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "check",
         help="settings of a .blend that bias or slow measured materials",
-        description="List every setting of a .blend that biases or slows its measured materials, and mend them if "
-        "wanted. Scripts of the file are not run. Needs Blender or its Python module. The exit code is 0 where "
+        description="List every setting of a .blend that biases or slows its measured materials, and fix them if "
+        "requested. Scripts of the file are not run. Needs Blender or its Python module. The exit code is 0 where "
         "the file loaded whole and nothing is left that biases the picture.",
     )
     parser.add_argument("file", type=Path, metavar="FILE.blend")
-    parser.add_argument("--mend", action="store_true", help="set right all but the notes, and save if that changed it")
-    parser.add_argument("--out", type=Path, metavar="OTHER.blend", help="with --mend: save there instead")
+    parser.add_argument("--fix", "--mend", dest="mend", action="store_true", help="fix all but notes, and save")
+    parser.add_argument("--out", type=Path, metavar="OTHER.blend", help="with --fix: save there instead")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     parser.set_defaults(run=run, command="check")
 
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> Result:
     """Check one file. Raises BakeError."""
     out = options.out
     if out is not None and not options.mend:
-        raise argparse.ArgumentTypeError("--out is where --mend saves; give both")
+        raise argparse.ArgumentTypeError("--out is where --fix saves; give both")
     if out is not None and out.suffix.lower() != _SUFFIX:
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.blend")
     _require_blend(options.file)
@@ -65,7 +65,7 @@ def _check(file: Path, mend: bool, out: Path | None) -> Result:
     _open(file)
     written_by = ".".join(map(str, bpy.data.version[:2]))
     if mend and bpy.data.version[:2] > bpy.app.version[:2]:
-        remedy = f"mend it there: this is {bpy.app.version_string}, which would lose what is new"
+        remedy = f"fix it there: this is {bpy.app.version_string}, which would lose what is new"
         raise BakeError(file, f"was saved by Blender {written_by}", remedy)
     materials = sorted({name for scene in bpy.data.scenes for name in measured_names(scene)})
     mended, left, saved = {}, {}, None
@@ -74,7 +74,7 @@ def _check(file: Path, mend: bool, out: Path | None) -> Result:
         without = () if scene == bpy.context.scene else ("lamp_table",)
         if mend:
             mended |= {finding.key: finding for finding in mend_scene(scene, without)}
-        left |= {f.key: f for f in check_scene(scene) or () if f.rule not in without}  # what scenes share is told once
+        left |= {f.key: f for f in check_scene(scene) or () if f.rule not in without}  # what scenes share: once
     found = with_missing_parts(list(left.values())) or []
     findings = sorted(found, key=lambda finding: SEVERITIES.index(finding.severity))
     if mended or out is not None:
@@ -105,13 +105,13 @@ def _check(file: Path, mend: bool, out: Path | None) -> Result:
 def _not_whole(file: Path, missing: list[Any]) -> BakeError:
     cause = f"did not load whole: {one_line(missing[0].setting)}"
     more = f", and {len(missing) - 1} more, see above" if len(missing) > 1 else ""
-    return BakeError(file, cause + more, "bring back what is missing, or mend its path in Blender")
+    return BakeError(file, cause + more, "bring back what is missing, or fix its path in Blender")
 
 
 def _verdict(file: Path, wrong: list[Any]) -> BakeError:
     mendable = sum(finding.mend is not None for finding in wrong)
     settings = f"{len(wrong)} setting{'s bias' if len(wrong) > 1 else ' biases'} its measured materials"
-    remedy = f"--mend mends {mendable} of them" if mendable else "only you can decide, see above"
+    remedy = f"--fix fixes {mendable} of them" if mendable else "only you can decide, see above"
     return BakeError(file, settings, remedy)
 
 

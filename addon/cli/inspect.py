@@ -47,7 +47,7 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "inspect",
         help="what is in a bundle, a measurement or a folder of photographs",
-        description="Tell parameters, measured errors, albedo and sizes of a bundle, format, faults and "
+        description="Report parameters, measured errors, albedo and sizes of a bundle, format, faults and "
         "albedo of a measurement, or lights, averages and faults of photographs on a light arc.",
     )
     parser.add_argument(
@@ -96,7 +96,8 @@ def _sizes(record: Record) -> dict[str, dict[str, Any]]:
 
 
 def inspect_photographs(path: Path) -> Result:
-    """What the reader finds in a folder of photographs: names, elevations, averages, doubts. Nothing is baked."""
+    """Report what the reader finds in a folder of photographs: names, elevations, averages, doubts. Nothing is
+    baked."""
     with Progress({"reading": 2.0, "aligning": 1.5}) as progress:
         progress.start(path.name)
         stack = read_stack(path, StackSettings(align="warn"), progress, blender_decoder())

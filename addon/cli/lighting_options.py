@@ -64,7 +64,7 @@ def known_lobes() -> str:
 
 
 def given_lighting(options: argparse.Namespace) -> list[str]:
-    """Those of the options that were given."""
+    """Lighting options that were given on the command line."""
     return [name for name in ("lobe", *_NAMES) if getattr(options, name) is not None]
 
 

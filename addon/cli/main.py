@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """All sub-commands and their options."""
+    """Parser of all sub-commands and their options."""
     top = argparse.ArgumentParser(
         prog=PROGRAM, description="Measured BRDFs as path-traced materials in stock Blender Cycles."
     )

@@ -1,4 +1,4 @@
-"""What a sub-command hands back, and how complaints are told."""
+"""What a sub-command returns, and how errors are reported."""
 
 from __future__ import annotations
 

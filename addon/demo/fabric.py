@@ -1,8 +1,8 @@
 """The demonstration of shading maps: fabrics of real geometry, photographed, baked, and shown beside themselves.
 
 The virtual gantry photographs two procedural swatches on a light arc. Their shading maps then stand in for them on a
-flat patch, where the techniques of KSS04 can be compared pixel by pixel, and rolled up, where every place sees
-the light at another elevation.
+flat patch, where the techniques of Kautz et al. 2004 can be compared pixel by pixel, and rolled up, where every place
+sees the light at another elevation.
 """
 
 from __future__ import annotations
@@ -296,7 +296,7 @@ def _remove(scene: bpy.types.Scene, keep: Swatch | bpy.types.Material) -> None:
     bpy.data.batch_remove([*objects, *data, *tiles, *materials, *([world] if world else [])])
 
 
-# --- tell -----------------------------------------------------------------------------------------------
+# --- report ---------------------------------------------------------------------------------------------
 
 _TITLE = "Shading maps of photographed fabric (Kautz et al. 2004): light 28 degrees high; rolled up; in the studio"
 

@@ -33,7 +33,9 @@ Builder = Callable[[bpy.types.Scene], Sequence[bpy.types.Object]]
 class HasBuild(Protocol):
     """Whatever builds its objects in a scene on demand, as a `swatches.Swatch` does."""
 
-    def build(self, scene: bpy.types.Scene) -> Sequence[bpy.types.Object]: ...
+    def build(self, scene: bpy.types.Scene) -> Sequence[bpy.types.Object]:
+        """Build the objects in the scene and return them."""
+        ...
 
 
 Target = bpy.types.Material | bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object] | Builder | HasBuild
@@ -74,16 +76,17 @@ class Gantry:
             raise BakeError("target", "holds nothing that can be photographed", "give objects with surfaces")
         points = np.array(corners)
         if not np.isfinite(points).all():
-            raise BakeError("target", "holds points that are not finite", "mend its geometry")
+            raise BakeError("target", "holds points that are not finite", "fix its geometry")
         self._low, self._high = Vector(points.min(axis=0)), Vector(points.max(axis=0))
 
     @property
     def sun(self) -> bpy.types.Light:
+        """Data of the sun that lights the target."""
         return self._sun.data
 
     @property
     def tile_objects(self) -> list[bpy.types.Object]:
-        """What lies in the tile."""
+        """Objects in the tile."""
         return list(self._source.objects)
 
     def set_light(self, theta: float, phi: float) -> None:

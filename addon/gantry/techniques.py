@@ -1,8 +1,8 @@
-"""The four techniques of KSS04's figure 6 on a flat swatch under distant lights, exactly and without noise.
+"""The four techniques of Kautz et al. 2004, figure 6, on a flat swatch under distant lights, without noise.
 
 A flat patch seen by parallel rays has one wi per light and one wo: what a shading map's material shows is then a sum
 over the lights, which numpy evaluates as the shader nodes do. Beside it stands what the gantry sees of the geometry
-itself, lit and viewed alike; `errors` tells how far they are apart.
+itself, lit and viewed alike; `errors` measures how far they are apart.
 
 Where the lights agree with those of the photographs, "lookup" and "final_radiance" are the same; a light of another
 strength parts them, since the second takes a bright light for one that stands high.
@@ -146,7 +146,7 @@ def direction(elevation: float, azimuth: float) -> tuple[float, float, float]:
 
 
 def frame_uv(size: int, view: Angles = (0.0, 0.0), over: int = 1) -> NDArray[np.float64]:
-    """Where the pixels of the gantry's frame meet the plane of the swatch: (size over, size over, 2).
+    """Texture coordinates of the gantry's pixels on the plane of the swatch, (size over, size over, 2).
 
     Parameters
     ----------
@@ -170,11 +170,19 @@ def pixels(picture: Array, over: int) -> Array:
 
 
 class SeesFrames(Protocol):
-    """What `photograph` needs of a `gantry.Gantry`."""
+    """Interface that `photograph` needs of a `gantry.Gantry`."""
 
-    def set_light(self, theta: float, phi: float) -> None: ...
-    def set_view(self, theta: float, phi: float) -> None: ...
-    def render(self, seed: int = 0) -> NDArray[np.float32]: ...
+    def set_light(self, theta: float, phi: float) -> None:
+        """Place the light at a polar angle and azimuth, radians."""
+        ...
+
+    def set_view(self, theta: float, phi: float) -> None:
+        """Place the camera at a polar angle and azimuth, radians."""
+        ...
+
+    def render(self, seed: int = 0) -> NDArray[np.float32]:
+        """Render the frame as linear values (H, W, 3)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -217,13 +225,13 @@ def photograph(gantry: SeesFrames, cases: Iterable[Case], seed: int = 0) -> Fram
 
 
 def truth(case: Case, frames: Frames) -> NDArray[np.float64]:
-    """What the geometry itself shows, (H, W, 3)."""
+    """Picture of the geometry itself, (H, W, 3)."""
     parts = [np.float64(light[2]) * frames[case.view, light[:2]] for light in case.lights]
     return np.sum(parts, axis=0)
 
 
 def shown(technique: str, swatch: MappedSwatch, case: Case, size: int) -> NDArray[np.float64]:
-    """What the map shows by a technique in the same frame, (size, size, 3)."""
+    """Picture of the map by a technique in the same frame, (size, size, 3)."""
     lights = [Light(direction(elevation, azimuth), irradiance) for elevation, azimuth, irradiance in case.lights]
     theta, phi = case.view
     # From above a pixel is a texel of the photographs; obliquely it covers parts of several.
@@ -279,7 +287,7 @@ def scale_of(lobe: Lobe, elevations: Array, averages: Array) -> float:
 
 
 def errors(picture: Array, target: Array) -> dict[str, float]:
-    """How far a picture is from the truth, (H, W, 3) both.
+    """Errors of a picture against the truth, (H, W, 3) both.
 
     Returns
     -------

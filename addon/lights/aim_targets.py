@@ -9,7 +9,8 @@ _HARDLY_ANY = 1e-3
 
 
 def what_to_aim_at(report: LampReport) -> str:
-    """What is aimed at and why it pays; empty if there is nothing. The report is `survey_scene`'s for a render."""
+    """Describe what is aimed at and why it pays; empty if there is nothing. The report is `survey_scene`'s for a
+    render."""
     if not report.slots and not report.world.aimed:
         return ""
     words = report.words()[0]

@@ -21,7 +21,7 @@ _read: dict[tuple[int, int], tuple[set[str], str]] = {}
 
 
 def extensions(image: bpy.types.Image) -> set[str]:
-    """Those by which nodes ask for a table."""
+    """Image extensions by which nodes ask for a table."""
     return {node.extension for node in _readers(image)}
 
 

@@ -1,4 +1,4 @@
-"""Lamps of a scene as a mirror meets them (DESIGN.md section 5)."""
+"""Lamps of a scene as a mirror meets them (addon/docs/method.md, section 10)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from . import world_survey
 from .motion import changes
 from .world_survey import WorldLight
 
-# Rows of the table. Only the strongest lamps are aimed at; the others are found by chance, as without the table.
+# Rows of the table. Only the strongest lamps are aimed at; the others are hit by chance, as without the table.
 CAPACITY = MAX_SLOTS
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _DARK = 0.05
@@ -29,7 +29,7 @@ _HIDING = frozenset({"hide_render", "hide_viewport", "visible_glossy"})
 
 @dataclass(frozen=True)
 class LampReport:
-    """What is aimed at, the irradiance of everything else, about, and why other lamps are not aimed at.
+    """Report of a survey: lamps aimed at, irradiance of everything else, and why other lamps are not aimed at.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class LampReport:
 
     @property
     def slots(self) -> int:
-        """Lamps that a node group has to be ready for: between frames of a render none can be rebuilt."""
+        """Lamps that a node group has to be prepared for: between frames of a render none can be rebuilt."""
         return min(len(self.lamps) + self.to_come, CAPACITY)
 
     def words(self) -> list[str]:
-        """What is aimed at and why, then one line for each lamp that is not."""
+        """Lines on what is aimed at and why, then one for each lamp that is not."""
         counts = ((len(self.lamps), ""), (self.slots - len(self.lamps), " of other frames"))
         targets = [f"{count} lamp{'s' * (count > 1)}{which}" for count, which in counts if count]
         structure, reason = self.world.structure, self.world.why_not

@@ -1,4 +1,4 @@
-"""The tables of a scene's lamps and world, kept current, that measured materials aim at (DESIGN.md section 5).
+"""The tables of a scene's lamps and world, kept current, that measured materials aim at (method.md, section 10).
 
 They follow edits, frames and the start of a render; until then an old table costs noise, never bias.
 

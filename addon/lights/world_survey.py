@@ -1,4 +1,4 @@
-"""The light of a scene's world, read or rendered, for measured materials to aim at (DESIGN.md section 5).
+"""The light of a scene's world, read or rendered, for measured materials to aim at (method.md, section 10).
 
 An image of the surroundings is read directly, however it is turned. Any other world of nodes (a sky, a mixture) is
 rendered small, when somebody asks for it: `measure_world`. A world that has changed since is not aimed at; if a table
@@ -65,7 +65,7 @@ class WorldLight:
 
 @dataclass(frozen=True)
 class _Picture:
-    """Radiance (H, W, 3) on demand, which is turned to the world and scaled; the key tells apart what differs."""
+    """Radiance (H, W, 3) on demand, which is turned to the world and scaled; the key distinguishes what differs."""
 
     key: str
     read: Callable[[], Array]
@@ -74,12 +74,12 @@ class _Picture:
 
 
 _known: dict[str, tuple[WorldStructure, Array]] = {}
-# Images whose pixels are those that their properties tell of.
+# Images whose pixels are those that their properties describe.
 _trusted: set[int] = set()
 
 
 def world_light(world: bpy.types.World | None) -> WorldLight:
-    """What is known of a world. An image is read where it has not been yet; nothing is rendered."""
+    """The light of a world, as far as it is known. An image is read where it has not been yet; nothing is rendered."""
     if world is None:
         return WorldLight(0.0, why_not="there is no world")
     if not world.cycles_visibility.glossy:

@@ -113,7 +113,7 @@ def _why_not_assignable(obj: bpy.types.Object | None) -> str:
 
 
 def error_words(material: bpy.types.Material) -> str:
-    """Its measured error, short."""
+    """Measured error of a bake in a few words."""
     rows = dict(error_rows(record_of(material)))
     return f"RMS error {rows['RMS error']} ({rows['Relative']})"
 
@@ -130,7 +130,7 @@ def told_place(operator: bpy.types.Operator, material: bpy.types.Material, obj: 
 
 
 def bundle_folder(chosen: str, file: Path) -> Path:
-    """Where a bundle goes: the chosen folder, else beside the .blend, else beside the measurement."""
+    """Folder for a bundle: the chosen one, else beside the .blend, else beside the measurement."""
     if chosen:
         return Path(bpy.path.abspath(chosen))
     if bpy.data.filepath:

@@ -52,7 +52,7 @@ def bake_arc_again(
 
 
 def photographs_of(material: bpy.types.Material) -> Path | list[Path]:
-    """What the material was baked from: a folder or files. Raises BakeError where it does not say."""
+    """Photographs that a material was baked from: a folder or files. Raises BakeError where it does not say."""
     folder = source_file(material)
     if folder is None:
         raise BakeError(material.name, "does not say what it was baked from", "choose the photographs")
@@ -99,7 +99,7 @@ def _material_from(
 
 
 def map_words(material: bpy.types.Material) -> str:
-    """What a bake has come to, short."""
+    """Short description of a baked shading map."""
     record = record_of(material)
     rows = dict(map_rows(record) + energy_rows(record) + map_error_rows(record))
     return f"{rows['Shading map']}, envelope {rows['Envelope']}, held-out error {rows['Held-out']}"

@@ -35,7 +35,7 @@ def build_brdf(
     source : the bundle's record, or the bundle, which is then read
     choices : by default the bundle's usual mode, all else automatic
     images : the textures; by default those of the bundle, loaded
-    scene : that it is fitted to; by default the current one, and ready for lamps that come later
+    scene : that it is fitted to; by default the current one, and prepared for lamps added later
 
     Raises
     ------
@@ -74,7 +74,7 @@ def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
 
 
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
-    """What was chosen and what came of it, to keep with the material; JSON-ready."""
+    """Choices and their effects as kept with the material; JSON-ready."""
     return {
         "choices": {key: getattr(choices, key) for key in ("mode", "aim", "residual", "filter")},
         "effects": [effect.facts() for effect in plan.effects],

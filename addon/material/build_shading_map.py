@@ -33,7 +33,7 @@ def build_map(
 ) -> dict[str, Any]:
     """Rebuild a shading map's material with what its quality properties and the scene call for, and return the account.
 
-    The scene is by default the current one, and the material then ready for lamps that come later. Raises BakeError.
+    The scene is by default the current one, and the material is then prepared for lamps added later. Raises BakeError.
     """
     ready, scene = scene is None, scene or bpy.context.scene
     choices = choices_of(material.measured_quality)

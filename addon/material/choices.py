@@ -12,7 +12,7 @@ AUTO, ALWAYS, NEVER = "auto", "always", "never"
 
 @dataclass(frozen=True)
 class Choices:
-    """The artist's.
+    """Choices of the artist.
 
     Parameters
     ----------

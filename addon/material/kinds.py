@@ -34,7 +34,7 @@ Source = Path | Sequence[Path] | None
 
 
 class Kind(ABC):
-    """What the panel tells of a material, and how it is rebuilt and baked again."""
+    """Kind of material: what the panel shows of it, and how it is rebuilt and baked again."""
 
     # What it is baked from, and how the panel says that it is gone.
     source_word: ClassVar[str]
@@ -60,7 +60,7 @@ class Kind(ABC):
     def refit(self, material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
         """Rebuild the material with what a scene calls for; all that was chosen stays. Raises BakeError.
 
-        Without a scene it is the current one, and the material is ready for lamps that come later.
+        Without a scene it is the current one, and the material is prepared for lamps added later.
         """
 
     @abstractmethod
@@ -71,7 +71,7 @@ class Kind(ABC):
 
     @abstractmethod
     def words(self, material: bpy.types.Material) -> str:
-        """What a bake has come to, short. Raises BakeError."""
+        """Short description of a bake's result. Raises BakeError."""
 
     @abstractmethod
     def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
@@ -209,7 +209,7 @@ BRDF, SHADING_MAP = _Brdf(), _ShadingMap()
 
 
 def kind_of(material: bpy.types.Material | None) -> Kind | None:
-    """Of a material that was made here; None for all others."""
+    """Kind of a material that was made here; None for all others."""
     if material is None or not is_measured(material):
         return None
     return SHADING_MAP if kind_told(facts_of(material)) == "shading_map" else BRDF
@@ -232,6 +232,6 @@ def rebuild_or_say(changed: Any, _context: bpy.types.Context | None = None) -> N
             kind.rebuild_as_set(material, changed)
         except BakeError as error:
             changed.problem = one_line(f"{error.cause}; {error.remedy}")
-            # Foreign facts cannot be shown; the panel tells of them.
+            # Facts of a foreign bundle cannot be shown; the panel reports them.
             with contextlib.suppress(BakeError):
                 kind.show(material)

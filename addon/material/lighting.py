@@ -17,7 +17,7 @@ _PLAIN = ("above", "technique", "tiling")
 
 
 def number(value: float) -> float:
-    """What was typed: Blender keeps 0.3 as the nearest single-precision number."""
+    """The number as it was typed: Blender keeps 0.3 as the nearest single-precision number."""
     return float(f"{value:.7g}")
 
 

@@ -35,7 +35,7 @@ _IMAGES = {
 
 
 def current_choices(material: bpy.types.Material) -> Choices:
-    """How the material is built."""
+    """Choices that a material is built by."""
     return choices_from(_rendering_of(material).choices)
 
 
@@ -59,7 +59,7 @@ def rebuild_brdf(
 
 
 def effects_of(material: bpy.types.Material) -> list[Effect]:
-    """What the last build kept and left out, as far as it can be read."""
+    """Effects that the last build kept and left out, as far as they can be read."""
     return [Effect(effect.name, effect.kept, effect.why) for effect in _rendering_of(material).effects]
 
 
@@ -69,7 +69,7 @@ def images_of_brdf(record: BrdfRecord, choices: Choices) -> list[str]:
 
 
 def current_lighting(material: bpy.types.Material) -> RenderSettings:
-    """How the material is lit. Raises BakeError."""
+    """Lighting settings of a shading-map material. Raises BakeError."""
     render: RenderSettings = record_of(material).render
     return render
 

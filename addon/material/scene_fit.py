@@ -1,7 +1,7 @@
-"""Only the effects a scene calls for: what a material's graph is to hold, what it does without, and why (DESIGN.md 5).
+"""Only the effects a scene calls for: what a material's graph holds, what it omits, and why.
 
-Nothing here touches a node. What is left out changes no picture beyond the bias that is stated with it; whoever wants
-an effect left out that would be missed is refused.
+Nothing here touches a node. What is left out changes no picture beyond the bias that is stated with it; a request to
+leave out an effect that would be missed is refused.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Effect:
 
 @dataclass(frozen=True)
 class BrdfPlan:
-    """What a tabulated BRDF's graph is to hold, arguments of `nodes.material.build_material`, and the account of it."""
+    """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
+    account of it."""
 
     mode: str
     filter: str
@@ -63,7 +64,7 @@ def plan_brdf(
     record : of a bundle, or of a material's own copy of what it says
     to_aim_at : in words what the scene has to aim at; empty if nothing
     passes : a view layer asks for the denoiser's
-    ready : what is not there to aim at may come
+    ready : prepared for lights added later
 
     Raises
     ------
@@ -103,10 +104,10 @@ def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect
         return Effect(name, True, to_aim_at or "asked for, though the scene has nothing to aim at yet")
     if choices.aim == NEVER:
         found = f", and this scene has {to_aim_at}: noisier, no bias" if to_aim_at else ""
-        return Effect(name, False, f"not wanted{found}")
+        return Effect(name, False, f"switched off{found}")
     if to_aim_at:
         return Effect(name, True, to_aim_at)
-    later = "; ready for lamps to come, which takes 10 % more time until Fit to Scene" * is_ready(choices, ready)
+    later = "; prepared for lights added later, at 10 % more time until Fit to Scene" * is_ready(choices, ready)
     return Effect(name, False, f"nothing to aim at: no lamps, and an even world{later}")
 
 
@@ -149,7 +150,7 @@ def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str, Effect]:
 
 
 def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str, where: str) -> tuple[int, Effect]:
-    """How many texels of a swatch may become one, and why. Raises BakeError where they are wanted away and would show.
+    """How many texels of a swatch may become one, and why. Raises BakeError where averaging is forced and would show.
 
     Parameters
     ----------

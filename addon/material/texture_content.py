@@ -14,13 +14,13 @@ import bpy
 
 from ...nodes.data_image import content_of
 
-# By image: what told its file from another at the last look, and the file's SHA-256.
+# By image: what distinguished its file from another at the last look, and the file's SHA-256.
 _known: dict[int, tuple[Any, str]] = {}
 _MOST = 4096
 
 
 def is_of_content(image: bpy.types.Image, sha256: str, *, anew: bool = False) -> bool:
-    """Whether the image's file, packed or not, has this SHA-256; so also where there is none, which others tell.
+    """Whether the image's file, packed or not, has this SHA-256; so also where there is none, which others report.
 
     A file is hashed once, until its size, time or place changes: panels ask at every redraw.
 

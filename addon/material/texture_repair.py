@@ -1,7 +1,7 @@
-"""Textures that are not those of the bake: telling of them, putting them right, and names under which they stay so.
+"""Textures that are not those of the bake: how they are reported and replaced, and names under which they stay right.
 
 Until schema 2 every bundle's images were called alike. A .blend with such images packed gets names of their own when it
-is opened; what lies in files cannot be renamed, because other .blend files read them, and is only told of.
+is opened; what lies in files cannot be renamed, because other .blend files read them, and is only reported.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .textures import bundle_path, textures_of
 
 
 def expected(image: bpy.types.Image, material: bpy.types.Material) -> tuple[str, str] | None:
-    """Which image of a bundle this one is in a material, and its SHA-256; None where neither says so."""
+    """Name and SHA-256 of the bundle's image that this one is in a material; None where neither says so."""
     part, sha256 = image.get(PART_KEY), image.get(CONTENT_KEY)
     if isinstance(part, str) and isinstance(sha256, str):
         return part, sha256

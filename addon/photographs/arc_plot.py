@@ -1,4 +1,4 @@
-"""Report plot of a shading map: averages before and after linearisation (KSS04), and what the envelope carries."""
+"""Report plot of a shading map: averages before and after linearisation (Kautz et al. 2004), and the envelope."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _ENCODED = {8: (np.uint8, 255), 16: (np.uint16, 65535)}
 
 
 def decode(path: Path) -> Photograph:
-    """A JPEG, PNG or TIFF file as `bake.photographs.photograph.Decoder` wants it: codes as stored. Raises BakeError.
+    """A JPEG, PNG or TIFF file as `bake.photographs.photograph.Decoder` needs it: codes as stored. Raises BakeError.
 
     The header is checked before Blender, which takes memory for any size, sees the file.
     """

@@ -1,7 +1,7 @@
 """Headers of JPEG, PNG and TIFF files, read without any image library: sizes, bits and what the camera noted.
 
-For Blenders whose Python has no OpenImageIO. Blender itself can show such files, but tells neither their bits nor
-their Exif, and reads all pixels before it tells their size.
+For Blenders whose Python has no OpenImageIO. Blender itself can show such files, but reports neither their bits nor
+their Exif, and reads all pixels before it reports their size.
 """
 
 from __future__ import annotations

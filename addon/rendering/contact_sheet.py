@@ -59,7 +59,7 @@ def write_sheet(path: Path, cells: Sequence[Cell], columns: int, title: str = ""
     """Lay out cells row by row, each with its label and sublabel beneath, and write a PNG.
 
     Without Pillow, which Blender does not bring, the sheet has no lettering and a text file beside it
-    (`path` with suffix .txt) tells what each cell shows.
+    (`path` with suffix .txt) says what each cell shows.
 
     Raises
     ------

@@ -28,7 +28,7 @@ _SWATCHES = ("cloth", "plastic_60")
 
 @dataclass(frozen=True)
 class Inputs:
-    """What to measure.
+    """Inputs of a report: what to measure.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from .render_timing import Build, Effort, evaluation_ns
 
 EVALUATIONS = 24  # at a shading point
 _ONE_EXPONENT = 60.0
-# OSL compiles to machine code, a tenth of the nodes' time: too little to tell in as few samples.
+# OSL compiles to machine code, a tenth of the nodes' time: too little to measure in as few samples.
 _MORE_OF_OSL = 8
 _OSL = """
 #include "measured_lobes.h"

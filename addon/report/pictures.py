@@ -143,7 +143,7 @@ def pictures_section(name: str, rendered: list[Rendered], galleries: list[Galler
     words = [
         "The studio scene in each of the four modes, and with a Principled BSDF fitted to the material. Error is the "
         "RMS difference to a picture of many samples in mode Exact, in parts of its mean. Noise falls with time; where "
-        "a curve levels out, what is left is how far the closures are from the measurement, and no time will mend it. "
+        "a curve levels out, what is left is how far the closures are from the measurement, which no time reduces. "
         "Seconds are of the samples alone, without loading and compiling, and of all threads together."
     ]
     section = Section(f"Pictures: {name}", words, galleries=galleries)

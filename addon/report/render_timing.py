@@ -21,7 +21,7 @@ from ..studio.studio import render_linear
 
 # From the place on the plane, x and y in [0, 1], to what is emitted: a number or a colour.
 Build = Callable[[Any], Any]
-# Shorter than this no difference of two renders can tell.
+# A difference of two renders that is shorter than this is noise.
 LEAST_NS = 0.1
 
 

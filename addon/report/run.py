@@ -36,7 +36,7 @@ Say = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is measured; seconds are typical of two cores, by which the progress is told."""
+    """Sizes of a report: how much is measured; seconds are typical of two cores, by which progress is reported."""
 
     tables: tables.TableSizes
     lookups: tables.TableSizes
@@ -99,6 +99,7 @@ class _Made:
     facts: dict[str, Any] = field(default_factory=dict)
 
     def add(self, kind: str, name: str, section: Section, facts: Any) -> None:
+        """Append a section of the page and keep its facts under kind and name."""
         self.sections.append(section)
         self.facts.setdefault(kind, {})[name] = facts
 
@@ -137,7 +138,7 @@ def run_report(
     def say(stage: str) -> Say:
         return lambda share: progress(stage, share)
 
-    # First of all, so that a bad one is told before minutes have gone into the others.
+    # First of all, so that a bad one is reported before minutes have gone into the others.
     given = {name: of_path(path, name, sizes.swatch[0]) for name, path in inputs.swatches.items() if path is not None}
     times: dict[tables.LookupKey, float] = {}
     for axes in _axes(inputs):

@@ -61,7 +61,7 @@ class Subject:
 
     @property
     def all_images(self) -> Images:
-        """All photographs there are."""
+        """All photographs of the swatch."""
         return self.images if self.everything is None else self.everything
 
 

@@ -180,7 +180,7 @@ def _png(linear: Array) -> str:
     return base64.b64encode(png_bytes(to_display(np.asarray(linear, np.float32)))).decode()
 
 
-# --- tell -----------------------------------------------------------------------------------------------
+# --- report ---------------------------------------------------------------------------------------------
 
 _WHAT_FOR = (
     "Four ways to light the photographs (Kautz et al. 2004, figure 6). A lit texture multiplies the brightest "

@@ -1,4 +1,4 @@
-"""Scene check: settings that bias or slow measured materials, and their mending (DESIGN.md section 5)."""
+"""Scene check: settings that bias or slow measured materials, and how they are fixed (method.md, section 15)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ROUNDS = 3
 
 
 def check_scene(scene: bpy.types.Scene) -> list[Finding] | None:
-    """What a render of the scene would do to its measured materials, the gravest first; None if it shows none.
+    """Findings on what a render would do to measured materials, the gravest first; None if the scene shows none.
 
     Nothing is changed, but that Cycles is switched on where it was not.
     """
@@ -38,7 +38,7 @@ def check_scene(scene: bpy.types.Scene) -> list[Finding] | None:
 
 
 def mend(findings: Iterable[Finding]) -> list[Finding]:
-    """Set right what can be, notes included; returns what was."""
+    """Fix what can be fixed, notes included; returns what was."""
     mended = []
     for finding in findings:
         if finding.mend is not None:
@@ -48,7 +48,7 @@ def mend(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def mend_scene(scene: bpy.types.Scene, without: Container[str] = ()) -> list[Finding]:
-    """Mend all but the notes, and what comes to light by that: a lamp that was given a size can be aimed at.
+    """Fix all but the notes, and what comes to light by that: a lamp that was given a size can be aimed at.
 
     Rules named in `without` are left alone.
     """

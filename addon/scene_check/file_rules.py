@@ -22,7 +22,7 @@ def missing_parts() -> list[Finding]:
 
 
 def not_whole(findings: Iterable[Finding]) -> list[Finding]:
-    """Those of `missing_parts`."""
+    """Findings that say the file did not load whole, as of `missing_parts`."""
     return [finding for finding in findings if finding.rule in (LIBRARY, LINKED, IMAGE)]
 
 
@@ -60,7 +60,7 @@ def _linked() -> list[Finding]:
 
 def _images() -> list[Finding]:
     return [
-        # Named as the scene check names textures of measured materials, which it can mend.
+        # Named as the scene check names textures of measured materials, which it can fix.
         Finding(IMAGE, WRONG, f"texture {i.name}", f"file {i.filepath} is not there", "", "whatever shows it is pink")
         for i in bpy.data.images
         if i.users > i.use_fake_user and not i.is_missing and not i.packed_files and _is_lost(i)

@@ -18,7 +18,7 @@ SEVERITIES = (WRONG, SLOW, NOTE)
 """
 wrong  biases the picture of measured materials
 slow   costs time or noise
-note   is worth knowing; nothing that is mended unasked
+note   is worth knowing; nothing that is fixed unasked
 """
 _RANDOM = {"ShaderNodeTexWhiteNoise", "ShaderNodeScript"}
 
@@ -34,7 +34,7 @@ class Finding:
     where : the datablock in words
     found, wanted : what is set, and to what it should be; no `wanted` where nothing can be set
     why : one short sentence, with a measured figure where there is one
-    mend : sets it right; None where only a person can decide, or the datablock belongs to another file
+    mend : fixes it; None where only a person can decide, or the datablock belongs to another file
     """
 
     rule: str
@@ -47,23 +47,23 @@ class Finding:
 
     @property
     def key(self) -> str:
-        """The same for the same finding of the next check."""
+        """Key of the finding, the same in the next check."""
         return f"{self.rule} {self.where}"
 
     @property
     def setting(self) -> str:
-        """Where and what, in words."""
+        """Place and setting in words."""
         return f"{self.where}: {self.found}" + (f", should be {self.wanted}" if self.wanted else "")
 
     @property
     def line(self) -> str:
-        """All of it in one line."""
+        """The finding in one line."""
         return f"{self.severity:<5}  {self.setting}: {self.why}"
 
     @property
     def mended_line(self) -> str:
-        """What was done, in one line."""
-        return f"mended {self.where}: {self.found} -> {self.wanted}"
+        """The change that was made, in one line."""
+        return f"fixed {self.where}: {self.found} -> {self.wanted}"
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""
@@ -104,7 +104,8 @@ class Subject:
         return [m for m in self.wearers if any(n.bl_idname in _RANDOM for t in measured_trees(m) for n in t.nodes)]
 
     def distance(self, lamp: bpy.types.Object) -> float:
-        """From a lamp to the middle of the nearest object with a measured material, at least a hair's breadth."""
+        """Distance from a lamp to the middle of the nearest object with a measured material, at least a hair's
+        breadth."""
         place = lamp.matrix_world.translation
         return max(min((middle(obj) - place).length for obj in self.shown), 1e-6)
 
@@ -141,7 +142,7 @@ def measured_trees(material: bpy.types.Material) -> list[bpy.types.NodeTree]:
 
 
 def middle(obj: bpy.types.Object) -> Vector:
-    """Of its bounding box, in the world."""
+    """Middle of an object's bounding box in world space."""
     return obj.matrix_world @ (sum((Vector(corner) for corner in obj.bound_box), Vector()) / 8)
 
 

@@ -46,7 +46,7 @@ def changed_groups(subject: Subject) -> Iterator[Finding]:
         changed = [t.name for t in measured_trees(material) if t.is_editable and t[HASH_KEY] != content_hash(t)]
         if changed:
             found = f"group {', '.join(changed)} is not as it was built"
-            why = "changed by hand, its textures renamed, or made by another version of Blender"
+            why = "edited manually, its textures renamed, or made by another version of Blender"
             yield Finding("changed_group", NOTE, _name(material), found, "", why)
 
 
@@ -219,7 +219,7 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     if any(group.is_editable or can_switch(group) for group in narrow) or not all(
         _holds(image, table) for image in tables
     ):
-        why = "mirrors aim at lamps that are no longer so; without aiming, a small lamp is found by chance only"
+        why = "mirrors aim at lamps that have changed since; without aiming, a small lamp is found by chance only"
         found = f"table {light_tables.TABLE} is out of date"
         yield Finding(
             "lamp_table", SLOW, where, found, "brought up to date", why, lambda: light_tables.keep_current(scene)
@@ -241,7 +241,7 @@ def not_aimed(subject: Subject) -> Iterator[Finding]:
         kind, mend = kind_of(material), None
         if kind is not None and not kind.why_not_rebuildable(material):
             mend = editable(material, partial(kind.refit, material, subject.scene))
-        why = "it was fitted when there was nothing to aim at; by chance alone a small lamp gives 70 times the noise"
+        why = "it was fitted when there was nothing to aim at; by chance alone a small lamp has 70 times the noise"
         yield Finding("not_aimed", SLOW, _name(material), "aims at nothing", "fitted to the scene", why, mend)
 
 

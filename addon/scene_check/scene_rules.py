@@ -99,7 +99,7 @@ _SETTINGS = (
 
 
 def cycles_settings(subject: Subject) -> Iterator[Finding]:
-    """Those with one right value."""
+    """Rule: settings of Cycles that have one right value."""
     cycles = subject.scene.cycles
     for rule in _SETTINGS:
         value = getattr(cycles, rule.name, rule.right)  # some are of newer versions
@@ -146,7 +146,7 @@ def adaptive_sampling(subject: Subject) -> Iterator[Finding]:
 
 
 def light_tree(subject: Subject) -> Iterator[Finding]:
-    """Of use to the native closures."""
+    """Rule: the light tree is off, which serves the native closures."""
     cycles = subject.scene.cycles
     if subject.lamps and not cycles.use_light_tree:
         why = "19 % more noise with one lamp and a sky"
@@ -241,7 +241,7 @@ def lamps(subject: Subject) -> Iterator[Finding]:
 
 
 def hidden_objects(subject: Subject) -> Iterator[Finding]:
-    """What only diffuse rays see, the mirror does not reflect."""
+    """Rule: objects hidden from glossy rays, which the mirror does not reflect."""
     names = [o.name for o in subject.objects if o.type != "LIGHT" and o.visible_diffuse and not o.visible_glossy]
     if names:
         found = f"Ray Visibility, Glossy is off for {', '.join(names[:3])}" + (" and others" if len(names) > 3 else "")

@@ -101,7 +101,7 @@ def render_linear(
 def render_rgba(
     scene: bpy.types.Scene, path: Path | None = None, *, progress: Callable[[float], None] | None = None
 ) -> NDArray[np.float32]:
-    """As `render_linear`, with alpha: (H, W, 4)."""
+    """Render as `render_linear` does, with alpha: (H, W, 4)."""
     light_tables.keep_current(scene)  # the handler that would do it runs only where the extension is registered
     return render_pixels(scene, path, progress=progress)
 

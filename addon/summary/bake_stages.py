@@ -16,7 +16,7 @@ USUAL_SIZE = 1024
 def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
     """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order.
 
-    Only its reading tells whether a BRDF is anisotropic: the stages of both kinds are listed, those of the one behind
+    Only reading it shows whether a BRDF is anisotropic: the stages of both kinds are listed, those of the one behind
     those of the other, and `share_done` keeps to the kind that it is asked for.
     """
     if isinstance(settings, ArcSettings):

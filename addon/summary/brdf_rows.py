@@ -17,7 +17,7 @@ Rows = list[tuple[str, str]]
 
 
 def source_rows(record: Record) -> Rows:
-    """Where a bundle came from."""
+    """Rows on the source of a bundle."""
     kind = record.source.format
     return [("Source", record.name)] + ([("Format", kind)] if kind else [])
 
@@ -62,14 +62,14 @@ def _choice_rows(record: BrdfRecord) -> Rows:
     for basis, kind in rivals:
         rms = min(c.rms for c in found if (c.basis, c.parameterization) == (basis, kind))
         words.append(f"{basis} {kind} {rms / least:.3g} x")
-    return [("Others' error", ", ".join(words))] if words else []
+    return [("RMS of other grids", ", ".join(words))] if words else []
 
 
 def _search_rows(record: BrdfRecord) -> Rows:
     """How alpha was chosen, and what the other way of choosing it would have given."""
     search = record.search
     if search is None:
-        return [("Chosen by", "hand")]
+        return [("Chosen", "manually")]
     by_error = record.settings.alpha == "error"
     rival = search.by_intensity if by_error else search.by_error
     factor = search.error_of_intensity_choice
@@ -92,7 +92,7 @@ def error_rows(record: BrdfRecord) -> Rows:
 
 
 def envelope_rows(record: BrdfRecord) -> Rows:
-    """What native closures carry of a measured BRDF, and at what bias; nothing where none were fitted."""
+    """Rows on what native closures carry of a measured BRDF, and at what bias; none where none were fitted."""
     envelope = record.envelope
     if record.residual is None or envelope is None:
         return []
@@ -151,7 +151,7 @@ def image_sizes(record: Record) -> dict[str, dict[str, Any]]:
 
 
 def measurement_rows(source: BrdfSource) -> Rows:
-    """What the reader found in a measurement."""
+    """Rows on what the reader found in a measurement."""
     symmetry = "isotropic" if source.isotropic else "anisotropic"
     rows = [("Symmetry", symmetry + (", bilateral" if source.bilateral else ""))]
     return rows + [(_label(key), _plain(value)) for key, value in source.facts.items() if key != "format"]

@@ -11,7 +11,7 @@ FILTER_TIME = {"nearest": 0.97, "trilinear": 1.0, "bspline": 1.05}
 
 
 def expectation(record: BrdfRecord, mode: str, filter: str) -> str:
-    """Words on time and error of a measured BRDF's material; without the error where the bundle does not tell it.
+    """Time and error of a measured BRDF's material in words; without the error where the bundle does not state it.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ _MODEL_WORDS = {"slices": "slices", "power": "power law"}
 
 
 def photograph_rows(record: ShadingMapRecord) -> Rows:
-    """What was photographed, how it was read and what fixed its scale."""
+    """Rows on what was photographed, how it was read and what fixed its scale."""
     return read_rows(record.photographs)
 
 
@@ -62,7 +62,7 @@ def map_rows(record: ShadingMapRecord) -> Rows:
 
 
 def lighting_rows(record: ShadingMapRecord) -> Rows:
-    """How the map is lit."""
+    """Rows on how a shading map is lit."""
     settings, albedo = record.render, record.albedo
     rows = [
         ("f_r", lobe_words(settings.lobe)),
@@ -107,7 +107,7 @@ def map_error_rows(record: ShadingMapRecord) -> Rows:
 
 
 def warning_rows(record: ShadingMapRecord) -> Rows:
-    """What is doubtful about the photographs."""
+    """Rows of warnings about the photographs."""
     return doubt_rows(record.photographs)
 
 

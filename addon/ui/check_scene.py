@@ -1,4 +1,4 @@
-"""Operators and panel of the scene check: what biases or slows measured materials, mended all at once or one by one."""
+"""Operators and panel of the scene check: what biases or slows measured materials, fixed all at once or one by one."""
 
 # No postponed annotations here: Blender reads the properties from them.
 from collections import Counter
@@ -23,7 +23,7 @@ class _Shown:
     """The last check, in words: datablocks may be gone by the next redraw."""
 
     scene: str = ""
-    rows: tuple[tuple[str, str, str, str, bool], ...] = ()  # key, severity, setting, why, whether it can be mended
+    rows: tuple[tuple[str, str, str, str, bool], ...] = ()  # key, severity, setting, why, whether it can be fixed
     measured: bool = False
 
 
@@ -36,7 +36,7 @@ def _show(scene: bpy.types.Scene, found: list[Finding] | None) -> None:
 
 
 def summary(found: list[Finding] | None) -> str:
-    """What was found, in one line."""
+    """Findings of a scene check in one line."""
     if found is None:
         return "The scene shows no measured material"
     missing = not_whole(found)
@@ -57,11 +57,11 @@ class MEASURED_MATERIALS_OT_check_scene(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     mend: bpy.props.BoolProperty(
-        name="Mend", description="Set right all that is found, notes left alone", options={"SKIP_SAVE"}
+        name="Fix", description="Fix everything that is found except notes", options={"SKIP_SAVE"}
     )  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Show the list, with a button to mend all of it."""
+        """Show the list, with a button that fixes all of it."""
         if self.mend:
             return self.execute(context)
         found = with_missing_parts(check_scene(context.scene))
@@ -72,40 +72,38 @@ class MEASURED_MATERIALS_OT_check_scene(bpy.types.Operator):
         if not any(finding.mend and finding.severity != NOTE for finding in found):
             return context.window_manager.invoke_popup(self, width=640)
         self.mend = True  # by the dialog's button
-        return context.window_manager.invoke_props_dialog(
-            self, width=640, title=summary(found), confirm_text="Mend All"
-        )
+        return context.window_manager.invoke_props_dialog(self, width=640, title=summary(found), confirm_text="Fix All")
 
     def draw(self, _context: bpy.types.Context) -> None:
         """The list."""
         draw_findings(self.layout)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Check, and mend if that is wanted."""
+        """Check, and fix what is found if asked to."""
         mended = mend_scene(context.scene) if self.mend else []
         found = with_missing_parts(check_scene(context.scene))
         _show(context.scene, found)
-        done = f"{len(mended)} mended. " if mended else ""
+        done = f"{len(mended)} fixed. " if mended else ""
         wrong = any(finding.severity == WRONG for finding in found or ())
         self.report({"WARNING" if wrong else "INFO"}, done + summary(found))
         return {"FINISHED"}
 
 
 class MEASURED_MATERIALS_OT_mend_setting(bpy.types.Operator):
-    """Set this one right"""
+    """Fix this setting"""
 
     bl_idname = "measured_materials.mend_setting"
-    bl_label = "Mend"
+    bl_label = "Fix"
     bl_options = {"REGISTER", "UNDO"}
 
     key: _KEY
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Look again, since it may have been mended by now."""
+        """Look again, since it may have been fixed by now."""
         mended = mend(finding for finding in check_scene(context.scene) or () if finding.key == self.key)
         _show(context.scene, with_missing_parts(check_scene(context.scene)))
         if not mended:
-            self.report({"INFO"}, "There is nothing left to mend here")
+            self.report({"INFO"}, "There is nothing left to fix here")
             return {"CANCELLED"}
         self.report({"INFO"}, one_line(mended[0].mended_line.capitalize()))
         return {"FINISHED"}
@@ -145,14 +143,14 @@ class _CheckPanel:
 
 
 class MEASURED_MATERIALS_PT_material_check(_CheckPanel, bpy.types.Panel):
-    """In the material properties."""
+    """Scene check in the material properties."""
 
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
     bl_parent_id = "MEASURED_MATERIALS_PT_material"
 
 
 class MEASURED_MATERIALS_PT_shader_check(_CheckPanel, bpy.types.Panel):
-    """In the shader editor's sidebar."""
+    """Scene check in the shader editor's sidebar."""
 
     bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", "Measured Materials"
     bl_parent_id = "MEASURED_MATERIALS_PT_shader"

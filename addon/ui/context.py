@@ -15,7 +15,7 @@ def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
 
 
 def object_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Object | None:
-    """What the mouse points at in a viewport, where files are dropped."""
+    """Object under the mouse in a viewport, where files are dropped."""
     region, view = context.region, context.region_data
     if region is None or view is None or context.area is None or context.area.type != "VIEW_3D":
         return None

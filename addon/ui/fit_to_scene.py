@@ -28,7 +28,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Rebuild; a material that cannot be rebuilt is told of and does not keep the others from it."""
+        """Rebuild; a material that cannot be rebuilt is reported and does not stop the others."""
         learn_the_world(context.scene)
         fitted = 0
         for material in materials_in(context.scene):
@@ -48,11 +48,12 @@ class MEASURED_MATERIALS_OT_denoise(bpy.types.Operator):
     bl_label = "Denoise by Materials"
     bl_options = {"UNDO"}
 
-    stop: bpy.props.BoolProperty(name="Stop", description="Take the denoising away again", options={"SKIP_SAVE"})
+    stop: bpy.props.BoolProperty(name="Stop", description="Remove the denoising again", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """As for fitting, which it does too; and only Cycles has these passes."""
+        """Whether there is something to fit, as for `Fit to Scene`, and the engine is Cycles, which has these
+        passes."""
         if context.scene.render.engine != "CYCLES":
             cls.poll_message_set("Choose Cycles as the scene's render engine first")
             return False
@@ -70,7 +71,7 @@ class MEASURED_MATERIALS_OT_denoise(bpy.types.Operator):
 
 
 def learn_the_world(scene: bpy.types.Scene) -> None:
-    """Look at a world whose nodes do not tell what it shows, such as a sky texture: it is rendered, small."""
+    """Look at a world whose nodes do not say what it shows, such as a sky texture, by rendering it small."""
     if "measure the world" in world_survey.world_light(scene.world).why_not:
         world_survey.measure_world(scene)
     light_tables.update_scene(scene)

@@ -59,7 +59,7 @@ class MEASURED_MATERIALS_OT_import_brdf(BakeProperties, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self, title=f"Import {title}", confirm_text="Bake")
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """In the file browser's sidebar or in the dialogue."""
+        """Draw the settings in the file browser's sidebar or in the dialogue."""
         draw_settings(self.layout, self)
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
@@ -115,7 +115,7 @@ class MEASURED_MATERIALS_FH_brdf(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:
-        """Where the import makes sense."""
+        """Whether the area under the mouse takes an import."""
         return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
 
 

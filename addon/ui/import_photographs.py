@@ -67,7 +67,7 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
         return context.window_manager.invoke_props_dialog(self, title=title, confirm_text="Bake")
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """In the file browser's sidebar or in the dialogue."""
+        """Draw the settings in the file browser's sidebar or in the dialogue."""
         draw_arc_settings(self.layout, self, self)
         draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)
         column = self.layout.column()
@@ -99,7 +99,7 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
 
 
 class MEASURED_MATERIALS_FH_arc(bpy.types.FileHandler):
-    """Of a stack the file with its lights is dropped; image files are for others to take."""
+    """Dropping a stack's file of lights imports the stack; image files are left to others."""
 
     bl_idname = "MEASURED_MATERIALS_FH_arc"
     bl_label = "Photographs on an Arc"
@@ -108,7 +108,7 @@ class MEASURED_MATERIALS_FH_arc(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:
-        """Where the import makes sense."""
+        """Whether the area under the mouse takes an import."""
         return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
 
 

@@ -17,13 +17,13 @@ from .properties.photographs import arc_settings_of, draw_arc_settings
 
 
 class Form(ABC):
-    """What is asked of one kind."""
+    """Form of one kind of material."""
 
     suffixes: ClassVar[tuple[str, ...]]
 
     @abstractmethod
     def draw(self, layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
-        """Those of the settings that have an effect."""
+        """Draw the settings that have an effect."""
 
     @abstractmethod
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:

@@ -147,34 +147,34 @@ def _draw_row(column: bpy.types.UILayout, label: str, value: str) -> None:
 
 
 class MEASURED_MATERIALS_PT_material(_Panel, bpy.types.Panel):
-    """In the material properties."""
+    """Measured material in the material properties."""
 
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
 
 
 class MEASURED_MATERIALS_PT_material_quality(_QualityPanel, bpy.types.Panel):
-    """In the material properties."""
+    """Quality in the material properties."""
 
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
     bl_parent_id = "MEASURED_MATERIALS_PT_material"
 
 
 class MEASURED_MATERIALS_PT_material_lighting(_LightingPanel, bpy.types.Panel):
-    """In the material properties."""
+    """Lighting in the material properties."""
 
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
     bl_parent_id = "MEASURED_MATERIALS_PT_material"
 
 
 class MEASURED_MATERIALS_PT_material_bake(_BakePanel, bpy.types.Panel):
-    """In the material properties."""
+    """Bake settings in the material properties."""
 
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "material"
     bl_parent_id = "MEASURED_MATERIALS_PT_material"
 
 
 class MEASURED_MATERIALS_PT_shader(_Panel, bpy.types.Panel):
-    """In the shader editor's sidebar."""
+    """Measured material in the shader editor's sidebar."""
 
     bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
 
@@ -186,21 +186,21 @@ class MEASURED_MATERIALS_PT_shader(_Panel, bpy.types.Panel):
 
 
 class MEASURED_MATERIALS_PT_shader_quality(_QualityPanel, bpy.types.Panel):
-    """In the shader editor's sidebar."""
+    """Quality in the shader editor's sidebar."""
 
     bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
     bl_parent_id = "MEASURED_MATERIALS_PT_shader"
 
 
 class MEASURED_MATERIALS_PT_shader_lighting(_LightingPanel, bpy.types.Panel):
-    """In the shader editor's sidebar."""
+    """Lighting in the shader editor's sidebar."""
 
     bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
     bl_parent_id = "MEASURED_MATERIALS_PT_shader"
 
 
 class MEASURED_MATERIALS_PT_shader_bake(_BakePanel, bpy.types.Panel):
-    """In the shader editor's sidebar."""
+    """Bake settings in the shader editor's sidebar."""
 
     bl_space_type, bl_region_type, bl_category = "NODE_EDITOR", "UI", _TITLE
     bl_parent_id = "MEASURED_MATERIALS_PT_shader"

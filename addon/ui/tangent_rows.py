@@ -22,7 +22,7 @@ def tangent_nodes(material: bpy.types.Material) -> tuple[Any, Any]:
 
 
 def draw_tangent(layout: bpy.types.UILayout, material: bpy.types.Material, context: bpy.types.Context) -> None:
-    """From what the tangent comes and how it is turned; nothing for isotropic materials and an artist's own nodes."""
+    """Draw the tangent's source and rotation; nothing for isotropic materials and an artist's own nodes."""
     made, group = tangent_nodes(material)
     if group is None:
         return

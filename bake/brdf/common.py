@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class SourceRecord:
-    """What was baked.
+    """Source of a bake.
 
     Attributes
     ----------
@@ -31,13 +31,13 @@ class SourceRecord:
 
     @property
     def format(self) -> str | None:
-        """Of the measurement's file, where it is told."""
+        """Format of the measurement's file, where it is known."""
         found = self.facts.get("format")
         return found if isinstance(found, str) else None
 
     @classmethod
     def parse(cls, fields: Fields) -> SourceRecord:
-        """From a bundle's "source". Raises BakeError."""
+        """Read from a bundle's "source". Raises BakeError."""
         about = fields.entries.get("facts")
         return cls(fields.text("name"), about if isinstance(about, dict) else {}, fields.entries)
 
@@ -64,7 +64,7 @@ class ImageRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> ImageRecord:
-        """From an entry of a bundle's "images". Raises BakeError."""
+        """Read from an entry of a bundle's "images". Raises BakeError."""
         width, height, channels = (fields.whole(key, 1, 1 << 24) for key in ("width", "height", "channels"))
         storage = Storage(fields.text("storage", choices=[str(kind) for kind in IMAGE_STORAGES]))
         file_bytes = fields.whole("file_bytes", 0) if fields.has("file_bytes") else None
@@ -112,7 +112,7 @@ class AlbedoRecord:
 
     @classmethod
     def parse(cls, document: Fields, key: str) -> AlbedoRecord:
-        """From the entry `key` of a document, as `bake.tables.albedo.albedo_facts` made it. Raises BakeError."""
+        """Read from the entry `key` of a document, as `bake.tables.albedo.albedo_facts` made it. Raises BakeError."""
         fields = document.part(key)
         try:
             degrees = fields.numbers("theta_o_deg", (1, _MOST_ANGLES))
@@ -143,7 +143,7 @@ class RenderingRecord:
 
     @classmethod
     def parse(cls, found: object) -> RenderingRecord:
-        """From a material's "rendering"; what cannot be read is left out, for it is only told."""
+        """Read from a material's "rendering"; what cannot be read is left out, for it is only told."""
         given = found if isinstance(found, dict) else {}
         choices, effects = given.get("choices"), given.get("effects")
         return cls(

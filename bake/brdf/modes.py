@@ -1,4 +1,4 @@
-"""What a material spends on each sample: the artist's one knob (DESIGN.md section 5)."""
+"""The four modes: what a material spends on each sample (addon/docs/method.md, section 9)."""
 
 from __future__ import annotations
 

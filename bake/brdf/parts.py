@@ -53,7 +53,7 @@ class SettingsRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> SettingsRecord:
-        """From a bundle's "settings". Raises BakeError."""
+        """Read from a bundle's "settings". Raises BakeError."""
         alpha: str | tuple[float, ...] | None = None
         if isinstance(fields.entries.get("alpha"), list):
             alpha = fields.numbers("alpha", (2, 2), 0, 1)
@@ -86,7 +86,8 @@ class ErrorsRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> ErrorsRecord:
-        """From `bake.accuracy.table_errors`, or an entry of `bake.envelope.reconstruction_errors`. Raises BakeError."""
+        """Read from `bake.accuracy.table_errors`, or an entry of `bake.envelope.reconstruction_errors`. Raises
+        BakeError."""
         directions = fields.whole("directions", 0) if fields.has("directions") else None
         return cls(fields.number("rms"), fields.number("relative"), directions)
 
@@ -100,7 +101,7 @@ class AlphaRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> AlphaRecord:
-        """From a trial of `bake.alpha_search`. Raises BakeError."""
+        """Read from a trial of `bake.alpha_search`. Raises BakeError."""
         return cls(fields.number("alpha_theta"), fields.number("alpha_phi"))
 
 
@@ -115,7 +116,7 @@ class AlphaSearchRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> AlphaSearchRecord:
-        """From `bake.alpha_search.AlphaSearch.facts`. Raises BakeError."""
+        """Read from `bake.alpha_search.AlphaSearch.facts`. Raises BakeError."""
         by_error, by_intensity = (AlphaRecord.parse(fields.part(key)) for key in ("by_error", "by_intensity"))
         same = fields.flag("intensity_finds_least_error")
         return cls(by_error, by_intensity, same, fields.number("error_of_intensity_choice"))
@@ -131,7 +132,7 @@ class CandidateRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> CandidateRecord:
-        """From an entry of the account of a search. Raises BakeError."""
+        """Read from an entry of the account of a search. Raises BakeError."""
         slopes = fields.entries.get("basis") == "half" and "parameterization" not in fields.entries
         kind = "slopes" if slopes else fields.text("parameterization")
         return cls(fields.text("basis"), kind, fields.number("rms"))
@@ -191,7 +192,7 @@ class TableRecord(StoredTableRecord):
 
     @classmethod
     def parse(cls, fields: Fields, stored_as: Storage | None = None) -> TableRecord:
-        """From a bundle's "table", whose image has the storage `stored_as`, if it is known. Raises BakeError."""
+        """Read from a bundle's "table", whose image has the storage `stored_as`, if it is known. Raises BakeError."""
         anisotropic = fields.entries.get("anisotropic") is True
         storage = Storage(fields.text("storage", choices=TABLE_STORAGES))
         spline = fields.text("spline", choices=_SPLINES) if fields.has("spline") else "none"
@@ -207,7 +208,7 @@ class ResidualRecord(StoredTableRecord):
 
     @classmethod
     def parse(cls, fields: Fields, table: TableRecord, stored_as: Storage | None = None) -> ResidualRecord:
-        """From a bundle's "residual"; older ones have the table's grid. Raises BakeError."""
+        """Read from a bundle's "residual"; older ones have the table's grid. Raises BakeError."""
         own = "grid" in fields.entries
         grid = grid_of(fields.part("grid"), is_anisotropic(table.grid)) if own else table.grid
         told = fields.part("errors") if fields.has("errors") else Fields({}, fields.where)
@@ -288,7 +289,7 @@ class EnvelopeRecord(ClosuresRecord):
 
     @classmethod
     def parse(cls, fields: Fields, anisotropic: bool) -> EnvelopeRecord:
-        """From a bundle's "envelope". Raises BakeError."""
+        """Read from a bundle's "envelope". Raises BakeError."""
         found = _fitted(fields, anisotropic, 12, (4, MOST_NODES))
         rows = fields.rows("by_theta_o_deg", (1, 1024), 2)
         sizes = ("closures", "nodes") if not anisotropic else ("closures", "n_theta", "n_phi", "folded")
@@ -305,7 +306,7 @@ class PreviewRecord(ClosuresRecord):
 
     @classmethod
     def parse(cls, fields: Fields, anisotropic: bool) -> PreviewRecord:
-        """From a bundle's "preview". Raises BakeError."""
+        """Read from a bundle's "preview". Raises BakeError."""
         found = _fitted(fields, anisotropic, _MOST_PREVIEW, (4, MOST_NODES))
         error = fields.number("error", 0) if fields.has("error") or not anisotropic else None
         return cls(found.closures, found.viewers, error)

@@ -74,7 +74,8 @@ class BrdfRecord:
 
     @classmethod
     def read(cls, bundle: Bundle) -> BrdfRecord:
-        """Of a bundle. Raises BakeError where it is of another kind, or an entry is missing or wrong."""
+        """Read the record of a bundle. Raises BakeError where it is of another kind, or an entry is missing or
+        wrong."""
         return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
 
     @classmethod
@@ -84,7 +85,7 @@ class BrdfRecord:
 
     @classmethod
     def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> BrdfRecord:
-        """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
+        """Read a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
         fields = Fields(document, where)
         if (kind := fields.text("kind")) != "brdf":
             raise BakeError(where, f"kind {kind!r:.40} is not a BRDF", "update the extension")
@@ -121,7 +122,7 @@ class BrdfRecord:
 
     @property
     def name(self) -> str:
-        """Of what was measured."""
+        """Name of what was measured."""
         return self.source.name
 
     def has(self, image: str) -> bool:

@@ -93,7 +93,7 @@ class Reflection(ABC):
 
     @abstractmethod
     def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
-        """Of the residual's table, given that of the whole."""
+        """Grid of the residual's table, given that of the whole."""
 
     @abstractmethod
     def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
@@ -194,7 +194,7 @@ class AnisotropicReflection(Reflection):
 def reflection_of(
     treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
 ) -> Reflection:
-    """Of a source that is isotropic, or is not."""
+    """Reflection of an isotropic or an anisotropic source."""
     if treated.isotropic:
         return IsotropicReflection(treated, settings)
     return AnisotropicReflection(treated, grid, choice, settings, counts)

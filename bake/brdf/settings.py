@@ -19,7 +19,7 @@ SplineFit = Literal["auto", "plain", "fitted"]
 
 @dataclass(frozen=True)
 class BakeSettings:
-    """What the user chooses.
+    """Settings of a BRDF's bake.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ class BakeSettings:
         are of the normal-vector basis: with them "auto" means a Bezier table in that basis
     storage : of the table's texels
     filter : that the material reconstructs with
-    spline : coefficients for filter "bspline": the samples themselves as in MY16, fitted >= 0, or whichever of the
-        two has the smaller measured error (a peak between two samples is better left smooth)
+    spline : coefficients for filter "bspline": the samples themselves as in Mallett & Yuksel 2016, fitted >= 0, or
+        whichever of the two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : sizes of the alias tables
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
@@ -69,7 +69,7 @@ class BakeSettings:
 
     @property
     def bases(self) -> tuple[str, ...]:
-        """Those to choose from."""
+        """Bases to choose from."""
         if self.basis == "auto":
             return BASES if self.alpha == "error" else ("normal",)
         return (self.basis,)

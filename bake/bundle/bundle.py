@@ -140,7 +140,7 @@ def write_bundle(
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)
     title = title_of(document, target.stem)
     with _told_as(target):
-        _refuse_strangers(target)
+        _refuse_foreign_files(target)
         with replacing_folder(target) as folder:
             document["images"] = {
                 name: _write_image(folder, name, image, parameters, target, title) for name, image in images.items()
@@ -171,7 +171,7 @@ def _write_image(
         raise BakeError(target / file.name, f"exceeds {MAX_IMAGE_BYTES >> 20} MiB", "bake fewer samples")
     try:
         write_image(file, image.pixels, storage, {"image": name, "storage": storage, "material": parameters})
-    except BakeError as error:  # the temporary folder's name would tell nobody anything
+    except BakeError as error:  # the temporary folder's name means nothing to anybody
         raise BakeError(target / file.name, error.cause, error.remedy) from error
     height, width, channels = np.shape(image.pixels)
     sha256 = _sha256(file)
@@ -186,15 +186,15 @@ def _write_image(
     }
 
 
-def _refuse_strangers(target: Path) -> None:
+def _refuse_foreign_files(target: Path) -> None:
     if not os.path.lexists(target):
         return
     remedy = "choose another name or remove it"
     if target.is_symlink() or not target.is_dir():
         raise BakeError(target, "is not a bundle and is not replaced", remedy)
-    strangers = sorted(file for file in os.listdir(target) if not _is_ours(file))
-    if strangers:
-        raise BakeError(target, f"holds {strangers[0]!r}, not of a bundle, and is not replaced", remedy)
+    foreign = sorted(file for file in os.listdir(target) if not _is_ours(file))
+    if foreign:
+        raise BakeError(target, f"holds {foreign[0]!r}, a file that is not of a bundle, and is not replaced", remedy)
     try:
         document = load_json(target / MATERIAL)
         require(document, "schema", int, target)

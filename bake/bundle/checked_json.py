@@ -49,7 +49,7 @@ def _plain(value: Any, where: str, file: str | Path) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item, f"{where}[{k}]", file) for k, item in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
-        raise BakeError(file, f"'{where}' is {value}, which JSON cannot hold", "mend the value")
+        raise BakeError(file, f"'{where}' is {value}, which JSON cannot hold", "fix the value")
     if value is not None and not isinstance(value, bool | int | float | str):
         raise BakeError(file, f"'{where}' holds a {type(value).__name__}", "use plain numbers and texts")
     return value

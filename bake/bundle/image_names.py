@@ -18,7 +18,7 @@ _OTHER = re.compile("[^A-Za-z0-9]+")
 
 
 def title_of(material: Mapping[str, Any], otherwise: str) -> str:
-    """What images are named after: the name of what a material was measured on, as its material.json has it."""
+    """Title that images are named after: the name of the measurement as material.json has it."""
     source = material.get("source")
     name = source.get("name") if isinstance(source, Mapping) else None
     return name if isinstance(name, str) else otherwise
@@ -40,7 +40,7 @@ def unique_name(title: str, image: str, sha256: str, suffix: str) -> str:
 
 
 def common_name(image: str, suffix: str) -> str:
-    """What every bundle up to schema 2 called this image."""
+    """File name that every bundle up to schema 2 gave this image."""
     return image + suffix
 
 

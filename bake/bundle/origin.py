@@ -37,7 +37,7 @@ def photographs_origin(source: str | Path | Sequence[Path]) -> dict[str, str]:
 
 
 def model_origin(name: str, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a formula: its name and its parameters, as a bundle holds them. Raises BakeError."""
+    """Origin of a formula: its name and its parameters, as a bundle holds them. Raises BakeError."""
     plain: dict[str, Any] = json.loads(dump_json({"name": name, "facts": dict(facts)}, name))
     return plain
 
@@ -60,7 +60,7 @@ def refuse_another(target: Path, origin: Callable[[], Origin]) -> None:
 
 
 def is_same(kept: Origin, given: Origin) -> bool:
-    """Whether two bundles' sources are one: by content where both tell of it, else by name and parameters."""
+    """Whether two bundles' sources are one: by content where both state it, else by name and parameters."""
     if "sha256" in kept and "sha256" in given:
         return bool(kept["sha256"] == given["sha256"])
     told = [key for key in ("name", "facts") if key in given]

@@ -13,7 +13,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class BakeResult:
-    """Where the bundle is, the facts that were written into it, and the time from the call to the finished bundle."""
+    """Result of a bake: the bundle's folder, the facts written into it, and the time it took in seconds."""
 
     path: Path
     facts: dict[str, Any]

@@ -41,12 +41,12 @@ class AnisotropicLobe:
 
     @property
     def roughness(self) -> float:
-        """Of Glossy BSDF: its square is the geometric mean of the widths."""
+        """Roughness of the Glossy BSDF; its square is the geometric mean of the widths."""
         return float((self.alpha_x * self.alpha_y) ** 0.25)
 
     @property
     def anisotropy(self) -> float:
-        """Of Glossy BSDF: above 0 the lobe is narrower along the tangent."""
+        """Anisotropy of the Glossy BSDF; above 0 the lobe is narrower along the tangent."""
         if self.alpha_x <= self.alpha_y:
             return float(1 - (self.alpha_x / self.alpha_y) ** 0.5)
         return float((self.alpha_y / self.alpha_x) ** 0.5 - 1)
@@ -57,7 +57,7 @@ class AnisotropicLobe:
         return {"name": self.name, **widths}
 
     def neighbours(self, ratio: float) -> list[AnisotropicLobe]:
-        """The same closure with one width, or both, times or over `ratio`; three digits."""
+        """Closures with one width, or both, times or over `ratio`; three digits."""
         if self.name == "lambert":
             return []
         moves = ((ratio, 1.0), (1.0, ratio), (ratio, ratio), (ratio, 1 / ratio))

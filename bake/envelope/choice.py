@@ -56,7 +56,7 @@ class Trial:
         return self._columns[lobe]
 
     def shares(self, sets: Sequence[Sequence[Closure]]) -> Array:
-        """What each of several equally large sets carries, less the price of its overshoot."""
+        """Share that each of several equally large sets carries, less the price of its overshoot."""
         values = np.concatenate([np.stack([self.column(lobe) for lobe in members], -1) for members in sets])
         areas, bounds = (np.tile(a, (len(sets), 1)) for a in (self.views.areas, self.bounds))
         gains = np.einsum("nm,nmk->nk", areas, values)

@@ -79,7 +79,7 @@ def closure_sum(closures: Sequence[Closure], weights: Array, wi: Array, wo: Arra
 
 
 def neighbours(lobe: Lobe, ratio: float) -> list[Lobe]:
-    """The same closure with its parameter times and over `ratio`, within what Cycles does well; three digits."""
+    """Closures with the parameter times and over `ratio`, within what Cycles does well; three digits."""
     if not PARAMETERS[lobe.name]:
         return []
     parameter = PARAMETERS[lobe.name][0]

@@ -39,7 +39,7 @@ _DARK = 1e-9  # of the largest albedo: what reflects less is black
 
 @dataclass(frozen=True)
 class EnvelopeSettings:
-    """How close and how rich an envelope is to be.
+    """Settings of an envelope: how close and how rich it is to be.
 
     Parameters
     ----------

@@ -243,7 +243,7 @@ def checked_shares(image: Array, where: str | Path = "residual_share", layout: S
 def share_coordinates(
     xp: Any, to_lamp: Any, incoming: Any, normal: Any, wo: Any, layout: ShareLayout = LAYOUT
 ) -> tuple[Any, Any]:
-    """Where to read the image, v upwards.
+    """Texture coordinates (u, v) of the image of shares, v upwards.
 
     Parameters
     ----------

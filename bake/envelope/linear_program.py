@@ -118,9 +118,11 @@ class _State:
     t: Array
 
     def take(self, index: Array) -> _State:
+        """State of some of the problems."""
         return replace(self, **{name: value[index] for name, value in vars(self).items()})
 
     def moved(self, step: _State, primal: Array, dual: Array) -> _State:
+        """State after a step of the given lengths, primal and dual, kept positive."""
         new = {}
         for name, value in vars(self).items():
             length = primal if name in "woxz" else dual
@@ -128,9 +130,11 @@ class _State:
         return _State(**new)
 
     def pairs(self) -> list[tuple[Array, Array]]:
+        """Variables with the multipliers that belong to them."""
         return [(self.w, self.v), (self.o, self.u), (self.x, self.y), (self.z, self.t)]
 
     def complementarity(self) -> Array:
+        """Mean product of variables and multipliers, (N,)."""
         return sum((p * d).sum(-1) for p, d in self.pairs()) / sum(p.shape[-1] for p, _ in self.pairs())
 
 
@@ -145,6 +149,7 @@ class _Scaled:
     d: Array
 
     def take(self, index: Array) -> _Scaled:
+        """Some of the problems."""
         return replace(self, **{name: value[index] for name, value in vars(self).items()})
 
     def start(self) -> _State:
@@ -196,7 +201,7 @@ class _System:
         matrix[:, :k, k], matrix[:, k, :k] = column, -column
         matrix[:, k, k] = (s.z / s.t)[:, 0] + (s.o / scale).sum(-1)
         self.inverse = np.linalg.inv(matrix)
-        # What rounding has left of feasibility is mended along the way.
+        # What rounding has left of feasibility is restored along the way.
         self.rest_x: Array = problem.q - _times(s.w, a) + p * s.o - s.x
         self.rest_z = 1 - s.o.sum(-1, keepdims=True) - s.z
         self.rest_v = problem.c - _sums(a, s.y) + s.v

@@ -41,7 +41,7 @@ def reconstruction_errors(
     pairs: DirectionPairs,
     filter: Filter = "trilinear",
 ) -> dict[str, Any]:
-    """How far E + interp(R), and interp(f), are from f at directions that no table holds; JSON-ready.
+    """Errors of E + interp(R) and of interp(f) at directions that no table holds; JSON-ready.
 
     Where highlights carry the light the former is closer: on metals by half, since E needs no table. On felts, whose
     table is good to a few parts in ten thousand, the envelope's own budget is the larger error.

@@ -84,7 +84,7 @@ def residual_shares(source: Source, closures: Sequence[Closure], viewers: Viewer
 
 
 def measured(source: Source, closures: Sequence[Closure], viewers: Viewers, weights: Array) -> dict[str, Any]:
-    """How much of the energy E carries and by how much it is too high, on directions used nowhere else; JSON-ready.
+    """Share of the energy that E carries, and its overshoot, on directions used nowhere else; JSON-ready.
 
     Energies of an elevation are means over the viewer's azimuth.
 

@@ -25,7 +25,8 @@ CHANNELS = "RGBA"
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """What a reader needs to know: size, channel names in the order R, G, B, A, type, string attributes."""
+    """Header of an OpenEXR file, as a reader needs it: size, channel names in the order R, G, B, A, type, string
+    attributes."""
 
     width: int
     height: int

@@ -38,7 +38,7 @@ _PREFIX = "mmat:"
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """What a file declares; `attributes` are the strings that `write_image` was given."""
+    """Declarations of an image file; `attributes` are the strings that `write_image` was given."""
 
     width: int
     height: int
@@ -170,7 +170,7 @@ def write_image(
     try:
         values = quantize(pixels, storage)
     except ValueError as error:
-        raise BakeError(path, str(error), "choose float32 or mend the values") from error
+        raise BakeError(path, str(error), "choose float32 or fix the values") from error
     try:
         with replacing_file(path) as temporary:
             if storage is Storage.RGBE:

@@ -51,7 +51,7 @@ def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
 
 
 def png_about(path: Path) -> str:
-    """What `png_bytes` kept in the file; empty for any other file. Raises OSError."""
+    """Text that `png_bytes` kept in the file; empty for any other file. Raises OSError."""
     with open(path, "rb") as stream:
         head = stream.read(33 + 8 + len(_TEXT) - 4 + _LONGEST_TEXT)
     if head[:8] != _SIGNATURE or head[37 : 37 + len(_TEXT)] != _TEXT:

@@ -141,7 +141,7 @@ class HdrFile:
                 except ValueError:
                     exposure = math.nan
         if not 1e-30 < exposure < 1e30:
-            raise BakeError(self.path, "states an unusable EXPOSURE", "mend or remove that header line")
+            raise BakeError(self.path, "states an unusable EXPOSURE", "fix or remove that header line")
         return exposure
 
     def pixels(self) -> NDArray[np.float32]:

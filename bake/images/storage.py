@@ -38,7 +38,7 @@ class Storage(StrEnum):
 
     @property
     def suffix(self) -> str:
-        """Of the file, with the dot."""
+        """Suffix of the file, with the dot."""
         return {Storage.RGBE: ".hdr", Storage.BYTE: ".png"}.get(self.image, ".exr")
 
     def file_bytes(self, channels: int) -> int:
@@ -70,7 +70,7 @@ HALF_OFFSET = 2.0**-14
 
 
 def offset_for(storage: Storage) -> float:
-    """What scaled values >= 0 are raised by in a table of this storage; subtracted after reading."""
+    """Offset that is added to scaled values >= 0 in a table of this storage; subtracted after reading."""
     return HALF_OFFSET if Storage(storage) is Storage.HALF else 0.0
 
 
@@ -115,7 +115,7 @@ def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
 
 
 def raised(values: NDArray[Any], scale: float, storage: Storage) -> NDArray[np.float32]:
-    """What the file of a table holds for its values: scaled, and raised by `offset_for`."""
+    """Values as the file of a table holds them: scaled, and raised by `offset_for`."""
     texels: NDArray[np.float32] = values * np.float32(scale) + np.float32(offset_for(storage))
     return texels
 

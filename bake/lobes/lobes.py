@@ -1,4 +1,4 @@
-"""The reflectance f_r of a shading map: grey BRDFs that Cycles has closures for, and KSS04's modified Phong.
+"""The reflectance f_r of a shading map: grey BRDFs that Cycles has closures for, and modified Phong.
 
 Formulas take `xp`, numpy's or the shader nodes' namespace, wi and wo in any azimuth, and up to two parameters p1 and
 p2 (`PARAMETERS`). They work on s = wi + wo and its parts, never on an angle: |s_xy| / |s| keeps all digits where
@@ -14,7 +14,7 @@ ggx         D G2 / (4 cos_i cos_o), height-correlated Smith, no Fresnel (Walter 
 sheen       Inverse Gaussian D with the V-cavity G (Ashikhmin, Premoze & Shirley 2000): Sheen BSDF, distribution
             Ashikhmin, node roughness sigma.
 phong       kd / pi + (1 - kd) (n + 2) / (2 pi) cos^n of the angle between wo and the mirrored wi (Lewis 1994, as in
-            KSS04). Diffuse BSDF times kd is its native part, a lower bound.
+            Kautz et al. 2004). Diffuse BSDF times kd is its native part, a lower bound.
 phong_*     The same with another curve for cos^n, of unit albedo at normal incidence as that is: "schlick", "lyon",
             "cosine" and "cubic" of `bake.lobes.cosine_lobes`.
 """
@@ -83,7 +83,7 @@ class Lobe:
 
     @classmethod
     def of(cls, name: str, **parameters: float) -> Lobe:
-        """By the parameters' own names: `Lobe.of("phong", exponent=60, diffuse=0.3)`. Raises BakeError."""
+        """Make a lobe by the parameters' own names: `Lobe.of("phong", exponent=60, diffuse=0.3)`. Raises BakeError."""
         names = [p.name for p in parameters_of(name)]
         if unknown := sorted(set(parameters) - set(names)):
             choices = f"choose from {', '.join(names)}" if names else "leave it out"

@@ -52,7 +52,7 @@ def group_by_light(paths: list[Path], directions: NDArray[np.float64] | None) ->
 
 
 def find_exposures(paths: list[Path], infos: list[PhotoInfo], groups: list[list[int]]) -> Exposures:
-    """Relative exposures t ISO / N^2 from Exif, or 2^EV from the names where Exif does not tell a bracket apart.
+    """Relative exposures t ISO / N^2 from Exif, or 2^EV from the names where Exif does not distinguish a bracket.
 
     Raises BakeError where a quantity is noted in some photographs only and differs there, or where a name marks a
     bracket whose exposure is not to be found.

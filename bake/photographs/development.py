@@ -37,11 +37,12 @@ class Counts:
 
     @property
     def clipped_share(self) -> float:
+        """Share of the pixels that are clipped in every exposure."""
         return self.clipped / max(self.pixels, 1)
 
     @property
     def outside_share(self) -> float:
-        """Of the values of all texels."""
+        """Share of the texels' values that lie outside Rec.709."""
         return self.outside / max(self.texels, 1)
 
 

@@ -45,7 +45,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """How a photograph is decoded.
+    """Encoding of a photograph: how it is decoded.
 
     curves : one transfer function, or one per channel
     why : where they come from, in words
@@ -62,7 +62,7 @@ class Encoding:
 
     @property
     def name(self) -> str:
-        """Of the transfer function, as `Response.name`."""
+        """Name of the transfer function, as `Response.name`."""
         return " ".join(dict.fromkeys(curve.name for curve in self.curves))
 
     def linear(self, values: NDArray[Any]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Where the swatch lies in the frame: crop or four corners, and the reduction to the wanted size."""
+"""Where the swatch lies in the frame: crop or four corners, and the reduction to the size requested."""
 
 from __future__ import annotations
 

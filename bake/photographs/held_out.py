@@ -1,9 +1,9 @@
 """Whether moving a photograph back helps: it must then be closer to what its neighbours foretell.
 
-Light that moves over relief displaces what is seen, and a measurement of displacement cannot tell that from a camera
-that moved. What the material is baked for can: each photograph is fitted by the two whose lights are nearest, with
-free weights and a constant, as it stands, moved back, and moved as far the other way. A movement of the camera fits
-better moved back than both; an apparent one, which its neighbours share in part, fits best as it stands.
+Light that moves over relief displaces what is seen, and a measurement of displacement cannot distinguish that from a
+camera that moved. What the material is baked for can: each photograph is fitted by the two whose lights are nearest,
+with free weights and a constant, as it stands, moved back, and moved as far the other way. A movement of the camera
+fits better moved back than both; an apparent one, which its neighbours share in part, fits best as it stands.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _F64 = NDArray[np.float64]
 def helpful_moves(gray: _F64, displacement: _F64, chosen: NDArray[np.bool_], apart: _F64) -> _F64:
     """Displacements (n, 2) by which moving back helps, 0 where it does not; one axis alone where the other spoils it.
 
-    A pattern of lines tells its place across them far better than along them, where it may have moved all the same.
+    A pattern of lines fixes its place across them far better than along them, where it may have moved all the same.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _OVERHEAD = np.sin(np.radians(8))
 
 @dataclass
 class Lights:
-    """Photographs that stay, their unit directions (n, 3) or None, and what is to be told."""
+    """Photographs that stay, their unit directions (n, 3) or None, and warnings."""
 
     paths: list[Path]
     directions: NDArray[np.float64] | None
@@ -39,7 +39,7 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool) -> Li
     """Directions of photographs from a lights file, else from the file names.
 
     Photographs without a light, or with one below the horizon, are left out with a warning. With `whole_folder`
-    lights without a photograph are told as well. Raises BakeError.
+    lights without a photograph are reported as well. Raises BakeError.
     """
     file = given or _in_folder(paths)
     if file is None:
@@ -177,7 +177,7 @@ def choose_arc(
     """Keep the lights within `spread` degrees of one vertical plane, on one of its sides or on both.
 
     Without an `azimuth` lights that already lie near one plane, and side, all stay; otherwise the candidate (every 10
-    degrees) with the most distinct elevations is taken and told in a warning. Raises BakeError.
+    degrees) with the most distinct elevations is taken and reported in a warning. Raises BakeError.
     """
     if lights.directions is None:
         if azimuth is None:

@@ -34,7 +34,7 @@ _HARMLESS = ("extraneous bytes before marker",)
 
 @dataclass(frozen=True)
 class Exposure:
-    """What the camera noted; None where it noted nothing."""
+    """Exposure as the camera noted it; None where it noted nothing."""
 
     seconds: float | None = None
     f_number: float | None = None
@@ -45,8 +45,8 @@ class Exposure:
 class PhotoInfo:
     """Header of a photograph; `channels` counts those of the file, `color` is what it says of its colours.
 
-    `orientation` is the Exif one, 1 to 8. `automatic_white` tells that the camera chose the white balance itself.
-    `pages` is what is to be told of files that hold several pictures.
+    `orientation` is the Exif one, 1 to 8. `automatic_white` says that the camera chose the white balance itself.
+    `pages` is what to report of files that hold several pictures.
     """
 
     format: str
@@ -183,7 +183,7 @@ def _with_openimageio(oiio: ModuleType, path: Path, page: int, pixels: bool) -> 
 
 
 def _exr_part(stream: Any) -> tuple[int, str]:
-    """The first part of an OpenEXR file that holds colours, and what is to be told of the others."""
+    """The first part of an OpenEXR file that holds colours, and what to report of the others."""
     kinds: list[bool] = []
     while len(kinds) < _MAX_PARTS and stream.seek_subimage(len(kinds), 0):
         kinds.append(bool(_colors_among(stream.spec().channelnames)))

@@ -39,7 +39,7 @@ class StackSettings:
     white_card : x, y, width, height of a diffuse card lying beside the swatch
     white_reflectance : of that card
     albedo : of the swatch as the artist states it, instead of a card
-    align : "auto" corrects small movements of the camera, "warn" only tells, "off" does not look
+    align : "auto" corrects small movements of the camera, "warn" only reports them, "off" does not look
 
     Raises
     ------

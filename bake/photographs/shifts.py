@@ -3,7 +3,7 @@
 Photographs are compared in pairs by phase correlation (Kuglin and Hines 1975) of their high-passed logarithmic
 luminance, in which a change of lamp or exposure is a constant that drops out. Moving shadows and highlights remain.
 Four things keep them from passing for a movement of the camera: a pair of photographs counts only where enough of
-the spectrum agrees in phase (its coherence); the four quarters of the frame must tell the same, and their
+the spectrum agrees in phase (its coherence); the four quarters of the frame must agree, and their
 disagreement is the pair's uncertainty; the positions of all photographs follow from all pairs together, for a
 camera's movement is consistent around every loop of pairs and a shadow's is not; and what is moved back must then be
 foretold better by its neighbours (`held_out`).
@@ -21,7 +21,7 @@ from .held_out import helpful_moves
 from .radiometry.light_drift import light_drift
 
 LARGEST_SHARE = 0.05
-"""Of the frame; a larger movement is told but not corrected."""
+"""Of the frame; a larger movement is reported but not corrected."""
 SMALLEST_PIXELS = 0.5
 """Movements below this are left alone: light that moves over relief feigns up to 0.3 in stacks of fixed cameras
 (measured on photographs of a gilded icon and on synthetic relief), and resampling costs some sharpness."""
@@ -38,7 +38,7 @@ _CERTAINTY = 3.0
 _FLOOR = 0.001
 _INCOHERENCE = 0.02
 """Error in pixels, times coherence squared, that changed light causes all over the frame alike: the canvas stack, whose
-movement all its lights together tell, shows 0.6 to 1.5 at a coherence of 0.2 and 0.05 at 0.45."""
+movement all its lights together determine, shows 0.6 to 1.5 at a coherence of 0.2 and 0.05 at 0.45."""
 _QUARTER_AGREEMENT = 2.0
 _LEAST_UNCERTAIN = 0.02
 Spectrum = NDArray[np.complex128]
@@ -48,7 +48,7 @@ Pair = tuple[int, int, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Shifts:
-    """Displacement (n, 2) of every photograph's content, x right and y down, in texels, NaN where it cannot be told.
+    """Displacement (n, 2) of every photograph's content, x right and y down, in texels, NaN where unknown.
 
     `uncertain` (n,) is its standard error, texels. `moved` (n,) marks displacements that are significant and, moved
     back, make the photograph fit its neighbours better; `too_far` (n,) those of them above `LARGEST_SHARE`.
@@ -214,7 +214,7 @@ def _reach(shape: tuple[int, int]) -> tuple[int, int]:
 def _pair_shift(
     first: Spectrum, second: Spectrum, shape: tuple[int, int], reach: tuple[int, int]
 ) -> tuple[float, float, float]:
-    """Displacement (x, y) of the second against the first, in pixels, and their coherence, 0 where it tells nothing.
+    """Displacement (x, y) of the second against the first, in pixels, and their coherence, 0 where it says nothing.
 
     Frequencies count alike, as phase correlation has it, save those that hold next to nothing. A higher floor would
     help surfaces that repeat exactly, but lets a few strong frequencies of relief outvote the rest: floors from 0.003

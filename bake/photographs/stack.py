@@ -1,7 +1,7 @@
 """Read a stack of photographs of a flat swatch: fixed view, light from several directions.
 
-KSS04 = Kautz, Sattler, Sarlette, Klein, Seidel 2004, "Decoupling BRDFs from Surface Mesostructures": such a stack,
-sorted by its average radiance, is the input of a shading map.
+Such a stack, sorted by its average radiance, is the input of a
+shading map (Kautz et al. 2004).
 """
 
 from __future__ import annotations

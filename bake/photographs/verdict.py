@@ -1,4 +1,4 @@
-"""What is wrong with the photographs once they are read, told in single lines."""
+"""What is wrong with the photographs once they are read, reported in single lines."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def judge_elevations(images: NDArray[np.float32], directions: NDArray[np.float64
 
 
 def shift_report(names: list[str], found: Shifts, corrects: bool, warnings: list[str]) -> dict[str, Any]:
-    """Facts about the camera's movement, texels; what moved is told in a warning."""
+    """Facts about the camera's movement, texels; what moved is reported in a warning."""
     near = found.moved & ~found.too_far
     if near.any():
         size = np.hypot(*found.displacement[near].T).max()

@@ -10,15 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-# Okabe & Ito's palette, told apart by colour-blind readers too, and two more; black is the front's.
+# Okabe & Ito's palette, distinct for colour-blind readers too, and two more; black is the front's.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c564b")
-# Beyond the colours, series are told apart by their marks: a second round of the palette is of squares.
+# Beyond the colours, series differ by their marks: a second round of the palette is of squares.
 _MARKS = ("circle", "square", "triangle")
 _WIDTH, _HEIGHT = 860, 440
 _LEFT, _RIGHT, _TOP, _BOTTOM = 84, 236, 40, 56
 _SMALLEST = 1e-12
 _LEGEND_STEP = 18
-# Times closer than this factor are told as equal: as much they differ from run to run.
+# Times closer than this factor are reported as equal: they differ as much from run to run.
 SAME_TIME = 1.15
 # Of both shares' difference: a front closer than this to a straight line has no knee.
 _LEAST_GAIN = 0.08
@@ -58,7 +58,7 @@ class Chart:
 
     @property
     def points(self) -> list[Point]:
-        """Of all series."""
+        """Points of all series."""
         return [point for points in self.series.values() for point in points]
 
     def front(self) -> list[Point]:
@@ -171,14 +171,17 @@ class _Axis:
 
     @classmethod
     def of(cls, values: Sequence[float], start: float, end: float) -> _Axis:
+        """Axis that holds all values with a margin."""
         low, high = min(map(_log, values)), max(map(_log, values))
         margin = max(0.06 * (high - low), 0.08)
         return cls(low - margin, high + margin, start, end)
 
     def at(self, value: float) -> float:
+        """Place of a value in the picture."""
         return self.start + (_log(value) - self.low) / (self.high - self.low) * (self.end - self.start)
 
     def ticks(self) -> list[float]:
+        """Values to label: powers of ten, and steps between where there is room."""
         span = self.high - self.low
         steps = (1.0,) if span > 2.5 else (1.0, 2.0, 5.0) if span > 0.5 else (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0)
         decades = range(math.floor(self.low), math.ceil(self.high) + 1)

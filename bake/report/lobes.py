@@ -39,7 +39,7 @@ class LobeCost:
 
 
 def measure_lobes(journal: Journal) -> list[LobeCost]:
-    """All lobes, and the bare power of a cosine that was rounded before."""
+    """Measure all lobes, and the bare power of a cosine that was rounded before."""
     names = [*COSINE_LOBES, BARE_POWER]
     return [LobeCost(name, **journal.measure(f"lobes {name}", partial(_measured, name))) for name in names]
 
@@ -74,7 +74,7 @@ def _seconds(function: Callable[[], object]) -> float:
     return min(runs)
 
 
-# --- tell -----------------------------------------------------------------------------------------------
+# --- report ---------------------------------------------------------------------------------------------
 
 
 def lobes_section(

@@ -48,7 +48,7 @@ MODELS = (
 
 @dataclass(frozen=True)
 class MapSizes:
-    """What is tried.
+    """Sizes of the shading maps that are tried.
 
     slices : numbers of them, black included; those of `timed` are rendered too
     parts : into which the photographs are divided, each being predicted from all the others
@@ -82,12 +82,12 @@ class MapSetting:
 
     @property
     def key(self) -> MapKey:
-        """All that its time depends on."""
+        """Key of everything that the setting's time depends on."""
         return self.model, self.slices, self.storage
 
 
 def settings_of(sizes: MapSizes) -> Iterator[tuple[Model, int, Storage]]:
-    """All that can be built."""
+    """All settings that can be built."""
     for model in MODELS:
         for slices in sizes.slices:
             if slices <= model.rank and model.compression == "basis":
@@ -103,7 +103,7 @@ def settings_of(sizes: MapSizes) -> Iterator[tuple[Model, int, Storage]]:
 def measure_maps(
     name: str, images: Images, journal: Journal, sizes: MapSizes, progress: Callable[[float], None]
 ) -> list[MapSetting]:
-    """All settings for one swatch.
+    """Measure all settings for one swatch.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def measure_maps(
 
 
 def timed(settings: Sequence[MapSetting], times: Mapping[MapKey, float]) -> list[MapSetting]:
-    """With the times in rendered nodes."""
+    """Copy with the times in rendered nodes."""
     return [replace(s, sample_ns=times.get(s.key)) for s in settings]
 
 
@@ -166,7 +166,7 @@ def _texel_bytes(image: Any) -> int:
     return int(Storage(image.storage).file_bytes(image.pixels.shape[2]))
 
 
-# --- tell -----------------------------------------------------------------------------------------------
+# --- report ---------------------------------------------------------------------------------------------
 
 _BYTES, _ERROR = "bytes in the files, before compression", "RMS error, relative"
 

@@ -54,7 +54,7 @@ class Section:
     notes: list[str] = field(default_factory=list)
 
     def html(self, anchor: str) -> str:
-        """Of the section, to which links lead by `anchor`."""
+        """HTML of the section, which links reach by `anchor`."""
         parts = [f'<h2 id="{anchor}">{escape(self.title)}</h2>']
         parts += [f"<p>{escape(sentence)}</p>" for sentence in self.words]
         for chart in self.charts:
@@ -73,7 +73,7 @@ class Table:
     rows: Sequence[Sequence[Any]]
 
     def html(self) -> str:
-        """Of the table."""
+        """HTML of the table."""
         head = "".join(f"<th>{escape(str(name))}</th>" for name in self.head)
         rows = "".join("<tr>" + "".join(f"<td>{escape(_cell(v))}</td>" for v in row) + "</tr>" for row in self.rows)
         table = f'<div class="scroll"><table><tr>{head}</tr>{rows}</table></div>'
@@ -82,7 +82,7 @@ class Table:
         return f"<details><summary>All {len(self.rows)} measurements, best first</summary>{table}</details>"
 
     def csv(self) -> str:
-        """The same with all digits."""
+        """CSV of the table with all digits."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerows([self.head, *self.rows])
@@ -97,7 +97,7 @@ class Picture:
     caption: str
 
     def html(self) -> str:
-        """With the picture inside."""
+        """HTML with the picture inside."""
         data = base64.b64encode(self.png).decode()
         caption = escape(self.caption)
         image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
@@ -112,7 +112,7 @@ class Gallery:
     pictures: Sequence[Picture]
 
     def html(self) -> str:
-        """Of the heading and the pictures."""
+        """HTML of the heading and the pictures."""
         inside = "".join(picture.html() for picture in self.pictures)
         return f'<h3>{escape(self.title)}</h3><div class="gallery">{inside}</div>'
 

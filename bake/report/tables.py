@@ -59,7 +59,7 @@ class Setting:
 
     @property
     def key(self) -> LookupKey:
-        """All that its time depends on."""
+        """Key of everything that the setting's time depends on."""
         return self.basis, self.parameterization, self.resolution, self.filter, self.storage
 
 
@@ -68,13 +68,13 @@ LookupKey = tuple[str, str, int, str, str]
 
 @dataclass(frozen=True)
 class Measured:
-    """All settings of one material, and the kind that "auto" takes."""
+    """Measurements of all settings of one material, and the kind that "auto" takes."""
 
     settings: list[Setting]
     auto: Kind
 
     def timed(self, rendered: Mapping[LookupKey, float]) -> Measured:
-        """With the times in rendered nodes."""
+        """Copy with the times in rendered nodes."""
         settings = [replace(s, render_ns=rendered.get(s.key)) for s in self.settings]
         return replace(self, settings=settings)
 
@@ -82,7 +82,7 @@ class Measured:
 def measure_tables(
     source: BrdfSource, journal: Journal, sizes: TableSizes, progress: Callable[[float], None]
 ) -> Measured:
-    """All settings for one material; the error is at directions no table holds."""
+    """Measure all settings for one material; the error is at directions no table holds."""
     made = Tabulation(source)
     found: list[Setting] = []
     ranked: dict[Kind, float] = {}
@@ -151,7 +151,7 @@ def _lookup_ns(lookup: Lookup, pairs: DirectionPairs) -> float:
     return min(seconds) / _TIMED * 1e9
 
 
-# --- tell -----------------------------------------------------------------------------------------------
+# --- report ---------------------------------------------------------------------------------------------
 
 
 def tables_section(name: str, measured: Measured) -> Section:
@@ -237,7 +237,7 @@ def _series(
     *,
     spacing: bool = False,
 ) -> dict[str, list[Point]]:
-    """Points by name; `spacing`, their parameterisation is told as well, the name leaving it open."""
+    """Points by name; `spacing`, their parameterisation is stated as well, the name leaving it open."""
     series: dict[str, list[Point]] = {}
     for s in settings:
         label = f"{s.parameterization}, N {s.resolution}" if spacing else f"N {s.resolution}"

@@ -74,16 +74,16 @@ class Tabulation:
         return best.grid, best.rms
 
     def texels(self, grid: Grid) -> int:
-        """Of the texture, gutters included; 0 where it would be too large."""
+        """Number of texels of the texture, gutters included; 0 where it would be too large."""
         count = int(np.prod(AtlasLayout(grid.shape).size))
         return count if count <= MOST_TEXELS else 0
 
     def values(self, grid: Grid) -> Array:
-        """The samples."""
+        """Samples of the source on the grid, (*grid.shape, 3)."""
         return tabulate(self._source, grid).values
 
     def coefficients(self, grid: Grid, values: Array, filter: Filter) -> Array:
-        """What is stored of the samples for a filter."""
+        """Coefficients that a table stores for a filter."""
         return fit_coefficients(grid, values) if filter == "bspline" else values
 
     def stored(self, grid: Grid, values: Array, filter: Filter, storage: Storage) -> Lookup:

@@ -58,12 +58,12 @@ class Lamp:
     extent: float = 0.0
 
     def place(self) -> tuple[float, float, float]:
-        """Its centre, or where a sun may be taken to stand."""
+        """Centre of the lamp, or where a sun may be taken to stand."""
         x, y, z = self.axis
         return (FAR * x, FAR * y, FAR * z) if self.kind == SUN else self.centre
 
     def fourth(self) -> float:
-        """The texel's last number."""
+        """Last number of the lamp's texels: 1 / area, radius, or 1 - cos of half a sun's angle."""
         if self.kind == SUN:
             return 2 * math.sin(self.extent / 4) ** 2
         if self.kind == SPHERE:

@@ -24,7 +24,7 @@ from .cell_sampler import HalfVector
 
 # Viewers per bin side.
 _VIEWERS = 2
-# Of the warped slope: 1e-6 from its end, which float32 still tells from 1, slopes are a million times the width.
+# Of the warped slope: 1e-6 from its end, which float32 still separates from 1, slopes are a million times the width.
 _EDGE = 1 - 1e-6
 
 

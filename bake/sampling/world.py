@@ -56,7 +56,7 @@ class CellLight:
 
 @dataclass(frozen=True)
 class WorldStructure:
-    """What stands out of a world's mean, and what it is worth to aim at it.
+    """Structure of a world: what stands out of its mean, and what it is worth to aim at it.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _shifted(values: Array, step: int, axis: int) -> Array:
 
 
 def world_structure(cells: CellLight, largest_share: float = 0.9) -> tuple[WorldStructure, Array]:
-    """What stands out of the mean of a world, and the weights (rows, columns) of cells to draw it by."""
+    """Structure of a world, and the weights (rows, columns) of cells to draw it by."""
     mean = float(cells.mean.mean())
     rows, columns = cells.mean.shape
     excess = np.maximum(cells.mean - mean, 0)
@@ -240,7 +240,7 @@ def world_texels(weights: Array) -> Array:
 
 
 def choose_cell(xp: Any, columns: int, rows: int, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
-    """For two random numbers the texture coordinates to read, the cell (column, row, 0), and the place in it.
+    """Texture coordinates to read, cell (column, row, 0) and place in it, for two random numbers.
 
     All are vectors whose third component means nothing. What choosing leaves of the numbers is the place.
     """

@@ -27,12 +27,12 @@ class LobeSource:
 
     @property
     def name(self) -> str:
-        """Of the lobe."""
+        """Name of the lobe."""
         return self.lobe.name
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Its parameters."""
+        """Parameters of the lobe, JSON-ready."""
         return self.lobe.facts()
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
@@ -54,6 +54,7 @@ class _Average:
         self.facts: dict[str, Any] = {}
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF (..., 3) in 1/sr of the swatch's mean."""
         cosine = np.maximum(wi[..., 2:], 1e-6)
         x = self.sigma / self.a_max * self.f_r.evaluate(wi, wo) * cosine
         response = np.stack([np.interp(x[..., c], self.levels, self.means[:, c]) for c in range(3)], -1)

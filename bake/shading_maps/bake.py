@@ -44,14 +44,14 @@ VISIBLE_SEAM = 1.5
 
 @dataclass(frozen=True)
 class ArcSettings:
-    """What the user chooses.
+    """Settings of a bake of photographs.
 
     Parameters
     ----------
     slices : N of the map, the black one included
     storage : of the texels
-    compression : "none" keeps the slices; "power" two numbers per texel and channel, as in KSS04; "basis" `rank`
-        numbers per texel and channel on curves fitted to this very swatch
+    compression : "none" keeps the slices; "power" two numbers per texel and channel, as in Kautz et al. 2004; "basis"
+        `rank` numbers per texel and channel on curves fitted to this very swatch
     rank : of "basis"
     tileable : how to make the swatch tile, with one set of seams for all slices
     lobe_auto : choose f_r by the averages along the arc instead of `render.lobe`
@@ -222,14 +222,14 @@ def _chosen_render(
             remedy = "give --lights FILE, put the angles into the file names, or name a lobe"
             raise BakeError("lobe auto", "needs the elevations of the light, which are not known", remedy)
         return settings.render, None
-    # A light in the plane of the swatch tells nothing of f_r.
+    # A light in the plane of the swatch says nothing about f_r.
     seen = stack.directions[:, 2] > 1e-3
     fit = fit_lobe(np.arcsin(np.minimum(stack.directions[seen, 2], 1)), averages[seen])
     return (replace(settings.render, lobe=fit.lobe) if settings.lobe_auto else settings.render), fit.facts()
 
 
 def _slice_warnings(made: Linearised) -> list[str]:
-    """Told where a highlight takes up the slices: most photographs then lie below the first of them."""
+    """Warnings where a highlight takes up the slices: most photographs then lie below the first of them."""
     slices = len(made.map.slices)
     below = int((made.averages < made.a_max / (slices - 1)).sum())
     if 2 * below <= len(made.averages):
@@ -239,7 +239,7 @@ def _slice_warnings(made: Linearised) -> list[str]:
 
 
 def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
-    """Seams that people will see are told; a picture, unlike a texture, has no good ones."""
+    """Warnings of seams that people will see; a picture, unlike a texture, has no good ones."""
     after = float(tiling["seams"]["after"]["visibility"]) if tiling else 0.0
     if after <= VISIBLE_SEAM:
         return []
@@ -249,7 +249,7 @@ def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
 def _averages(
     stack: PhotoStack, averages: NDArray[np.float64], order: NDArray[np.intp], shading_map: ShadingMap
 ) -> dict[str, Any]:
-    """For the plot of KSS04's linearisation: of the photographs as sorted, and of the slices made of them."""
+    """Averages for the plot of the linearisation (Kautz et al. 2004): photographs as sorted, and slices."""
     elevations = None
     if stack.directions is not None:
         sines = np.clip(stack.directions[order, 2], -1, 1)

@@ -1,4 +1,4 @@
-"""A shading map as m r plus a residual: the part that a native closure of f_r carries, and the rest (DESIGN.md 6).
+"""A shading map as m r plus a residual: the part that a native closure of f_r carries, and the rest.
 
 m(s, t) = min over slices of S_i / x_i is the steepest line from black that stays under S everywhere, between the
 slices and below the first too, since S is piecewise linear. What is stored are m and the residual slices

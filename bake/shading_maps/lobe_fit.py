@@ -1,4 +1,4 @@
-"""Which lobe does a swatch ask for? The averages of its photographs along the arc tell (`bake arc --lobe auto`)."""
+"""The lobe that fits a swatch, by the averages of its photographs along the arc (`bake arc --lobe auto`)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _GRID = {
     "sheen": np.linspace(0.05, 1, 77),
     "phong": np.geomspace(1, 2000, 81),
 }
-# Names tried. Of Phong's curves cos^n alone: an arc of photographs does not tell them apart.
+# Names tried. Of Phong's curves cos^n alone: an arc of photographs does not distinguish them.
 FITTED = ("lambert", *_GRID)
 _ZOOMS, _ZOOM_POINTS = 3, 17
 

@@ -80,7 +80,7 @@ def fit_brute_force(
     bounds: tuple[float, float] = EXPONENT_BOUNDS,
     candidates: int = BRUTE_FORCE_CANDIDATES,
 ) -> PowerLaw:
-    """As `fit`, by trying each of many exponents at each texel and refining the best, as the paper does.
+    """Fit a power law by trying many exponents at each texel and refining the best, as the paper does.
 
     The candidates are evenly spaced in log K, by default 1.2 % apart; a golden-section search between the
     neighbours of the best one refines it. Kept as the truth that `fit` is measured against. Raises BakeError.
@@ -117,7 +117,7 @@ def check_slices(slices: NDArray[Any]) -> NDArray[Any]:
     limit = np.finfo(np.float32).max
     for number, one in enumerate(slices):
         if not (np.abs(one) <= limit).all():  # false for NaN too
-            raise BakeError("slices", f"hold values that are not finite (slice {number})", "mend the photographs")
+            raise BakeError("slices", f"hold values that are not finite (slice {number})", "fix the photographs")
     return slices
 
 

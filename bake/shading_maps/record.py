@@ -83,7 +83,8 @@ class ShadingMapRecord:
 
     @classmethod
     def read(cls, bundle: Bundle) -> ShadingMapRecord:
-        """Of a bundle. Raises BakeError where it is of another kind, or an entry is missing or wrong."""
+        """Read the record of a bundle. Raises BakeError where it is of another kind, or an entry is missing or
+        wrong."""
         return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
 
     @classmethod
@@ -93,7 +94,7 @@ class ShadingMapRecord:
 
     @classmethod
     def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> ShadingMapRecord:
-        """Of a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
+        """Read a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
         fields = Fields(document, where)
         if (kind := fields.text("kind")) != "shading_map":
             raise BakeError(where, f"kind {kind!r:.40} is not a shading map", "update the extension")
@@ -122,7 +123,7 @@ class ShadingMapRecord:
 
     @property
     def name(self) -> str:
-        """Of the swatch."""
+        """Name of the swatch."""
         return self.source.name
 
     def has(self, image: str) -> bool:
@@ -188,6 +189,6 @@ def read_record(bundle: Bundle) -> Record:
 
 
 def parse_record(document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> Record:
-    """Of a document from anywhere, named `where` in errors. Raises BakeError as `read_record`."""
+    """Read the record of a document from anywhere, named `where` in errors. Raises BakeError as `read_record`."""
     kind = ShadingMapRecord if kind_of(document) == "shading_map" else BrdfRecord
     return kind.parse(document, where, bundle)

@@ -70,7 +70,7 @@ class MapRecord(StoredMap):
 
     @classmethod
     def parse(cls, fields: Fields) -> MapRecord:
-        """From a bundle's "map". Raises BakeError."""
+        """Read from a bundle's "map". Raises BakeError."""
         model = fields.text("model", choices=MODELS)
         slices = fields.whole("slices", 2, MAX_SLICES)
         height, width = (fields.whole(key, 1, 1 << 14) for key in ("height", "width"))
@@ -98,7 +98,7 @@ def _positive(fields: Fields, key: str) -> float:
 
 
 def render_settings_of(fields: Fields) -> RenderSettings:
-    """From a bundle's "render". Raises BakeError for anything but what `RenderSettings.facts` gives."""
+    """Render settings from a bundle's "render". Raises BakeError for anything but what `RenderSettings.facts` gives."""
     measured = "lobe" in fields.entries and fields.entries["lobe"] is None
     above: Any = fields.text("above", choices=ABOVE)
     technique: Any = fields.text("technique", choices=TECHNIQUES)
@@ -117,7 +117,7 @@ def render_settings_of(fields: Fields) -> RenderSettings:
 
 @dataclass(frozen=True)
 class PhotographsRecord:
-    """What was photographed. All but the averages is only told: what cannot be read of it is left out.
+    """Photographs of a bake. All but the averages is only told: what cannot be read of it is left out.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class PhotographsRecord:
 
     @classmethod
     def parse(cls, document: Fields) -> PhotographsRecord:
-        """From a bundle's document, or from an account of photographs that were read but not baked. BakeError."""
+        """Read from a bundle's document, or from an account of photographs that were read but not baked. BakeError."""
         averages = document.part("averages")
         about = _object(document.part("source").entries.get("facts"))
         used = [_object(use) for use in _list(_object(about.get("decoding")).get("used")) if use]
@@ -201,7 +201,7 @@ class MapErrorsRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> MapErrorsRecord:
-        """From a bundle's "errors". Raises BakeError."""
+        """Read from a bundle's "errors". Raises BakeError."""
         storage, signal = (fields.number(key, 0) for key in ("storage_rms", "signal_rms"))
         if not fields.has("held_out_relative"):
             return cls(storage, signal, None, None, 0)
@@ -219,7 +219,7 @@ class TilingRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> TilingRecord:
-        """From a bundle's "tiling". Raises BakeError."""
+        """Read from a bundle's "tiling". Raises BakeError."""
         seams = fields.part("seams")
         before, after = (seams.part(key).number("visibility") for key in ("before", "after"))
         return cls(fields.text("method"), before, after)
@@ -234,7 +234,7 @@ class LobeFitRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> LobeFitRecord:
-        """From a bundle's "lobe_fit". Raises BakeError."""
+        """Read from a bundle's "lobe_fit". Raises BakeError."""
         return cls(lobe_of(fields.part("lobe")), fields.number("residual"))
 
 
@@ -247,7 +247,7 @@ class LitAlbedoRecord(AlbedoRecord):
 
     @classmethod
     def parse(cls, document: Fields, key: str) -> LitAlbedoRecord:
-        """From `map_albedo.map_albedo_facts`. Raises BakeError."""
+        """Read from `map_albedo.map_albedo_facts`. Raises BakeError."""
         albedo, fields = AlbedoRecord.parse(document, key), document.part(key)
         return cls(**vars(albedo), sigma=fields.number("sigma"), a_max=fields.number("a_max"))
 

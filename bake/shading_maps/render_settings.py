@@ -22,7 +22,7 @@ UNCALIBRATED_SIGMA = 0.5
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What can be changed without baking again.
+    """Render settings of a shading map, changed without baking again.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ class RenderSettings:
     sigma : r = sigma f_r cos(theta_i), so that it is the albedo of a white f_r. None lets the peak of r meet the
         brightest photograph, whose a_max is then known by calibration, or else takes `UNCALIBRATED_SIGMA`
     above : beyond the brightest photograph stay with it, or scale it
-    technique : of KSS04 figure 6. "lookup" S(r); "lit_texture" the brightest photograph times r; "angular" the
-        photograph taken at the light's elevation, relative to its mean, times r; "final_radiance" S of the radiance
+    technique : of Kautz et al. 2004, figure 6. "lookup" S(r); "lit_texture" the brightest photograph times r; "angular"
+        the photograph taken at the light's elevation, relative to its mean, times r; "final_radiance" S of the radiance
         that the flat material would send out, which needs EEVEE's Shader to RGB: Cycles keeps "lookup"
     mode : of `bake.brdf.modes`: "exact" envelope as a native closure and residual by mirror; "reference" all of it by
         mirror; "preview" f_r as native closures, times the photograph at `PREVIEW_LEVEL` relative to its mean;

@@ -89,7 +89,7 @@ def averages_of(images: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def linearise(images: NDArray[np.float32], slices: int = 8, name: str = "stack") -> Linearised:
-    """Photographs (n, H, W, 3) of any order to slices at equal steps of average radiance (KSS04 equation 1).
+    """Photographs (n, H, W, 3) in any order to slices at equal steps of average radiance (Kautz et al. 2004, eq. 1).
 
     Every slice interpolates the two photographs whose averages bracket its level, black being one of them; read
     literally, the paper's "two nearest" may lie on the same side. Photographs whose averages differ by less than
@@ -147,7 +147,7 @@ def _bracket(levels: NDArray[np.float64], level: float) -> list[tuple[float, int
 
 
 def held_out_errors(images: NDArray[np.float32], slices: int = 8) -> list[dict[str, float]]:
-    """How well each photograph is predicted by a map made without it, at its own average.
+    """Errors of predicting each photograph by a map made without it, at its own average.
 
     Photographs that are alone darkest or brightest are left out: without them the map would have to extrapolate.
 

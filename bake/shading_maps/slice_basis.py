@@ -61,7 +61,7 @@ def fit_basis(slices: NDArray[Any], rank: int, *, nonnegative: bool = False) -> 
     ----------
     slices : (N, H, W, C), slice i at x = i / (N - 1), slice 0 black, relative to a_max
     rank : number of curves, 1 to 4 and below N
-    nonnegative : keep curves and coefficients at 0 or above, as 8-bit storage wants it, at a slightly larger error
+    nonnegative : keep curves and coefficients at 0 or above, as 8-bit storage needs it, at a slightly larger error
 
     Without the constraint the curves are the leading singular vectors of the (N - 1) x (H W C) matrix of the
     slices, found from its small Gram matrix; nothing of this rank comes closer. With it they are found by alternating
@@ -106,7 +106,7 @@ def _nonnegative_curves(lit: NDArray[Any], rank: int) -> _F64:
     for _ in range(_ALTERNATIONS if samples.any() else 0):
         coefficients = _least_nonnegative(curves @ curves.T, curves @ samples)
         found = _least_nonnegative(coefficients @ coefficients.T, coefficients @ samples.T)
-        lost = found.max(axis=1) <= 0  # a curve that no texel wants stays, and may be wanted again
+        lost = found.max(axis=1) <= 0  # a curve that no texel uses stays, and may be used again
         found[lost] = curves[lost]
         curves = _unit_peak(found)
     return curves

@@ -1,4 +1,4 @@
-"""A shading map as the images of a bundle: slices, or the power law of KSS04, or a few curves fitted to the swatch."""
+"""A shading map as the images of a bundle: slices, or the power law of Kautz et al. 2004, or a few fitted curves."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _store_power(shading_map: ShadingMap, storage: Storage) -> Stored:
     law = power_law.fit(shading_map.slices)
     if storage is Storage.HALF and law.k.max() > HALF_LARGEST:
         cause = f"is {law.k.max():.3g} times as bright as the swatch in one texel, more than half floats hold"
-        raise BakeError("shading map", cause, "mend the hot pixel, crop it away, or choose --storage float32")
+        raise BakeError("shading map", cause, "retouch the hot pixel, crop it away, or choose --storage float32")
     k, exponent = (quantize(part, storage) for part in (law.k, law.exponent))
     stored = power_law.PowerLaw(k, exponent)
     again = _tabulated(stored, len(shading_map.slices))

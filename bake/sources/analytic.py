@@ -28,7 +28,7 @@ _HORIZON = 1e-12  # cosines below this count as none: 1 / (cos_i cos_o)^2 stays 
 
 
 class Analytic(ABC):
-    """What the models share: checked parameters, `facts`, and zero on and below the horizon.
+    """Base of the analytic models; they share checked parameters, `facts`, and zero on and below the horizon.
 
     A subclass is a frozen dataclass and defines `_value(wi, wo)`, called with float64 (n, 3) directions that
     lie strictly above the horizon. Colours are three numbers in [0, 1], or one for grey.

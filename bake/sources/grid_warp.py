@@ -71,6 +71,7 @@ class Grid:
         self.nodes = np.ascontiguousarray(table, dtype=np.float64).reshape(-1, *table.shape[3:])
 
     def bracket(self, u: Array, v: Array) -> tuple[Bracket, Bracket]:
+        """Places (x, y) between the nodes around positions (u, v) in the unit square."""
         y = _bracket_uniform(v, self.height)
         return _bracket_uniform(u, self.width), y._replace(step=self.width)
 

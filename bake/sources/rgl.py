@@ -204,6 +204,7 @@ class _Validator:
         self.path, self.fields = path, fields
 
     def error(self, cause: str) -> BakeError:
+        """A `BakeError` of this file."""
         return BakeError(self.path, cause, "the file is damaged or no RGL material, fetch it again")
 
     def table(self, name: str, n_dimensions: int, least: float = -MAX_ENTRY) -> Array:
@@ -221,6 +222,7 @@ class _Validator:
         return table.astype(np.float64)
 
     def angles(self, name: str, low: float, high: float) -> Array:
+        """A field of rising angles in radians within [low, high]."""
         nodes = self.table(name, 1)
         if nodes[0] < low - SLACK or nodes[-1] > high + SLACK or np.any(np.diff(nodes) < SLACK):
             raise self.error(f"field {name!r} does not ascend inside [{low:.4g}, {high:.4g}]")
@@ -239,12 +241,14 @@ class _Validator:
         raise self.error(f"azimuths {phi_i[0]:.4g} to {phi_i[-1]:.4g} are no whole, half or quarter circle")
 
     def flag(self, name: str) -> bool:
+        """A field that is one whole number, as a truth value."""
         value = self.fields.get(name)
         if value is None or value.shape != (1,) or value.dtype.kind not in "iu":
             raise self.error(f"field {name!r} is missing or not a single whole number")
         return bool(value[0])
 
     def description(self) -> str:
+        """The file's description in printable characters, empty if there is none."""
         value = self.fields.get("description")
         if value is None or value.ndim != 1 or value.dtype != np.uint8:
             return ""
@@ -252,6 +256,7 @@ class _Validator:
         return "".join(c if c.isprintable() else " " for c in text).strip()
 
     def tables(self) -> _Tables:
+        """All tables of the file, checked against each other."""
         phi_i = self.angles("phi_i", -np.pi, np.pi)
         theta_i = self.angles("theta_i", 0, np.pi / 2)
         ndf, sigma = self.table("ndf", 2, 0), self.table("sigma", 2, MIN_SIGMA)

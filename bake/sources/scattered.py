@@ -158,7 +158,7 @@ def spread_subset(x: Array, count: int) -> Array:
 
 
 def sample_errors(truth: Array, guess: Array, cosine: Array, scale: float) -> dict[str, float]:
-    """How far a guess is from samples.
+    """Errors of a guess against samples.
 
     Parameters
     ----------

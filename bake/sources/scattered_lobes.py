@@ -1,6 +1,6 @@
 """Diffuse plus two GGX lobes fitted to scattered samples: the prior that `scattered` may build on.
 
-It carries what a handful of samples cannot tell an interpolant: how a specular peak is shaped between and
+It carries what a handful of samples cannot show an interpolant: how a specular peak is shaped between and
 beyond them, towards grazing in particular.
 """
 

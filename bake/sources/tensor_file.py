@@ -49,15 +49,18 @@ class _Header:
         self.path, self.stream = path, stream
 
     def take(self, size: int) -> bytes:
+        """The next bytes."""
         data = self.stream.read(size)
         if len(data) != size:
             raise _broken(self.path, "the header is cut short")
         return data
 
     def unpack(self, layout: str) -> tuple[int, ...]:
+        """The next numbers of a `struct` layout, little-endian."""
         return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout)))
 
     def field(self) -> _Field:
+        """The next field's name, type, extents and offset."""
         raw_name = self.take(self.unpack("H")[0])
         try:
             name = raw_name.decode("utf-8")
@@ -108,7 +111,7 @@ def _read_header(path: Path, stream: BinaryIO, length: int) -> list[_Field]:
 
 
 def read_tensor_file(path: str | Path) -> dict[str, Array]:
-    """All arrays of a tensor file, in the order of its header.
+    """Read all arrays of a tensor file, in the order of its header.
 
     The file is untrusted: every size is checked against the file's length before memory is taken.
 

@@ -32,7 +32,8 @@ class AtlasLayout:
 
     @classmethod
     def of(cls, grid: Grid) -> AtlasLayout:
-        """Of a grid. Raises BakeError where the texture would be larger than Blender, a GPU or memory takes."""
+        """Layout of a grid's atlas. Raises BakeError where the texture would be larger than Blender, a GPU or memory
+        takes."""
         layout = cls(grid.shape)
         width, height = layout.size
         if max(width, height) > MAX_TEXTURE or width * height > MOST_TEXELS:

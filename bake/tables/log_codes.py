@@ -37,7 +37,7 @@ _FINE = np.array([-1.0, -0.5, 0.5, 1.0])
 
 @dataclass(frozen=True)
 class LogCodes:
-    """What the codes of a table stand for, by channel; a gain of 0 where it is black."""
+    """Ranges and gains of the codes of a table, by channel; a gain of 0 where it is black."""
 
     ranges: Triple
     gains: Triple
@@ -55,7 +55,7 @@ class LogCodes:
 
     @property
     def peaks(self) -> Array:
-        """What code 1 stands for, (3,)."""
+        """Values that code 1 stands for, (3,)."""
         peaks: Array = np.array(self.gains) * np.expm1(self.ranges)
         return peaks
 

@@ -26,7 +26,7 @@ class StoredTable:
     scale: float = 1.0
 
     def image(self) -> StoredImage:
-        """Its atlas."""
+        """Image of the table's atlas."""
         atlas = pack(self.table.grid, self.table.values)
         texels = raised(atlas, self.scale, self.storage) if self.table.log is None else self.table.log.encode(atlas)
         return StoredImage(texels, self.storage.image)

@@ -45,7 +45,7 @@ class Table:
 
     @property
     def isotropic(self) -> bool:
-        """Of one slice axis."""
+        """Whether the table has one slice axis."""
         return len(self.grid.shape) == 3
 
     @property

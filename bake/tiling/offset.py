@@ -30,7 +30,7 @@ class Wrap:
         return result
 
     def choose(self, image: Array) -> Array:
-        """As `apply`, but each texel takes the one with the larger weight."""
+        """Apply as `apply` does, but each texel takes the one with the larger weight."""
         result = image[..., : self.period, :].copy()
         taken = self.weights > 0.5
         result[..., : image.shape[-2] - self.period, :][..., taken, :] = image[..., self.period :, :][..., taken, :]

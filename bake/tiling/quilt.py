@@ -18,7 +18,7 @@ _BEST = 0.1  # small enough to hold only patches in step where the swatch is reg
 
 @dataclass(frozen=True)
 class Patch:
-    """Where a patch goes in the tile, where it comes from (both (y, x)), and its weights (h, w) over what is there."""
+    """Patch of a tile: where it goes and comes from, both (y, x), and its weights (h, w) over what is there."""
 
     target: tuple[int, int]
     source: tuple[int, int]
@@ -81,7 +81,7 @@ def plan_quilt(
 
 
 def patch_count(shape: tuple[int, int], patch: int) -> int:
-    """How many patches a tile takes."""
+    """Number of patches of a tile."""
     side = _side(shape, patch)
     return len(_starts(shape[0], side)) * len(_starts(shape[1], side))
 

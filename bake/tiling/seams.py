@@ -84,7 +84,7 @@ def gradient_energy(image: Array) -> Array:
 
 
 def mismatch(a: Array, b: Array, gradient_a: Array, gradient_b: Array, floor: float) -> Array:
-    """How much a cut shows at each texel: squared difference over the gradient energy there.
+    """Cost of a cut at each texel: squared difference over the gradient energy there.
 
     After Kwatra et al. 2003, equation 2, with energies in place of norms: where both pictures are busy a jump hides.
     `floor` is the mean gradient energy of the whole picture.

@@ -35,7 +35,7 @@ _NAME = "slices"
 
 @dataclass(frozen=True)
 class TileSettings:
-    """How to tile.
+    """Settings of tiling.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def make_tileable(slices: Array, settings: TileSettings | None = None, progress:
 
     Every texel of the result is a convex combination of texels of the swatch, the same in each slice: values stay
     non-negative and slices keep their order. (With `level` a slowly varying gain per slice comes first.) Means are not
-    set back to what they were: the values are right as measured, and `facts` tell how far the means have moved.
+    set back to what they were: the values are right as measured, and `facts` say how far the means have moved.
 
     Parameters
     ----------
@@ -156,6 +156,7 @@ class _Trial:
 
     @property
     def visibility(self) -> float:
+        """Visibility of the seams; up to 1 nothing is seen."""
         return float(self.seams["visibility"])
 
     @property
@@ -171,6 +172,7 @@ class _Tiler:
         self.frame, self.settings, self.say = frame, settings, say
 
     def run(self) -> _Trial:
+        """Return the first trial whose seams are not seen, or the best."""
         settings = self.settings
         self.say("tiling: period and cut", 0.1)
         best = self._offset(self.frame)
@@ -275,7 +277,7 @@ def _checked(slices: Array) -> Array:
         raise BakeError(_NAME, cause, f"scale them below {LARGEST_SIDE} texels and {MAX_VALUES // 3:.1e} texels in all")
     # Also false where a value is not a number.
     if not (slices.min() >= 0 and slices.max() <= _BRIGHTEST):
-        raise BakeError(_NAME, "hold values that are negative or not finite", "mend the photographs")
+        raise BakeError(_NAME, "hold values that are negative or not finite", "fix the photographs")
     return np.ascontiguousarray(slices, np.float32)
 
 

@@ -14,12 +14,12 @@ _WINDOW = 5
 _SIDE = 256  # texels of the reduced picture whose windows are compared
 _DIMENSIONS = 24
 _SAMPLES = 384  # windows on seams, and as many elsewhere
-_UNSEEN = 0.02  # distance of windows that differ by a fraction of a percent: no eye tells them apart
+_UNSEEN = 0.02  # distance of windows that differ by a fraction of a percent: no eye distinguishes them
 _FEWEST = 6  # pairs of blocks on a seam that still make a statistic
 
 
 def seam_facts(slices: Array, source: Array, features: Array, swatch: Array, seed: int) -> dict[str, Any]:
-    """Both measures of a tile's seams, JSON-ready.
+    """Steps and novelty of a tile's seams, JSON-ready.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def seam_steps(slices: Array, source: Array) -> dict[str, Any]:
     Returns
     -------
     per slice the largest ratio of all scales and directions ("per_slice"), its maximum ("worst"), and "expected":
-    the largest ratio that a line of the seams' shape has in 19 of 20 places of the tile. Up to that, a seam is
-    not to be told from the picture; without any seam all are 0
+    the largest ratio that a line of the seams' shape has in 19 of 20 places of the tile. Up to that, a seam
+    cannot be distinguished from the picture; without any seam all are 0
     """
     ratios, expected = np.zeros(len(slices)), np.zeros(len(slices))
     for scale in SCALES:
@@ -93,7 +93,7 @@ def _step_energy(image: Array, axis: int) -> Array:
 
 
 def seam_novelty(tile: Array, source: Array, swatch: Array, seed: int) -> float:
-    """How much less the surroundings of seams look like the swatch than the swatch looks like itself.
+    """Novelty of seams: how much less their surroundings look like the swatch than it looks like itself.
 
     Windows around seams are looked up in the swatch, and as many windows of the swatch in its remainder. The
     result is the ratio of the mean distances to the nearest: near 1 nothing on the seams is foreign to

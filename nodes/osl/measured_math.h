@@ -1,7 +1,7 @@
 // Arithmetic of the OSL shaders: angles, indices and texture taps. Each twin is named beside its function.
 //
 // OSL's quotient by 0 is 0, and its normalize() keeps the zero vector, as `xp.divide` and `xp.normalize` do. Its arcsine
-// and arctangent are fast and wrong by up to 1e-4; the functions here mend them by a Newton step. Textures are read
+// and arctangent are fast and wrong by up to 1e-4; the functions here correct them by a Newton step. Textures are read
 // from files, by OSL's own texture system: untouched by colour management, row 0 on top, hence t = 0 there.
 
 #ifndef MEASURED_MATH_H

@@ -1,4 +1,4 @@
-"""Shading maps in fewer numbers: time and error of the power law of KSS04, of shared curves, and of coarser storage."""
+"""Shading maps in fewer numbers: time and error of a power law (Kautz et al. 2004), shared curves, coarser storage."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _fit_table(kind: str, arcs: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         _line(f"{name} ({len(images)})", list(errors.values()), mark=False)
         display[name] = [error / float(slices.max()) for error in errors.values()]
         rows.append({"table": "fit", "lights": kind, "stack": name, **errors, "slices": 0.0})
-    _heading(f"the same relative to the largest value, the display range (KSS04 states {PAPER})", list(MODELS))
+    _heading(f"the same relative to the largest value, the display range (the paper: {PAPER})", list(MODELS))
     for name, values in display.items():
         _line(name, values, mark=False)
     return rows

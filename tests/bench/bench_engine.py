@@ -2,11 +2,11 @@
 
 Noise is the RMS over the material's pixels between pictures of different seeds, in parts of their mean, at the same
 number of samples. At equal time it is that times the root of the time of a sample (processor time, set-up taken off).
-Both are told as multiples of what Principled has in the same light. Where a highlight of a few pixels decides that, the
-noise of each pixel in parts of its own brightness says what one sees: `local`.
+Both are given as multiples of what Principled has in the same light. Where a highlight of a few pixels decides that,
+the noise of each pixel in parts of its own brightness says what one sees: `local`.
 
 Two things make Principled hard to follow. Cycles stratifies what it draws itself, so that its noise falls faster than
-the root of the samples, and the multiples hold for the number of samples they are told for. And under one small lamp
+the root of the samples, and the multiples hold for the number of samples they are stated for. And under one small lamp
 its direct light is free of noise: what it has there is bounce light's, here that of the ground.
 """
 
@@ -169,7 +169,7 @@ def report(rows: list[Row], sizes: Sizes) -> None:
 
 
 def _print_medians(rows: list[Row], console: Console) -> None:
-    """The README's table, and the times that the panel tells before a render, `cost_estimate.MODE_TIME`."""
+    """The README's table, and the times that the panel shows before a render, `cost_estimate.MODE_TIME`."""
     lights = list(dict.fromkeys(row.light for row in rows))
     table = Table("mode", *lights, "time of a sample", title="Noise in parts of Principled's, medians; geometric mean")
     for variant in VARIANTS:

@@ -36,7 +36,7 @@ MERL = (
     "blue-metallic-paint2", "alum-bronze", "nickel", "chrome",
 )  # fmt: skip
 BUDGETS = (0.0, 1e-3, 1e-2)
-# Of the first trial at a budget of 0.1 %, MERL's at 0, with up to twenty closures (DESIGN.md section 5).
+# Of the first trial at a budget of 0.1 %, MERL's at 0, with up to twenty closures.
 TRIAL = {
     "pink-felt": 0.90, "white-fabric2": 0.90, "beige-fabric": 0.90, "alum-bronze": 0.60, "chrome": 0.05,
     "irid_flake_paint1_rgb": 0.36, "satin_rosaline_rgb": 0.74, "paper_white_rgb": 0.86,

@@ -72,7 +72,7 @@ def _figure_4(out: Path, folder: Path, quick: bool) -> None:
         out / "figure-4.png",
         cells,
         5,
-        f"After MY16 figure 4: tables of equal size under {'sunset.exr, softened' if environment else 'soft light'}",
+        f"Mallett & Yuksel, figure 4: equal sizes under {'sunset.exr, softened' if environment else 'soft light'}",
     )
 
 
@@ -117,7 +117,7 @@ def _figure_7(out: Path, folder: Path, quick: bool) -> None:
         out / "figure-7.png",
         cells,
         len(variants),
-        f"After MY16 figure 7: filters, {source.name}, one distant light",
+        f"Mallett & Yuksel, figure 7: filters, {source.name}, one distant light",
     )
 
 

@@ -41,7 +41,7 @@ Hostile sources, stacks and numbers: either a right result or one line that refu
 
 ## Formulas of the papers that are unstable as printed
 
-In float32. MY16: Mallett & Yuksel 2016; KSS04: Kautz, Sattler, Sarlette, Klein & Seidel 2004; R07: Romanyuk 2007.
+In float32. The papers are cited in full on the page [Method](method.md).
 Digits are log10 of the ratio of the two errors; one that is not finite or above 1 counts as 1, none as half an ulp.
 The two nearest photographs, the last slice, brute force and exponents below 1 are errors of method, not of rounding.
 

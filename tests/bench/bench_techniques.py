@@ -1,4 +1,4 @@
-"""KSS04's figure 6 on the gantry's swatches: four techniques beside the geometry, and how far each is from it.
+"""Figure 6 of Kautz et al. 2004 on the gantry's swatches: four techniques beside the geometry, and their errors.
 
 Every swatch is photographed on an arc, from above, and baked. Under lights and from views that the arc does not hold,
 each technique's picture is then compared with the rendered geometry, pixel by pixel.
@@ -175,7 +175,7 @@ def _lobe_words(swatch: MappedSwatch) -> str:
     return " ".join([facts.pop("name"), *(f"{key} {value:.3g}" for key, value in facts.items())])
 
 
-# --- tell -----------------------------------------------------------------------------------------------
+# --- report ---------------------------------------------------------------------------------------------
 
 _TITLE = (
     "Kautz et al. 2004, figure 6: flat patches under light 28 degrees high, four times as bright as in the photographs"

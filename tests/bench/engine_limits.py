@@ -6,7 +6,7 @@ aimed. Its variance, summed over the pixels of the sphere of `engine_scenes`,
     E^2 / (1 - P) + R^2 / (P a) - (E + R)^2,
 
 has two causes: P follows the share of the residual in all the light of one theta_o, but the lamp sees another
-share, and 1 - a of the draws miss the lamp. Each is mended here on paper. Cycles' lamp samples are taken as exact.
+share, and 1 - a of the draws miss the lamp. Each is corrected here on paper. Cycles' lamp samples are taken as exact.
 """
 
 from __future__ import annotations

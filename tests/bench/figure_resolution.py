@@ -193,7 +193,7 @@ def _plot(errors: list[dict[str, Any]], times: list[dict[str, Any]], path: Path)
 
 
 def _curves(axis: Any, rows: list[dict[str, Any]], key: str) -> None:
-    """Dashed is the normal-vector basis, solid the half-vector basis; markers tell the filter."""
+    """Dashed is the normal-vector basis, solid the half-vector basis; markers show the filter."""
     for basis, table, filter in dict.fromkeys((row["basis"], row["table"], row["filter"]) for row in rows):
         mine = [row for row in rows if (row["basis"], row["table"], row["filter"]) == (basis, table, filter)]
         axis.loglog(

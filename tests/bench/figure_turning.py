@@ -144,7 +144,7 @@ def _sheet(path: Path, name: str, source: BrdfSource, scene: Scene, n: int, samp
             for a, r in zip(scene.azimuths, rms)
         ]
         print(f"  {name:18s} {kind:20s} {sizes[kind]:18s} RMS " + " ".join(f"{r:8.2%}" for r in rms))
-    write_sheet(path, cells, len(truth), f"After MY16 figure 5: {name}, brushed around, under a light that turns")
+    write_sheet(path, cells, len(truth), f"Mallett & Yuksel, figure 5: {name}, brushed, under a light that turns")
     print(f"  {path}")
     return rows
 

@@ -1,6 +1,6 @@
 """Which bench prints each figure of the README: sentences and rows as templates, and numbers that are no figures.
 
-A field `{name|form}` is a figure that the bench keeps under that name (`record.put`). The form tells how it is
+A field `{name|form}` is a figure that the bench keeps under that name (`record.put`). The form says how it is
 printed: `2` with two digits after the point, `2s` with two significant ones, a following `%` in parts of a hundred.
 `a ÷ b` for a name is the ratio of two. A claim is what words say of figures without printing them.
 """

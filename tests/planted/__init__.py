@@ -2,7 +2,7 @@
 
 A topic is a module of this folder with a tuple MISTAKES, listed in `TOPICS`, or a .json file with a list of objects
 that have the fields of `Mistake`. That every entry still fits its source is a test of the suite,
-`tests/test_planted.py`; that it is caught, only this bench can tell.
+`tests/test_planted.py`; that it is caught, only this bench can show.
 """
 
 from __future__ import annotations

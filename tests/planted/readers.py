@@ -105,7 +105,7 @@ MISTAKES = (
         "value = self._rgb.evaluate(*self._warp(u_h, v_h, slices), slices)",
         "value = np.maximum(self._rgb.evaluate(*self._warp(u_h, v_h, slices), slices), 0)",
         (f"{COLOURS}::test_zeros_and_negatives_of_rgl_stay_what_they_are",),
-        "noise about 0 becomes light, and no fact tells of it",
+        "noise about 0 becomes light, and no fact reports it",
     ),
     Mistake(
         "rgl-projected-area-forgotten",

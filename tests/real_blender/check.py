@@ -69,7 +69,7 @@ def compare_bakes(blender: Blender, share: Path) -> None:
     names = {file.name for file in (share / "out/lacquer.mmat").iterdir()}
     check("bundle", names == expected, " ".join(sorted(names)))
     text = blender.run("--command", "measured_materials", "inspect", "out/lacquer.mmat")
-    check("inspect", f"{facts['table']['basis']} basis" in text, "tells the table")
+    check("inspect", f"{facts['table']['basis']} basis" in text, "reports the table")
     result(blender.run("--command", "measured_materials", *BRUSHED))
 
 
@@ -103,7 +103,7 @@ def inside(blender: Blender, script: str, *arguments: str) -> bool:
 def check_files(blender: Blender, share: Path) -> None:
     """Unpacking, exchanged textures, and libraries that are not there."""
     for name in ("new", "older"):
-        words = "two materials of one .blend keep their own pixels, an exchanged file is told"
+        words = "two materials of one .blend keep their own pixels, an exchanged file is reported"
         check(f"unpacked, {name} names", inside(blender, "textures", name, name), words)
     for file, rule in (("new/scene.blend", "wrong_texture"), ("new/linked.blend", "missing_library")):
         if rule == "missing_library":

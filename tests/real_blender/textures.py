@@ -63,7 +63,7 @@ def require_right(words):
 
 
 def rules():
-    """What the scene check tells."""
+    """What the scene check reports."""
     return {finding.rule for finding in ours("addon.scene_check.check").check_scene(bpy.context.scene)}
 
 
@@ -87,7 +87,7 @@ require_right("unpacked")
 require(all(Path(bpy.path.abspath(i.filepath)).parent == FOLDER / "textures" for i in textures().values()), "places")
 after = picture()
 require(np.allclose(after, before, rtol=1e-5, atol=1e-7), f"unpacked, the picture is {after.mean() / before.mean()}")
-require(not {"wrong_texture", "missing_texture", "common_names"} & rules(), f"told without a cause: {rules()}")
+require(not {"wrong_texture", "missing_texture", "common_names"} & rules(), f"reported without a cause: {rules()}")
 
 # One material's file in another's place, as Blender did.
 felts, lacquers = (

@@ -2,7 +2,7 @@
 
 After each of them Blender draws and evaluates as it does for an artist; then the tables and groups that materials aim
 by must be those of a scene that was just opened. Everything is said in a journal first: after a crash its last line
-tells which edit it was.
+reports which edit it was.
 """
 
 import importlib

@@ -1,4 +1,4 @@
-"""Marks of colour put into image files by hand: PNG chunks, JPEG segments, Exif, ICC profiles, OpenEXR attributes."""
+"""Marks of colour written into image files: PNG chunks, JPEG segments, Exif, ICC profiles, OpenEXR attributes."""
 
 from __future__ import annotations
 

@@ -6,11 +6,11 @@ in every channel (finds small differences spread over all of it). Each family is
 the level evenly (Bonferroni), so a pair of equal renderers is called different with probability `level` at most.
 Channels of one pixel rise and fall together, which Sidak's correction survives on the safe side.
 
-Tile size. The t-test wants noise near to normal. A mirror that rarely meets a small lamp gives the opposite: most tiles
-see nothing, with no variance to warn of it, and every one of them would be an alarm. So the skewness of the
+Tile size. The t-test needs noise close to normal. A mirror that rarely meets a small lamp gives the opposite: most
+tiles see nothing, with no variance to warn of it, and every one of them would be an alarm. So the skewness of the
 difference is measured (k-statistics pooled over small tiles; it falls as one over the edge) and the edge is
 doubled from 8 pixels until it is below 0.2. (Rare flashes on one side only, level 5 %: 100 % false alarms without this
-step.) Noise too skewed even for the whole mask is told as such by `assert_agree`.
+step.) Noise too skewed even for the whole mask is reported as such by `assert_agree`.
 
 Detectable effect. Multiply side b by 1 + d. A t statistic with df degrees of freedom then moves by d m / s, with m the
 mean and s the standard error (b's part of it grown by 1 + d), and passes its critical value c with probability

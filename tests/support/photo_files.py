@@ -1,4 +1,4 @@
-"""Photographs written for tests: any format OpenImageIO writes, with Exif, and headers made by hand."""
+"""Photographs written for tests: any format OpenImageIO writes, with Exif, and headers written byte by byte."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Where random numbers go: a walk over a material's nodes, through its groups, from White Noise to what decides by it.
 
-A number is told by what it is computed from, not by its node: two nodes of equal inputs give equal numbers, however
-many groups hold them. A use is the first node that computes with the number, named by the group that holds it and the
-socket of that group through which it came, or the node's operation where it never left the group it was drawn in.
+A number is identified by what it is computed from, not by its node: two nodes of equal inputs give equal numbers,
+however many groups hold them. A use is the first node that computes with the number, named by the group that holds it
+and the socket of that group through which it came, or the node's operation where it never left the group it was drawn
+in.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Ways to spoil a scene that shows a measured paint, each with the rule that tells it."""
+"""Ways to spoil a scene that shows a measured paint, each with the rule that reports it."""
 
 from __future__ import annotations
 
@@ -210,5 +210,5 @@ CASES = [
 
 
 def spoiler(rule: str) -> Callable[[TestScene], None]:
-    """The first that the rule tells."""
+    """The first that the rule reports."""
     return next(case.spoil for case in CASES if case.rule == rule)

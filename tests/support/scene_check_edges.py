@@ -1,4 +1,4 @@
-"""Every rule of the scene check just past what it tells, and just short of it, unmasked by other settings."""
+"""Every rule of the scene check just past what it reports, and just short of it, unmasked by other settings."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Edge:
 
     Parameters
     ----------
-    past : the least change that is told, of a scene that the check has nothing to say about
+    past : the least change that is reported, of a scene that the check has nothing to say about
     short : the largest that is not, or what takes the reason away while the setting stays; applied after `past`, which
         it undoes, or to a scene of its own where `anew`
     """
@@ -369,7 +369,7 @@ ELSEWHERE = {
 
 
 def told_rules() -> set[str]:
-    """Names of all rules, from the code that tells them."""
+    """Names of all rules, from the code that reports them."""
     told = {setting.rule for setting in scene_rules._SETTINGS}
     told |= {"glossy_bounces", "max_bounces"}  # named by their setting
     for module in MODULES:

@@ -25,14 +25,14 @@ SEEDS = 4
 
 @dataclass(frozen=True)
 class Figure:
-    """A share of the light, as told and as measured.
+    """A share of the light, as stated and as measured.
 
     Parameters
     ----------
     words : as they stand in the sentence; their numbers in per cent are the figure
     sign : of the change
     kind : words of the scene, see `measured`
-    spoil : what is told of
+    spoil : what is reported
     samples : enough to know the change to a fifth
     """
 

@@ -58,7 +58,7 @@ class TestScene:
             self.scene.render.film_transparent, cycles.samples, cycles.seed = film, samples, seed
             for obj in shown:
                 obj.hide_render = False
-        # The pixel filter reaches into the neighbours, more rarely than a few samples tell.
+        # The pixel filter reaches into the neighbours, more rarely than a few samples show.
         height, width = inside.shape
         shifts = [inside[y : height - 2 + y, x : width - 2 + x] for y in range(3) for x in range(3)]
         return np.logical_and.reduce(shifts)

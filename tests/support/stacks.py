@@ -42,7 +42,7 @@ def write_frame(path: Path, linear: np.ndarray) -> None:
 
 
 def png_declaring(width: int, height: int) -> bytes:
-    """A PNG of a few bytes whose header tells of any size."""
+    """A PNG of a few bytes whose header states any size."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -59,6 +59,6 @@ def warnings_in(text: str) -> list[str]:
 
 
 def complaints_in(text: str) -> list[str]:
-    """Lines of the error stream that tell of failure."""
+    """Lines of the error stream that report a failure."""
     told = [line for line in text.splitlines() if line.startswith("measured_materials: ")]
     return [line for line in told if line not in warnings_in(text)]

@@ -1,8 +1,8 @@
 """How near a material comes to the limits of Cycles' SVM: 255 floats of stack, 64 closures.
 
-No version of Blender tells how much of the stack a material takes, so it is probed: the material is rendered while more
-floats are kept alive all through it, and a shader that does not fit is black. The most that fit are the room left. On
-4.5, where the environment variables GLOG_v=3 and GLOG_logtostderr=1 print the peak of every shader that is compiled,
+No version of Blender reports how much of the stack a material takes, so it is probed: the material is rendered while
+more floats are kept alive all through it, and a shader that does not fit is black. The most that fit are the room left.
+On 4.5, where the environment variables GLOG_v=3 and GLOG_logtostderr=1 print the peak of every shader that is compiled,
 peak and room make 252 to 255.
 """
 
@@ -54,7 +54,7 @@ def aim_at_everything() -> None:
 
 @contextmanager
 def _probe(material: bpy.types.Material, most: int) -> Iterator[Any]:
-    """A function that tells whether a copy of the material compiles with so many vectors live besides, or `most`."""
+    """A function that reports whether a copy of the material compiles with so many vectors live besides, or `most`."""
     scene, card = _card_scene()
     copy = material.copy()
     group = _keep_alive(copy, most)

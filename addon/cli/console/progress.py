@@ -1,4 +1,4 @@
-"""How far long work is, told on the error stream: one rewritten line on a terminal, plain lines elsewhere."""
+"""Progress of long work, reported on the error stream: one rewritten line on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 

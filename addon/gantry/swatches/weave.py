@@ -14,7 +14,7 @@ from .surfaces import Surface, join, tubes
 
 @dataclass(frozen=True)
 class YarnStyle:
-    """How one of the two sets of yarns is spun.
+    """Style of one of the two sets of yarns.
 
     width, thickness : half axes of the section, in spacings of its own set
     strands : along the outline of the section; twist : turns per tile

@@ -157,7 +157,7 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
 
 
 def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
-    """Those of the settings that have an effect."""
+    """Draw the settings of a BRDF's bake that have an effect."""
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     column.prop(properties, "resolution")

@@ -98,7 +98,7 @@ class LightingProperties:
 
 
 class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
-    """How a shading-map material is lit."""
+    """Lighting settings of a shading-map material."""
 
     __annotations__ = {
         # Not animatable: an animation would change the values without rebuilding the material.

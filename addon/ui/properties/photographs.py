@@ -26,14 +26,14 @@ _WORDS = {
     "float32": ("Float", "OpenEXR, 32 bits per channel"),
     "rgbe": ("RGBE", "Radiance, 4 bytes per texel; takes as much as Float while rendering"),
     "byte": ("Byte", "PNG, 8 bits per channel, the smallest"),
-    "none": ("None", "Nothing of the kind"),
+    "none": ("None", "None of these"),
     "power": ("Power Law", "Two numbers per texel and channel (Kautz et al. 2004)"),
     "basis": ("Basis", "A few numbers per texel and channel, on curves fitted to this swatch"),
     "off": ("Off", "As photographed"),
-    "auto": ("Automatic", "As it is found best"),
+    "auto": ("Automatic", "Whichever measures best"),
     "quilt": ("Quilt", "Patches from all over the swatch"),
     "offset": ("Offset", "One cut in either direction; nearly all of the swatch stays as it is"),
-    "warn": ("Warn", "Only told"),
+    "warn": ("Warn", "Warn only; nothing is corrected"),
     "one": ("One", "That of the azimuth alone"),
     "both": ("Both", "The far side of the swatch too"),
     "srgb": ("sRGB", "As most cameras and programs write them"),
@@ -180,7 +180,7 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
 
 
 def draw_arc_settings(layout: bpy.types.UILayout, properties: Any, light: Any) -> None:
-    """Those of the bake's settings that have an effect."""
+    """Draw the settings of a bake of photographs that have an effect."""
     p, column = properties, layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     rank = ("rank",) if p.compression == "basis" else ()

@@ -18,7 +18,7 @@ _MODE_WORDS = {
         "Cycles' own closures fitted to the measurement; as quick as Principled, and what EEVEE shows",
     ),
     "balanced": ("Balanced", "Exact where it is seen directly or in a mirror, Preview after a diffuse bounce"),
-    "exact": ("Exact", "Cycles' own closures as far as they go, the rest by a stochastic mirror: less noise"),
+    "exact": ("Exact", "Cycles' own closures where they fit, a stochastic mirror for the rest: less noise"),
     "reference": ("Reference", "All of it by a stochastic mirror"),
 }
 _FILTER_WORDS = {"nearest": "Nearest", "trilinear": "Linear", "bspline": "B-Spline"}
@@ -35,8 +35,8 @@ _AIM = bpy.props.EnumProperty(
     description="Send the mirror towards the scene's lamps and the bright parts of its world",
     items=[
         (AUTO, "Automatic", "Where the scene has something to aim at"),
-        ("always", "Always", "Ready for lamps that are still to come"),
-        ("never", "Never", "Meet lights by chance"),
+        ("always", "Always", "Also prepared for lights added later"),
+        ("never", "Never", "Lights are hit by chance"),
     ],
     default=AUTO,
     options=set(),
@@ -44,11 +44,11 @@ _AIM = bpy.props.EnumProperty(
 )
 _RESIDUAL = bpy.props.EnumProperty(
     name="Residual",
-    description="The mirror for what Cycles' own closures leave of the measurement",
+    description="The mirror for the part of the measurement that Cycles' own closures do not carry",
     items=[
         (AUTO, "Automatic", "Where it carries light"),
         ("always", "Always", "Even if it carries next to nothing"),
-        ("never", "Never", "Refused where it carries light; mode Preview does without"),
+        ("never", "Never", "Refused where it carries light; mode Preview omits it"),
     ],
     default=AUTO,
     options=set(),
@@ -88,7 +88,7 @@ class MEASURED_MATERIALS_PG_quality(bpy.types.PropertyGroup):
 
 
 def draw_quality(layout: bpy.types.UILayout, properties: Any, names: tuple[str, ...]) -> None:
-    """Those of these names, which have an effect."""
+    """Draw the quality settings of these names, which have an effect."""
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     for name in names:

@@ -121,7 +121,7 @@ def _parametric(kind: int, n: dict[str, float]) -> Response:
 
 
 def _known(curve: Response) -> Response:
-    """The curve, or the one with a name that it cannot be told from."""
+    """The curve, or the named one that it cannot be distinguished from."""
     x = np.linspace(0, 1, 1025)
     for known in (SRGB, LINEAR):
         if np.abs(curve.linear(x) - known.linear(x)).max() < _SAME:

@@ -114,7 +114,7 @@ class TiffTags:
 
 
 def choose_page(path: Path) -> tuple[int, str]:
-    """Which page of a TIFF is the photograph, and what is to be told about the choice, "" for nothing.
+    """Which page of a TIFF is the photograph, and what to report about the choice, "" for nothing.
 
     It is the largest that is no reduced copy and no mask, the first of several. Raises OSError.
     """

@@ -8,7 +8,7 @@ normal  a phi_o, b theta_o, r theta_i, c phi_delta (Mallett & Yuksel 2016, secti
         own mirror image: the odd warp of [0, pi] serves both sides.
 half    The half vector h by its slopes (x, y) = h_xy / h_z, each warped by u = x / (width + |x|): r is y, c is x. What
         brushing draws out is a ridge along one axis, and each axis has a width of its own; a polar theta_h, phi_h would
-        have to resolve the ridge's angle (trial: `./run bench anisotropic`). There is no pole to mend, and no half
+        have to resolve the ridge's angle (trial: `./run bench anisotropic`). There is no pole to treat, and no half
         vector is stored twice. The difference vector d is wi, turned by the shortest arc that takes h to the normal:
         a phi_d, b theta_d. Rusinkiewicz' frame spins at h = n, this one does not. Stored is f cos^2 theta_d cos
         theta_h. f of any microfacet grows at grazing as one over cos theta_d cos theta_h = (cos theta_i + cos theta_o)
@@ -53,8 +53,8 @@ class AnisotropicNormalGrid:
     shape : samples of each; the columns even
     alpha_theta, alpha_phi : Bezier shapes of both elevations, and of phi_delta
     folded : phi_o runs over half a turn; the source looks the same after half a turn about the normal
-    parameterization : of the elevations and of phi_delta; phi_o is even (MY16 has phi_i there, but the viewer is known
-        first)
+    parameterization : of the elevations and of phi_delta; phi_o is even (Mallett & Yuksel 2016, section 4.1, take
+        phi_i, but here the viewer is known first)
     warps : their fitted warps
     horizon_share : the sample at the horizon is taken at this share of its neighbour's cosine
     """
@@ -71,7 +71,7 @@ class AnisotropicNormalGrid:
 
     @property
     def axis_shapes(self) -> tuple[Any, Any]:
-        """Of the elevations and of phi_delta, as `parameterization.forward` takes them."""
+        """Shapes of the elevations and of phi_delta, as `parameterization.forward` takes them."""
         return self.warps if self.parameterization == "fitted" else (self.alpha_theta, self.alpha_phi)
 
     def coordinates(self, xp: Any, wi: Any, wo: Any) -> Coordinates:
@@ -190,7 +190,7 @@ class AnisotropicHalfGrid:
 
     @property
     def axis_shapes(self) -> tuple[float, float]:
-        """Of the slopes along x and y."""
+        """Shapes of the slopes along x and y."""
         return self.width_x, self.width_y
 
     def coordinates(self, xp: Any, wi: Any, wo: Any) -> Coordinates:

@@ -73,7 +73,7 @@ class HalfVectorGrid:
 
     @property
     def axis_shapes(self) -> tuple[Shape, Shape, Shape]:
-        """Of each axis."""
+        """Shapes of each axis."""
         return self.warps if self.parameterization == "fitted" else self.alphas
 
     def unit_coordinates(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
@@ -144,5 +144,5 @@ class HalfVectorGrid:
         }
 
     def shader_constants(self) -> dict[str, Any]:
-        """Of each axis its own shape."""
+        """Constants of each axis its own shape."""
         return lookup_constants(self.basis, self.parameterization, self.sizes, self.axis_shapes, self.reciprocal)

@@ -52,7 +52,7 @@ class NormalVectorGrid:
 
     @property
     def axis_shapes(self) -> tuple[Shape, Shape]:
-        """Of the elevations and the azimuth."""
+        """Shapes of the elevations and the azimuth."""
         return self.warps if self.parameterization == "fitted" else (self.alpha_theta, self.alpha_phi)
 
     @property

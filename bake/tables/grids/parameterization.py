@@ -8,7 +8,7 @@ small angle, so all functions speak of the chord
 
 v in [0, 1] for g in [0, pi/2]. By the formula alpha = 0 is densest at the normal (v = 0) and leaves the sparsest
 samples at grazing, alpha = 1 the reverse. The paper's sentence about alpha_theta says the opposite; the formula is
-right (its own figure 4 agrees with it), so do not "mend" this.
+right (its own figure 4 agrees with it), so do not "correct" this.
 
 Beyond the paper: "squared" is MERL's theta = (pi / 2) (1 - s)^2 (Matusik et al. 2003), densest at v = 0 by far.
 "fitted" is a warp of two parameters, `LogWarp`, found for each axis by the error that it leaves (`grid_search`).
@@ -30,7 +30,7 @@ from ...source import Array
 Parameterization = Literal["identity", "uniform", "bezier", "squared", "fitted"]
 PARAMETERIZATIONS: tuple[str, ...] = get_args(Parameterization)
 
-# Of `LogWarp`: a narrower end would ask for chords that float32 directions do not tell apart; a wider one is even.
+# Of `LogWarp`: a narrower end would ask for chords that float32 directions do not distinguish; a wider one is even.
 NARROWEST_END, WIDEST_END = 3e-4, 4.0
 
 
@@ -85,7 +85,7 @@ def uniform_inverse(xp: Any, s: Any) -> Any:
 
 
 def bezier_forward(xp: Any, v: Any, alpha: Any) -> Any:
-    """Quadratic Bezier F of MY16 equation 5: s = 2 alpha t + (1 - 2 alpha) t^2 with t = 1 - v."""
+    """Quadratic Bezier F of Mallett & Yuksel 2016, equation 5: s = 2 alpha t + (1 - 2 alpha) t^2 with t = 1 - v."""
     t = 1 - v
     return t * (2 * alpha + (1 - 2 * alpha) * t)
 

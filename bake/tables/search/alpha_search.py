@@ -1,4 +1,4 @@
-"""Choosing the Bezier shape parameters of a table: by MY16's intensity metric and by measured error."""
+"""Choosing Bezier shape parameters by total intensity (Mallett & Yuksel 2016, section 4.2) or measured error."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class AlphaSearch:
 
     @property
     def by_intensity(self) -> AlphaTrial:
-        """The trial of largest total intensity (MY16 section 4.2)."""
+        """The trial of largest total intensity (Mallett & Yuksel 2016, section 4.2)."""
         return max(self.trials, key=lambda trial: trial.intensity)
 
     def facts(self) -> dict[str, Any]:

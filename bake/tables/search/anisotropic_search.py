@@ -49,7 +49,7 @@ class Symmetry:
 
 
 def measured_symmetry(source: BrdfSource, pairs: DirectionPairs, truth: Array) -> Symmetry:
-    """Of values `truth` (P, 3) at the pairs."""
+    """Symmetry of a source with values `truth` (P, 3) at the pairs."""
     turn = np.array([-1.0, -1.0, 1.0])
 
     def error(value: Array) -> float:
@@ -132,7 +132,7 @@ class AnisotropicCandidates:
 
 
 def total_intensity(source: BrdfSource, grid: AnisotropicNormalGrid, most: int = _INTENSITY_N) -> float:
-    """Sum of all samples of the table (MY16 section 4.2), or of one of at most `most` elevations of its proportions."""
+    """Sum of the table's samples (Mallett & Yuksel 2016, section 4.2), or of a smaller one of like proportions."""
     n_a, n_b, n_r, n_c = grid.shape
     share = min(1.0, most / n_b)
     azimuth, columns = (max(4, 2 * round(n * share / 2)) for n in (n_a, n_c))

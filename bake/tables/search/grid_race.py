@@ -1,4 +1,4 @@
-"""Which of several grids errs least, where a first measurement cannot tell: more directions, as long as it matters."""
+"""Which of several grids errs least where a first measurement cannot decide: more directions as long as it matters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..grids.grid import Grid
 
 # Sets of directions, (count, start of the sequence); bakes measure at 0.5, searches descend at 0.25.
 _SETS = ((8192, 0.75), (8192, 0.125), (16384, 0.375), (32768, 0.625))
-# Interleaved parts of the directions, by whose scatter the standard error of a difference is told, and how many such
+# Interleaved parts of the directions, whose scatter gives the standard error of a difference, and how many such
 # errors a grid must be behind the leader to drop out: once in a thousand by chance, with sixteen parts.
 _PARTS, _CERTAIN = 16, 4.0
 
@@ -27,7 +27,7 @@ class Candidate:
 
 
 def race(source: BrdfSource, grids: Sequence[Grid]) -> tuple[Candidate, ...]:
-    """Measure grids at directions that fitted none of them, as often as it takes to tell which is the best.
+    """Measure grids at directions that fitted none of them, as often as it takes to decide which is the best.
 
     The squared error of a table on a matte material has a heavy tail (a thousandth of the directions holds a third of
     the sum), and good tables lie within a few per cent of each other. After each set of directions those that are

@@ -44,7 +44,7 @@ class Outcome:
 
     @property
     def promise(self) -> str:
-        """As the table tells it."""
+        """As the table states it."""
         return f"refused: {self.cause}" if self.bound is None else f"{self.bound:.1g}"
 
 

@@ -124,7 +124,7 @@ def _theta_d() -> tuple[float, float]:
 
 FORMULAS = (
     Formula(
-        "MY16, section 4",
+        "Mallett & Yuksel 2016, section 4",
         "uniform parameter of an angle",
         "1 - (2 / pi) acos(a . b)",
         "1 - (4 / pi) asin(v / sqrt 2), v = |a - b| / sqrt 2",
@@ -134,7 +134,7 @@ FORMULAS = (
         _uniform,
     ),
     Formula(
-        "MY16, equation 5",
+        "Mallett & Yuksel 2016, equation 5",
         "Bezier parameter of an angle, alpha = 0",
         "t = 1 - sqrt(1 - a . b)",
         "t = 1 - v",
@@ -144,7 +144,7 @@ FORMULAS = (
         _bezier,
     ),
     Formula(
-        "MY16, section 4",
+        "Mallett & Yuksel 2016, section 4",
         "Bezier inverse",
         "(sqrt(alpha^2 + (1 - 2 alpha) s) - alpha) / (1 - 2 alpha)",
         "s / (alpha + sqrt(...)), from the nearer end",
@@ -154,7 +154,7 @@ FORMULAS = (
         lambda: _inverse(_textbook),
     ),
     Formula(
-        "MY16, section 4",
+        "Mallett & Yuksel 2016, section 4",
         "Bezier inverse from s = 0 alone",
         "x = t (2 - t), g = acos x",
         "the chord v from s = 1 where s > 1/2",
@@ -164,7 +164,7 @@ FORMULAS = (
         lambda: _inverse(_one_sided),
     ),
     Formula(
-        "MY16, section 4",
+        "Mallett & Yuksel 2016, section 4",
         "where the samples lie",
         "cos g = F^-1(s), a float32 cosine",
         "the chord v of s",
@@ -174,7 +174,7 @@ FORMULAS = (
         lambda: _inverse(_by_cosine),
     ),
     Formula(
-        "MY16, section 4",
+        "Mallett & Yuksel 2016, section 4",
         "phi_delta of two directions",
         "acos((wi . wo - cos cos) / (sin sin)), sin by 1 - cos^2",
         "|ti - to| and |ti + to| of the unit vectors in the plane",
@@ -184,7 +184,7 @@ FORMULAS = (
         _phi_delta,
     ),
     Formula(
-        "MY16, half-vector basis",
+        "Mallett & Yuksel 2016, half-vector basis",
         "theta_h",
         "acos(h . n)",
         "chord |h - n|",
@@ -194,7 +194,7 @@ FORMULAS = (
         _theta_h,
     ),
     Formula(
-        "MY16, half-vector basis",
+        "Mallett & Yuksel 2016, half-vector basis",
         "theta_d",
         "acos(wi . h)",
         "|wi - wo| / sqrt(2 |wi + wo| + 4), a chord",

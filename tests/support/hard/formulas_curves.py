@@ -159,7 +159,7 @@ def _schlick() -> Callable[[Array, float], Array]:
 
 FORMULAS = (
     Formula(
-        "KSS04, equation 1",
+        "Kautz et al. 2004, equation 1",
         "slices by interpolation",
         "the two nearest photographs",
         "the two that bracket the level, black being one",
@@ -169,7 +169,7 @@ FORMULAS = (
         _brackets,
     ),
     Formula(
-        "KSS04, lookup with r",
+        "Kautz et al. 2004, lookup with r",
         "slices around r / a_max (N - 1)",
         "floor and floor + 1",
         "r held to a_max, the lower slice to N - 2",
@@ -179,7 +179,7 @@ FORMULAS = (
         _last_slice,
     ),
     Formula(
-        "KSS04, compression",
+        "Kautz et al. 2004, compression",
         "K by brute force",
         "the best of 100 even steps to 20",
         "64 steps even in log K, then Newton between its neighbours",
@@ -189,7 +189,7 @@ FORMULAS = (
         _exponents,
     ),
     Formula(
-        "beside KSS04, compression",
+        "beside Kautz et al. 2004, compression",
         "K of a texel black in one photograph",
         "straight line through log S over log r",
         "least squares of S itself",
@@ -199,7 +199,7 @@ FORMULAS = (
         _log_of_zero,
     ),
     Formula(
-        "R07, coefficients",
+        "Romanyuk 2007, coefficients",
         "the cubic's a, b, c",
         "in powers of cos, growing as n^2",
         "about cos = 1, in parts of p",
@@ -209,7 +209,7 @@ FORMULAS = (
         lambda: _over_n(_expanded, _lobe("cubic"), "cubic"),
     ),
     Formula(
-        "R07, half width",
+        "Romanyuk 2007, half width",
         "p = 1 - q, q = 0.5^(1/n)",
         "1 - 0.5^(1/n)",
         "2 tanh(y) / (1 + tanh(y)), y = ln 2 / 2n",
@@ -219,7 +219,7 @@ FORMULAS = (
         _half_width,
     ),
     Formula(
-        "R07, cos^n",
+        "Romanyuk 2007, cos^n",
         "cos^n of an angle given by u = 1 - cos",
         "pow(1 - u, n)",
         "the base's rounding taken out again",
@@ -229,7 +229,7 @@ FORMULAS = (
         lambda: _over_n(lambda u, n: (1 - u) ** F32(n), _lobe("power"), "power"),
     ),
     Formula(
-        "R07, N . H",
+        "Romanyuk 2007, N . H",
         "cos^n between vectors",
         "pow(N . H, n)",
         "u = |N - H|^2 / 2",
@@ -239,7 +239,7 @@ FORMULAS = (
         _cosine_of_vectors,
     ),
     Formula(
-        "Schlick 1994, rival of R07",
+        "Schlick 1994, rival of Romanyuk 2007",
         "c / (n - n c + c)",
         "n - n c + c",
         "n u + c",
@@ -249,7 +249,7 @@ FORMULAS = (
         lambda: _over_n(_schlick(), _lobe("schlick"), "schlick"),
     ),
     Formula(
-        "R07, exponents below 1",
+        "Romanyuk 2007, exponents below 1",
         "the cubic for n < 1",
         "the cubic itself",
         "the power",
@@ -259,7 +259,7 @@ FORMULAS = (
         _below_one,
     ),
     Formula(
-        "beside R07, sampling cos^n",
+        "beside Romanyuk 2007, sampling cos^n",
         "u of a random number",
         "1 - random^(1 / (n + 1))",
         "2 t / (1 + t), t = tanh(-log(random) / (2 n + 2))",

@@ -47,7 +47,7 @@ def case_row(case: Case, worst: dict[str, float]) -> list[str]:
 
 @cache
 def notes() -> list[str]:
-    """What is hard in the cases, and why their bounds are what they are; each told once."""
+    """What is hard in the cases, and why their bounds are what they are; each stated once."""
     return list(dict.fromkeys(_note(case) for case in cases()))
 
 

@@ -29,7 +29,7 @@ def _exact(value: Any) -> Any:
 
 
 def parameter(kind: str, shape: Any, v: Any) -> Any:
-    """Table parameter s of the chord v, by cos g = F^-1(s) (MY16 section 4); "fitted" by its density of samples."""
+    """Table parameter s of the chord v, cos g = F^-1(s) (Mallett & Yuksel 2016, section 4); "fitted" by its density."""
     if kind == "fitted":
         return 1 - _share(shape, v)
     x = 1 - v * v
@@ -121,7 +121,7 @@ def cosine_lobe(name: str, u: Any, n: Any) -> Any:
 
 
 def cubic_coefficients(n: Any) -> Any:
-    """a, b, c of R07's a x^3 + b x^2 + c x: f(1) = 1, f(q) = 1 / 2, f'(q) = n / (2 q), q = 0.5^(1/n)."""
+    """a, b, c of a x^3 + b x^2 + c x (Romanyuk 2007): f(1) = 1, f(q) = 1 / 2, f'(q) = n / (2 q), q = 0.5^(1/n)."""
     q = mp.mpf(0.5) ** (1 / n)
     if n == 1:  # two conditions coincide; the curve itself is c
         return mp.mpf(0), mp.mpf(0), mp.mpf(1)
