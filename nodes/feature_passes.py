@@ -16,8 +16,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
+from ..bake.shading_maps.record import Record
 from . import expr
 from .group import call, node_group
 
@@ -28,8 +28,8 @@ _KEY = "measured_materials_denoise"  # custom property of the compositor's nodes
 _SHADER_KINDS = {"NodeSocketShader": "shader", "NodeSocketFloat": "float"}
 
 
-def albedo_polynomial(record: BrdfRecord) -> NDArray[np.float64]:
-    """Directional albedo of a BRDF as a polynomial in the chord sqrt(1 - cos theta_o).
+def albedo_polynomial(record: Record) -> NDArray[np.float64]:
+    """Directional albedo of a bundle as a polynomial in the chord sqrt(1 - cos theta_o).
 
     Returns
     -------

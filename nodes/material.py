@@ -6,7 +6,6 @@ import bpy
 
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
-from ..bake.envelope.fitted import EnvelopeFit
 from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
 from .data_image import Images, bundle_images
@@ -96,4 +95,4 @@ def usual_mode(record: BrdfRecord) -> str:
 def _closures(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
     """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
     fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    return WeightedClosures(fit.closures, images(part), fit.grid if isinstance(fit, EnvelopeFit) else len(fit.weights))
+    return WeightedClosures(fit.closures, images(part), fit.viewers)

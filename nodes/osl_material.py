@@ -16,7 +16,7 @@ from ..bake.brdf.common import kind_of
 from ..bake.brdf.modes import MODES
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import MATERIAL, Bundle
-from ..bake.envelope.fitted import EnvelopeFit
+from ..bake.envelope.viewers import ViewerGrid
 from ..bake.errors import BakeError
 from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
@@ -121,15 +121,15 @@ def _closure_constants(record: BrdfRecord, name: str, image: str) -> dict[str, A
     """Of the closures of one texture of weights: names, widths, and at which viewers weights are known."""
     fit = record.load_envelope() if image == "envelope" else record.load_preview()
     constants = {name: texture_file(record.files(), image)}
-    if isinstance(fit, EnvelopeFit):
+    if isinstance(fit.viewers, ViewerGrid):
         widths = [(lobe.name, lobe.alpha_x, lobe.alpha_y) for lobe in fit.closures]
-        nodes, azimuths, half_turn = fit.grid.n_theta, fit.grid.n_phi, fit.grid.folded
+        azimuths, half_turn = fit.viewers.n_phi, fit.viewers.folded
     else:
         widths = [(lobe.name, lobe.p1, lobe.p1) for lobe in fit.closures]
-        nodes, azimuths, half_turn = len(fit.weights), 0, False
+        azimuths, half_turn = 0, False
     words = " ".join(f"{lobe} {along:.9g} {across:.9g}" for lobe, along, across in widths)
-    viewers = {"Nodes": nodes, "Azimuths": azimuths, "HalfTurn": int(half_turn), "Closures": words}
-    return constants | {f"{name}{key}": value for key, value in viewers.items()}
+    told = {"Nodes": fit.viewers.shape[0], "Azimuths": azimuths, "HalfTurn": int(half_turn), "Closures": words}
+    return constants | {f"{name}{key}": value for key, value in told.items()}
 
 
 def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import bpy
 from ..bake.envelope import texture_coordinate
 from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.envelope.texture import row_coordinate
-from ..bake.envelope.viewers import ViewerGrid
+from ..bake.envelope.viewers import ViewerGrid, Viewers
 from ..bake.lobes.lobes import Lobe
 from . import expr
 from .drawn_direction import frame_of
@@ -27,23 +27,23 @@ class WeightedClosures:
 
     Parameters
     ----------
-    viewers : at which weights are known: how many over theta_o, or a grid of two angles
+    viewers : at which weights are known: elevations, or a grid of two angles
     tangent : of the surface, in world space, along which the first of a closure's widths lies; None where there is one
     """
 
     closures: Sequence[Lobe | AnisotropicLobe]
     image: bpy.types.Image
-    viewers: int | ViewerGrid
+    viewers: Viewers
     tangent: Any = None
 
     def weights(self, wo: Any) -> list[tuple[Any, Any]]:
         """Colour and alpha of each closure, seen from local wo."""
         count = len(self.closures)
-        if isinstance(self.viewers, int):
-            u, rows = texture_coordinate(expr, wo, self.viewers), [1 - (k + 0.5) / count for k in range(count)]
-        else:
-            u = texture_coordinate(expr, wo, self.viewers.n_theta)
+        u = texture_coordinate(expr, wo, self.viewers.shape[0])
+        if isinstance(self.viewers, ViewerGrid):
             rows = [row_coordinate(expr, self.viewers, wo, k, count) for k in range(count)]
+        else:
+            rows = [1 - (k + 0.5) / count for k in range(count)]
         return [expr.image_tap(self.image, u, row, "Linear") for row in rows]
 
     def closure(self, weights: list[tuple[Any, Any]], normal: Any, factor: Any) -> Any:

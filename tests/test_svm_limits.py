@@ -11,7 +11,6 @@ import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
-from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.images.storage import Storage
@@ -19,6 +18,7 @@ from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
+from measured_materials.bake.shading_maps.record import read_record
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat, expr
@@ -113,7 +113,7 @@ def map_material(paint: Bundle, folder: Path, name: str) -> bpy.types.Material:
 
 def with_passes(material: bpy.types.Material, bundle: Bundle) -> bpy.types.Material:
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    albedo = albedo_polynomial(BrdfRecord.read(bundle))
+    albedo = albedo_polynomial(read_record(bundle))
     assemble(material, with_feature_outputs(node.node_tree, albedo), (0.5, 0.5, 0.5))
     return material
 
