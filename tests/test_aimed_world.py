@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from measured_materials.addon.lights import light_tables, world_survey
 from measured_materials.addon.lights.light_tables import lamp_image, pack_tables, survey, update_scene
-from measured_materials.addon.studio import studio
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.sampling.lamps import (
@@ -111,9 +110,7 @@ def test_aimed_mirror_is_diffuse_under_a_world(tmp_path: Path, lighting: str) ->
         aimed = noise(scene)
         world.cycles_visibility.glossy = True
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(
-                light_tables.world_light, "world_light", lambda _: world_survey.WorldLight(3.0, why_not="not asked to")
-            )
+            patch.setattr(world_survey, "world_light", lambda _: world_survey.WorldLight(3.0, why_not="not asked to"))
             assert noise(scene) > 3 * aimed
 
 
@@ -124,7 +121,7 @@ def test_a_stale_table_costs_noise_and_no_light(tmp_path: Path, monkeypatch: pyt
         world = show_world(scene, spot(64, ABOVE, 20, 3.0), rotation=(0, 0, 0))
         scene.show(mirror_only(tmp_path))
         assert update_scene(scene.scene).world.aimed
-        monkeypatch.setattr(studio.lamps, "keep_current", lambda _: None)
+        monkeypatch.setattr(light_tables, "keep_current", lambda _: None)
         mapping = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeMapping")
         mapping.inputs["Rotation"].default_value = (0, 0, 1.5)
         pictures = scene.render(64, range(100, 108))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.summary.cost_estimate import expectation
+from measured_materials.addon.summary.cost_estimate import MODE_TIME, expectation
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -20,9 +21,20 @@ from test_addon import registered  # noqa: F401
 def test_words_of_every_mode() -> None:
     known = brdf_record()
     assert expectation(known, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
-    assert expectation(known, "reference", "trilinear").startswith("About 2.2 times")
+    assert expectation(known, "reference", "trilinear").startswith("About 1.9 times")
     assert "; 4 % of" in expectation(known, "reference", "nearest")
     assert expectation(known, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
+
+
+def test_a_filter_that_was_not_measured_gives_the_time_alone() -> None:
+    """A fitted spline's coefficients read linearly are another table."""
+    assert "%" not in expectation(brdf_record(rms_by_filter={"trilinear": 0.1}), "reference", "nearest")
+
+
+def test_times_are_those_of_the_bench() -> None:
+    file = Path(__file__).parent / "bench" / "recorded" / "engine.json"
+    figures = json.loads(file.read_text(encoding="utf-8"))["values"]
+    assert {mode: round(figures[f"time, {mode}"], 1) for mode in MODE_TIME} == MODE_TIME
 
 
 @pytest.mark.parametrize("mode", ("preview", "balanced", "exact"))

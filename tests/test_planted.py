@@ -22,7 +22,7 @@ def test_a_mistake_can_still_be_planted(name: str) -> None:
 
 def test_what_cannot_be_planted_is_said(tmp_path: Path) -> None:
     (tmp_path / "code.py").write_text("a = 1\nb = 1\n")
-    (tmp_path / "test_code.py").touch()
+    (tmp_path / "test_code.py").write_text("def test_x(a): ...\n")
 
     def stale(file: str = "code.py", find: str = "a = 1", replace: str = "a = 2", test: str = "test_code.py") -> str:
         return Mistake("name", file, find, replace, (test,) if test else (), "why").stale(tmp_path)
@@ -30,6 +30,7 @@ def test_what_cannot_be_planted_is_said(tmp_path: Path) -> None:
     assert stale() == "" and stale(test="test_code.py::test_x[a]") == ""
     assert stale(file="none.py") == "none.py is no file"
     assert "holds its text 2 times" in stale(find="= 1") and "0 times" in stale(find="c = 1")
+    assert stale(test="test_code.py::test_y") == "test_code.py::test_y is no test"
     assert stale(replace="a = 1") == "it changes nothing"
     assert stale(test="test_none.py::test_x") == "test_none.py is no file" and stale(test="") == "it names no test"
 

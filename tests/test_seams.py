@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -262,3 +263,27 @@ def test_fields_of_a_document_are_made_where_records_are() -> None:
     }
     # What `inspect` shows of measurements and photographs that are not baked.
     assert found == records | {"addon/cli/inspect.py"}
+
+
+def test_names_in_texts_are_those_of_the_code() -> None:
+    """`bake.tables.table.Table` in a docstring or on a page is a module, and what is defined or imported there."""
+    named = re.compile(r"`((?:addon|bake|nodes)\.[a-z_]\w*(?:\.\w+)*)(?:\(\))?`")
+    files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "addon" / "docs").glob("*.md")]
+    files += [file for folder in INSIDE for file in (ROOT / folder).rglob("*.py")]
+    wrong = [
+        f"{file.relative_to(ROOT)}: {name}"
+        for file in files
+        for name in named.findall(file.read_text(encoding="utf-8"))
+        if not _is_defined(name.split("."))
+    ]
+    assert not wrong
+
+
+def _is_defined(parts: list[str]) -> bool:
+    for count in range(len(parts), 0, -1):
+        place = ROOT.joinpath(*parts[:count])
+        file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
+        if file.is_file():
+            names = set(re.findall(r"\w+", file.read_text(encoding="utf-8")))
+            return set(parts[count:]) <= names
+    return False

@@ -18,7 +18,7 @@ class Choices:
     ----------
     mode : of `bake.brdf.modes.MODES`; of a shading map, `RenderSettings.mode` counts
     aim, residual, detail : "auto", "always" or "never"
-    filter : "auto" or one of `bake.table.FILTERS`
+    filter : "auto" or one of `bake.tables.table.FILTERS`
     """
 
     mode: str = "exact"

@@ -86,7 +86,7 @@ class ErrorsRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> ErrorsRecord:
-        """Read from `bake.accuracy.table_errors`, or an entry of `bake.envelope.reconstruction_errors`. Raises
+        """Read from `bake.tables.accuracy.table_errors`, or an entry of `bake.envelope.reconstruction_errors`. Raises
         BakeError."""
         directions = fields.whole("directions", 0) if fields.has("directions") else None
         return cls(fields.number("rms"), fields.number("relative"), directions)
@@ -101,7 +101,7 @@ class AlphaRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> AlphaRecord:
-        """Read from a trial of `bake.alpha_search`. Raises BakeError."""
+        """Read from a trial of `bake.tables.search.alpha_search`. Raises BakeError."""
         return cls(fields.number("alpha_theta"), fields.number("alpha_phi"))
 
 
@@ -116,7 +116,7 @@ class AlphaSearchRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> AlphaSearchRecord:
-        """Read from `bake.alpha_search.AlphaSearch.facts`. Raises BakeError."""
+        """Read from `bake.tables.search.alpha_search.AlphaSearch.facts`. Raises BakeError."""
         by_error, by_intensity = (AlphaRecord.parse(fields.part(key)) for key in ("by_error", "by_intensity"))
         same = fields.flag("intensity_finds_least_error")
         return cls(by_error, by_intensity, same, fields.number("error_of_intensity_choice"))

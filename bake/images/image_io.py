@@ -190,7 +190,7 @@ def write_image(
 def write_png(path: str | Path, pixels: NDArray[np.uint8], about: str = "") -> None:
     """Write (H, W, 1, 3 or 4) 8-bit pixels, display-encoded, top row first, making folders. Raises BakeError.
 
-    `about` is kept in the file, see `png_plain.png_bytes`.
+    `about` is kept in the file, see `png.png_bytes`.
     """
     path, pixels = Path(path), np.asarray(pixels)
     if pixels.dtype != np.uint8 or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in (1, 3, 4):

@@ -247,7 +247,7 @@ class LitAlbedoRecord(AlbedoRecord):
 
     @classmethod
     def parse(cls, document: Fields, key: str) -> LitAlbedoRecord:
-        """Read from `map_albedo.map_albedo_facts`. Raises BakeError."""
+        """Read from `albedo.map_albedo_facts`. Raises BakeError."""
         albedo, fields = AlbedoRecord.parse(document, key), document.part(key)
         return cls(**vars(albedo), sigma=fields.number("sigma"), a_max=fields.number("a_max"))
 

@@ -43,7 +43,10 @@ class Mistake:
             return "it changes nothing"
         files = [test.partition("::")[0] for test in self.tests]
         missing = [file for file in files if not (root / file).is_file()]
-        return f"{missing[0]} is no file" if missing else "" if files else "it names no test"
+        if missing or not files:
+            return f"{missing[0]} is no file" if missing else "it names no test"
+        gone = [test for test in self.tests if not _holds(root, test)]
+        return f"{gone[0]} is no test" if gone else ""
 
     def plant(self, root: Path) -> Callable[[], object]:
         """Change the file under `root`; returns what undoes that."""
@@ -51,3 +54,9 @@ class Mistake:
         before = path.read_bytes()
         path.write_text(before.decode("utf-8").replace(self.find, self.replace), encoding="utf-8")
         return lambda: path.write_bytes(before)
+
+
+def _holds(root: Path, test: str) -> bool:
+    """Whether the file of a node id defines its function; parameters are not looked at."""
+    file, _, name = test.partition("::")
+    return not name or f"def {name.partition('[')[0]}(" in (root / file).read_text(encoding="utf-8")

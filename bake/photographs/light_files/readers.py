@@ -2,7 +2,7 @@
 
 An `.lp` file holds the number of lights (some writers leave it out), then `file x y z` per line, set apart by blanks,
 commas, semicolons or tabs, with decimal points or, where commas do not also set the numbers apart, decimal commas. A
-table (`light_table`) has a line of column names; without one, a file of another suffix is read as an `.lp` is.
+table (`table`) has a line of column names; without one, a file of another suffix is read as an `.lp` is.
 """
 
 from __future__ import annotations
