@@ -82,7 +82,7 @@ LIGHTING: dict[str, list[tuple[str, tuple[float, float, float], dict[str, Any]]]
 
 
 # Those of which "three" has the kind take a minute each.
-SLOW_LIGHTING = {"square", "point", "sun", "default sun"}
+SLOW_LIGHTING = {"square", "ellipse", "point", "sun", "default sun"}
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_a_local_material_needs_no_library(registered: None, bundle: Path, tmp_p
     assert not [tree.name for tree in trees_below(material.node_tree) if tree.library]
 
 
-@pytest.mark.parametrize("degrees", [70, 80])
+@pytest.mark.parametrize("degrees", [pytest.param(70, marks=pytest.mark.slow), 80])
 def test_a_dark_material_against_the_sun(bundle: Path, tmp_path: Path, degrees: int) -> None:
     """Viewer and sun opposite each other and low: weights of 1e-6 are drawn where a metal's edge reflects half."""
     path = bake_source(analytic.Lambert((0.05, 0.05, 0.05)), tmp_path / "dark", SETTINGS).path

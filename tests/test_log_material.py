@@ -42,7 +42,7 @@ def values_alone(table: Table) -> Table:
 @pytest.mark.parametrize(
     ("mode", "osl"),
     [
-        ("reference", False),
+        pytest.param("reference", False, marks=pytest.mark.slow),
         ("exact", False),
         pytest.param("reference", True, marks=pytest.mark.slow),
         ("exact", True),

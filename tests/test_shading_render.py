@@ -97,7 +97,7 @@ def test_identity_stack_is_gloss(tmp_path: Path, above: str, mode: str) -> None:
 @pytest.mark.parametrize(
     "lobe, above",
     [
-        (Lobe("lambert"), "clamp"),
+        pytest.param(Lobe("lambert"), "clamp", marks=pytest.mark.slow),
         (Lobe("ggx", 0.5), "scale"),
         pytest.param(Lobe("lambert"), "scale", marks=pytest.mark.slow),
         pytest.param(Lobe("ggx", 0.5), "clamp", marks=pytest.mark.slow),
@@ -119,7 +119,7 @@ def test_envelope_and_residual_are_the_mirror(tmp_path: Path, lobe: Lobe, above:
 
 
 @pytest.mark.parametrize("compression", ["none", "power", "basis"])
-@pytest.mark.parametrize("mode", ["reference", "exact"])
+@pytest.mark.parametrize("mode", [pytest.param("reference", marks=pytest.mark.slow), "exact"])
 def test_furnace_shows_the_integral_of_the_response(tmp_path: Path, compression: str, mode: str) -> None:
     """A uniform swatch S(x) = x^2 (k = 1, K = 2): under light from everywhere, 2 pi a_max / 3 for a Lambertian f_r."""
     slices = 12
