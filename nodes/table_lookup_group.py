@@ -13,9 +13,7 @@ from typing import Any
 import bpy
 
 from ..bake.tables.atlas import AtlasLayout, atlas_uv
-from ..bake.tables.grids.grid import Grid
-from ..bake.tables.grids.half_vector_grid import HalfVectorGrid
-from ..bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from ..bake.tables.grids.grid import Grid, IsotropicGrid
 from ..bake.tables.log_codes import LogCodes
 from ..bake.tables.table import bspline_weights
 from . import expr
@@ -23,8 +21,6 @@ from .group import call, node_group
 
 # Blender's "Cubic" is the uniform B-spline, in two dimensions; the slice axes are ours.
 _INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
-
-IsotropicGrid = NormalVectorGrid | HalfVectorGrid
 
 
 def coordinates_group(grid: IsotropicGrid) -> bpy.types.ShaderNodeTree:
@@ -82,7 +78,7 @@ def table_lookup_group(
 def _place(grid: Grid, wi: Any, wo: Any) -> tuple[tuple[Any, ...], Callable[[Any], tuple[Any, Any]]]:
     """Fractional indices along the slice axes, and texture coordinates within the slice of a whole index."""
     layout = AtlasLayout.of(grid)
-    if isinstance(grid, NormalVectorGrid | HalfVectorGrid):
+    if isinstance(grid, IsotropicGrid):
         u_slice, u_row, u_phi = call(coordinates_group(grid), wi, wo)
         count, rows, columns = grid.shape
         # At every tap anew: a product fewer would be a live value more.

@@ -16,7 +16,6 @@ from ..tables.grids.parameterization import NARROWEST_END, PARAMETERIZATIONS, WI
 # Along one axis of a table in the half-vector basis, which has four times as many elevations of h.
 _MAX_SAMPLES = 4 * MAX_RESOLUTION
 
-IsotropicGrid = NormalVectorGrid | HalfVectorGrid
 AnisotropicGrid = AnisotropicNormalGrid | AnisotropicHalfGrid
 
 
@@ -30,7 +29,7 @@ def grid_of(fields: Fields, anisotropic: bool) -> Grid:
     return _anisotropic(fields) if anisotropic else _isotropic(fields)
 
 
-def _isotropic(fields: Fields) -> IsotropicGrid:
+def _isotropic(fields: Fields) -> NormalVectorGrid | HalfVectorGrid:
     basis = fields.text("basis", choices=("normal", "half"))
     kind: Any = fields.text("parameterization", choices=PARAMETERIZATIONS)
     horizon = fields.number("horizon_share", 0, 1)

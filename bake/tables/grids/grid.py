@@ -6,6 +6,7 @@ either, rows and columns, are those of a slice, which a texture filter reads. So
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -104,6 +105,37 @@ class Grid(Protocol):
     def shader_constants(self) -> dict[str, Any]:
         """Parameters of the OSL lookup that say where samples lie."""
         ...
+
+
+class IsotropicGrid(ABC):
+    """What the grids of isotropic materials share, of axes [slice, row, azimuth]; a base of frozen dataclasses."""
+
+    @abstractmethod
+    def unit_coordinates(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
+        """Coordinates of slices, rows and columns in [0, 1], in numpy or nodes."""
+
+    @abstractmethod
+    def _azimuths(self) -> tuple[Array, Array]:
+        """Cosine and sine at the samples of the azimuth, (C,) each."""
+
+    def factor(self, xp: Any, wi: Any, wo: Any) -> float:
+        """The BRDF itself is stored."""
+        return 1.0
+
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> float:
+        """No sample stands for a pair below the horizon."""
+        return 1.0
+
+    def settle_poles(self, values: Array) -> None:
+        """Where slices or rows end at a pole the azimuth means nothing to an isotropic material."""
+        cosine, sine = self._azimuths()
+        weights = azimuth_weights(np.arctan2(sine, cosine))
+        settle(values, 1, weights)
+        settle(values, 0, weights)
+
+    def beyond_pole(self, before: Array, axis: int) -> Array:
+        """See `around_mean`."""
+        return around_mean(before, -2)
 
 
 def around_mean(before: Array, azimuth: int) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from ... import xp_numpy
 from ...source import Array
-from .grid import HORIZON_SHARES, Boundary, around_mean, azimuth_weights, settle
+from .grid import HORIZON_SHARES, Boundary, IsotropicGrid
 from .normal_vector_grid import lookup_constants
 from .parameterization import (
     LogWarp,
@@ -36,7 +36,7 @@ _POLE_CHORD = 1e-9
 
 
 @dataclass(frozen=True)
-class HalfVectorGrid:
+class HalfVectorGrid(IsotropicGrid):
     """Axes [theta_d, theta_h, phi_d].
 
     Parameters
@@ -109,25 +109,6 @@ class HalfVectorGrid:
             return phi_nodes(kind, n, shape)
         v = theta_nodes(kind, n, shape)
         return (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
-
-    def factor(self, xp: Any, wi: Any, wo: Any) -> float:
-        """The BRDF itself is stored."""
-        return 1.0
-
-    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> float:
-        """No sample stands for a pair below the horizon."""
-        return 1.0
-
-    def settle_poles(self, values: Array) -> None:
-        """At theta_h = 0 and at theta_d = 0 phi_d means nothing to an isotropic material."""
-        cosine, sine = self._azimuths()
-        weights = azimuth_weights(np.arctan2(sine, cosine))
-        settle(values, 1, weights)
-        settle(values, 0, weights)
-
-    def beyond_pole(self, before: Array, axis: int) -> Array:
-        """See `around_mean`; the azimuth is phi_d."""
-        return around_mean(before, -2)
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready description."""

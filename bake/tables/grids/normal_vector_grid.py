@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...source import Array
-from .grid import HORIZON_SHARES, Boundary, around_mean, azimuth_weights, settle
+from .grid import HORIZON_SHARES, Boundary, IsotropicGrid
 from .parameterization import (
     LogWarp,
     Parameterization,
@@ -29,7 +29,7 @@ _POLE_CHORD = 1e-5
 
 
 @dataclass(frozen=True)
-class NormalVectorGrid:
+class NormalVectorGrid(IsotropicGrid):
     """Axes [theta_o, theta_i, phi_delta].
 
     Parameters
@@ -83,25 +83,6 @@ class NormalVectorGrid:
 
     def _azimuths(self) -> tuple[Array, Array]:
         return phi_nodes(self.parameterization, 2 * self.n, self.axis_shapes[1])
-
-    def factor(self, xp: Any, wi: Any, wo: Any) -> float:
-        """The BRDF itself is stored."""
-        return 1.0
-
-    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> float:
-        """No sample stands for a pair below the horizon."""
-        return 1.0
-
-    def settle_poles(self, values: Array) -> None:
-        """At theta_i = 0 and at theta_o = 0 phi_delta means nothing."""
-        cosine, sine = self._azimuths()
-        weights = azimuth_weights(np.arctan2(sine, cosine))
-        settle(values, 1, weights)
-        settle(values, 0, weights)
-
-    def beyond_pole(self, before: Array, axis: int) -> Array:
-        """See `around_mean`; the azimuth is phi_delta."""
-        return around_mean(before, -2)
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready description."""
