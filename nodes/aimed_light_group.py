@@ -68,12 +68,13 @@ def can_switch(group: bpy.types.NodeTree) -> bool:
 
 
 def aim_by(group: bpy.types.NodeTree, slots: int, world: bool) -> None:
-    """Let a group aim at so many lamps, at most at those it has room for, and at the world or not.
+    """Let a group aim at so many lamps, at most at those it has room for, and at the world or not, if it ever does.
 
-    With none and no world the direction passes through and costs nothing.
+    With none and no world the direction passes through and costs nothing. What stands so already is left as it is.
     """
     outputs = [n for n in group.nodes if n.bl_idname == "NodeGroupOutput"]
     slots = min(slots, max(n[SLOTS_KEY] for n in outputs))
+    world = world and any(n[WORLD_KEY] for n in outputs)
     chosen = next(n for n in outputs if (n[SLOTS_KEY], bool(n[WORLD_KEY])) == (slots, world))
     if not chosen.is_active_output:
         chosen.is_active_output = True  # Blender lets go of the other
@@ -82,7 +83,8 @@ def aim_by(group: bpy.types.NodeTree, slots: int, world: bool) -> None:
         # Cycles does not look into a muted group, and so is ready sooner.
         if node.bl_idname == "ShaderNodeGroup" and node.mute == (node in needed):
             node.mute = node not in needed
-    group[SLOTS_KEY], group[WORLD_KEY] = slots, world
+    if (group.get(SLOTS_KEY), group.get(WORLD_KEY)) != (slots, world):
+        group[SLOTS_KEY], group[WORLD_KEY] = slots, world
 
 
 def _made_before(lamps: bpy.types.Image, world: bpy.types.Image) -> bpy.types.ShaderNodeTree | None:

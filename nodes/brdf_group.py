@@ -11,6 +11,7 @@ from . import expr
 from .exact_closure import exact_closure, reference_closure
 from .group import node_group
 from .native_closure import choose_closure
+from .sampled_closure import LampTables, sampled_closure
 from .table_groups import TableGroups
 from .weighted_closures import WeightedClosures
 
@@ -26,6 +27,7 @@ class BrdfParts:
     preview : native closures close to it
     lamps : table of lamps to aim at
     shares : of a lamp's light that is the residual's, for its probability
+    lights : what these lamps emit, where the shader is to sample them
     anisotropic : the parts lie in the frame of a tangent, which the group then takes
     """
 
@@ -34,6 +36,7 @@ class BrdfParts:
     preview: WeightedClosures | None = None
     lamps: bpy.types.Image | None = None
     shares: bpy.types.Image | None = None
+    lights: bpy.types.Image | None = None
     anisotropic: bool = False
 
     def along(self, tangent: Any) -> BrdfParts:
@@ -51,6 +54,8 @@ class BrdfParts:
             return reference_closure(self.table, normal, tint, self.lamps)
         if self.table is None:
             return self.envelope.alone(normal, tint)
+        if self.lamps is not None and self.lights is not None:
+            return sampled_closure(self.envelope, self.table, normal, tint, LampTables(self.lamps, self.lights))
         return exact_closure(self.envelope, self.table, normal, tint, self.lamps, self.shares)
 
 

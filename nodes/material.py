@@ -28,6 +28,7 @@ def build_material(
     residual: bool = True,
     features: bool = False,
     lamp_share: bool = False,
+    lights: bpy.types.Image | None = None,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle. No texture is baked for that.
 
@@ -67,13 +68,15 @@ def build_material(
         envelope = _closures(record, "envelope", textures) if mode in ("exact", "balanced") else None
         preview = _closures(record, "preview_weights", textures) if record.has("preview_weights") else None
         shares = None
-        local = lamp_share and lamps is not None and envelope is not None and table is not None
+        sampled = lights is not None and lamps is not None and envelope is not None and table is not None
+        local = lamp_share and not sampled and lamps is not None and envelope is not None and table is not None
         if local and record.has("residual_share"):
             record.check_shares()
             shares = textures("residual_share")
-        group = brdf_group(
-            f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares, record.anisotropic)
+        parts = BrdfParts(
+            table, envelope, preview, lamps, shares, lights if sampled else None, record.anisotropic
         )
+        group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
     return build_from(record, material, make)

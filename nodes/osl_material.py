@@ -18,6 +18,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import MATERIAL, Bundle
 from ..bake.envelope.viewers import ViewerGrid
 from ..bake.errors import BakeError
+from ..bake.sampling.lamp_light import LIGHT_TEXELS
 from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
 from . import expr
@@ -37,6 +38,8 @@ def build_osl_material(
     *,
     mode: str | None = None,
     lamps: bpy.types.Image | None = None,
+    lights: bpy.types.Image | None = None,
+    points: int = 1,
     filter: str | None = None,
     stochastic: bool = True,
 ) -> bpy.types.Material:
@@ -50,6 +53,9 @@ def build_osl_material(
     material : to rebuild in place, so that objects keep it; a new one by default
     mode : of `bake.brdf.modes.MODES`; by default `nodes.material.usual_mode`
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
+    lights : table of what they emit, see `bake.sampling.lamp_light`: modes "exact" and "balanced" then sample lamps
+        themselves. The lamps have to be those that `addon.lights.exact_lamps` finds exact
+    points : of each lamp that are sampled
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
 
@@ -70,7 +76,7 @@ def build_osl_material(
     def build(*values: Any) -> Any:
         inputs = dict(zip(interface, values)) | constants
         if lamps is not None and mode != "preview":
-            inputs |= _lamp_inputs(lamps)
+            inputs |= _lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
     return build_from(
@@ -132,14 +138,39 @@ def _closure_constants(record: BrdfRecord, name: str, image: str) -> dict[str, A
     return constants | {f"{name}{key}": value for key, value in told.items()}
 
 
-def _lamp_inputs(lamps: bpy.types.Image) -> dict[str, Any]:
-    """The lamps of the table, as far as the shader aims at them, and the sky."""
+def _lamp_inputs(lamps: bpy.types.Image, lights: bpy.types.Image | None) -> dict[str, Any]:
+    """The lamps of the table, as far as the shader aims at them or samples them, and the sky."""
     count = min(lamps.size[1], MAX_SLOTS)
-    return {"Lamps": count} | dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
+    told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
+    if lights is not None:
+        told |= dict(zip(_light_parameters(count), call(_lights_group(lights, count))))
+    return {"Lamps": count} | told
 
 
 def _lamp_parameters(count: int) -> list[str]:
     return ["Sky", "World", "Strongest", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
+
+
+def _light_parameters(count: int) -> list[str]:
+    return [f"{texel}{k}" for k in range(1, count + 1) for texel in ("Radiance", "Beam", "Facing")]
+
+
+def _lights_group(lights: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
+    """No input to the parameters of the shader that say what lamps emit."""
+    rows = lights.size[1]
+
+    def build() -> tuple[Any, ...]:
+        values = []
+        for row in range(count):
+            (radiance, facing), (beam, _) = (
+                expr.image_tap(lights, (column + 0.5) / LIGHT_TEXELS, 1 - (row + 0.5) / rows, "Closest")
+                for column in range(LIGHT_TEXELS)
+            )
+            values += [radiance, beam, facing]
+        return tuple(values)
+
+    kinds = {name: "float" if name.startswith("Facing") else "vector" for name in _light_parameters(count)}
+    return node_group("MM OSL Lamp Light", {}, kinds, build)
 
 
 def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:

@@ -10,7 +10,9 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
+from numpy.typing import NDArray
 
+from ...bake.sampling.lamp_light import EVEN, LampLight, radiance_of, spot_beam, spread_beam
 from ...bake.sampling.lamps import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
 from ...nodes import compat
 from ...nodes.aimed_light_group import MAX_SLOTS
@@ -34,6 +36,7 @@ class LampReport:
     Parameters
     ----------
     to_come : lamps that give no light, but may do so in another frame
+    lights : what each lamp aimed at emits
     """
 
     lamps: list[Lamp]
@@ -41,6 +44,7 @@ class LampReport:
     left_out: list[str]
     world: WorldLight = field(default_factory=lambda: world_survey.world_light(None))
     to_come: int = 0
+    lights: list[LampLight] = field(default_factory=list)
 
     @property
     def slots(self) -> int:
@@ -94,16 +98,20 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     shown = {original for original, _ in seen}
     hidden = (obj for obj in depsgraphs[0].scene.objects if obj.type == "LIGHT" and obj not in shown)
     to_come |= {obj for obj in hidden if changes(obj, _HIDING)}
-    named, rest = [(name, lamp) for name, lamp, _, _ in found], 0.0
+    named, rest = [(name, lamp, _emitted(lamp, data, matrix)) for name, lamp, data, matrix in found], 0.0
     if len(found) > 1 or any(_has_beam(data) for _, _, data, _ in found):
         target = _lit_place(depsgraphs)  # the slow part, of use only where there is a choice
-        named = [(name, _in_beam(target, lamp, data, matrix)) for name, lamp, data, matrix in found]
+        named = [
+            (name, _in_beam(target, lamp, data, matrix), light)
+            for (name, lamp, light), (_, _, data, matrix) in zip(named, found, strict=True)
+        ]
         named.sort(key=lambda entry: -_light_at(target, entry[1]))
-        rest = sum(_light_at(target, lamp) for _, lamp in named[CAPACITY:])
-    left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _ in named[CAPACITY:]]
+        rest = sum(_light_at(target, lamp) for _, lamp, _ in named[CAPACITY:])
+    left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _, _ in named[CAPACITY:]]
     world = world_survey.world_light(depsgraphs[0].scene.world)
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
-    return LampReport([lamp for _, lamp in named[:CAPACITY]], sky, left_out, world, len(to_come))
+    lamps, lights = ([entry[k] for entry in named[:CAPACITY]] for k in (1, 2))
+    return LampReport(lamps, sky, left_out, world, len(to_come), lights)
 
 
 def _may_shine_later(obj: bpy.types.Object) -> bool:
@@ -255,22 +263,42 @@ def _unless_normalized(data: Any, size: float) -> float:
     return 1.0 if getattr(data, "normalize", True) else size
 
 
+def _emitted(lamp: Lamp, data: Any, matrix: Matrix) -> LampLight:
+    """What it emits, as exactly as plain settings tell."""
+    colour = _colour(data)
+    luminance = float(colour @ _LUMINANCE)
+    bright = radiance_of(lamp) / luminance if luminance > 0 else 0.0
+    facing, beam = False, (float(EVEN), 0.0, 0.0)
+    if data.type in {"POINT", "SPOT"}:
+        facing = bool(getattr(data, "use_soft_falloff", False))
+    if data.type == "SPOT":
+        beam = spot_beam(data.spot_size, data.spot_blend)
+    elif data.type == "AREA":
+        beam = spread_beam(data.spread)
+    return LampLight(tuple(float(bright * c) for c in colour), facing, beam)
+
+
 def _strength(data: Any) -> float:
-    """Luminance of colour, temperature, exposure and, as far as they are plain, of the lamp's nodes."""
+    """Luminance of what `_colour` finds."""
+    return float(_colour(data) @ _LUMINANCE)
+
+
+def _colour(data: Any) -> NDArray[np.float64]:
+    """Colour, temperature, exposure and, as far as they are plain, of the lamp's nodes; by channel."""
     colour = np.array(data.color, float) * max(data.energy, 0.0) * 2.0 ** getattr(data, "exposure", 0.0)
     if getattr(data, "use_temperature", False):
         colour *= np.array(data.temperature_color)
     if compat.uses_nodes(data):
         output = data.node_tree.get_output_node("CYCLES")
         if output is None or not output.inputs["Surface"].is_linked:
-            return 0.0
+            return np.zeros(3)
         node = output.inputs["Surface"].links[0].from_node
         if node.bl_idname == "ShaderNodeEmission" and not node.mute:
             tint, strength = node.inputs["Color"], node.inputs["Strength"]
             # A texture is taken for white.
             colour *= 1.0 if tint.is_linked else np.array(tint.default_value[:3])
             colour *= 1.0 if strength.is_linked else max(strength.default_value, 0.0)
-    return float(np.maximum(colour, 0) @ _LUMINANCE)
+    return np.maximum(colour, 0)
 
 
 def _lit_place(depsgraphs: Iterable[bpy.types.Depsgraph]) -> Vector:

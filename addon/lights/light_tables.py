@@ -19,6 +19,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
 from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aim_by, aimed_light_group, can_switch
 from ...nodes.light_images import new_table, world_table
@@ -27,7 +28,7 @@ from . import image_reload, world_survey
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
 from .world_survey import PROBE
 
-TABLE = "MM Lamps"
+TABLE, LIGHT_TABLE = "MM Lamps", "MM Lamp Light"
 # Of the draws, at most: the rest finds sky, bounce light and lamps that are not in the table.
 LARGEST_SHARE = 0.9
 # Seconds until writes that Blender has refused are tried again.
@@ -42,6 +43,14 @@ def lamp_image() -> bpy.types.Image:
     if image is None or not _is_table(image):
         image = new_table(TABLE, TEXELS, CAPACITY)
         _write(image, lamp_table([], CAPACITY))
+    return image
+
+
+def lamp_light_image() -> bpy.types.Image:
+    """The file's table of what its lamps emit; made, all dark, where there is none."""
+    image = bpy.data.images.get((LIGHT_TABLE, None))
+    if image is None or not _is_light_table(image):
+        image = new_table(LIGHT_TABLE, LIGHT_TEXELS, CAPACITY)
     return image
 
 
@@ -74,6 +83,7 @@ def update_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampRep
 def make_ready() -> None:
     """Make the file's tables, and give the groups of versions before, which aim at what they were built for, room."""
     lamp_image()
+    lamp_light_image()
     world_table()
     own = [tree for tree in bpy.data.node_groups if tree.library is None]
     aiming = [node for tree in own for node in tree.nodes if _is_fixed(getattr(node, "node_tree", None))]
@@ -108,6 +118,8 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
     changed = world_survey.write_world(report.world) if report.world.aimed else []
     table = table_of(report)
     changed += [image for image in _tables() if _write(image, table)]
+    lights = lamp_light_table(report.lights, CAPACITY)
+    changed += [image for image in _light_tables() if _write(image, lights)]
     if viewport:
         for image in changed:
             image_reload.for_the_viewport(image)
@@ -130,6 +142,15 @@ def _is_fixed(tree: bpy.types.NodeTree | None) -> bool:
 
 def _is_table(image: bpy.types.Image | None) -> bool:
     return image is not None and image.name.startswith(TABLE) and tuple(image.size) == (TEXELS, CAPACITY)
+
+
+def _is_light_table(image: bpy.types.Image) -> bool:
+    return image.name.startswith(LIGHT_TABLE) and tuple(image.size) == (LIGHT_TEXELS, CAPACITY)
+
+
+def _light_tables() -> list[bpy.types.Image]:
+    """What lamps emit, by the file's table and those that came along."""
+    return [image for image in bpy.data.images if _is_light_table(image)]
 
 
 def _tables() -> list[bpy.types.Image]:
@@ -159,7 +180,7 @@ def pack_tables() -> None:
 
     A table that was lost holds zeros, and nothing is aimed by it. (That of the world is packed whenever it is written.)
     """
-    for image in _tables():
+    for image in (*_tables(), *_light_tables()):
         if image.is_dirty and image.library is None and image.users:
             image.pack()
 
@@ -233,7 +254,7 @@ def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
         with _tried_again_where_locked():
             update_lamps(depsgraph, switch=depsgraph.mode == "VIEWPORT" and _is_main_thread())
         if depsgraph.mode == "RENDER" and depsgraph.scene.render.use_persistent_data:
-            for image in (*_tables(), *world_survey.tables()):
+            for image in (*_tables(), *_light_tables(), *world_survey.tables()):
                 image_reload.for_a_render(depsgraph.scene, image)
 
 

@@ -10,13 +10,17 @@
 #define MM_SPHERE 2
 #define MM_SUN 3
 
-// One row of the table of lamps; facts are kind, power, and area^-1, radius or 1 - cos of the half angle.
+// One row of the tables of lamps; facts are kind, power, and area^-1, radius or 1 - cos of the half angle. The last three
+// are of bake/sampling/lamp_light.py.
 struct MMLamp {
   vector centre;
   vector u;
   vector v;
   vector axis;
   vector facts;
+  vector radiance;
+  vector beam;
+  float facing;
 };
 
 // A lamp as seen from a point.

@@ -78,8 +78,11 @@
   vector U##K = vector(0) [[ string label = "U " #K, string help = "Edge or diameter" ]],                              \
   vector V##K = vector(0) [[ string label = "V " #K, string help = "The same, across" ]],                              \
   vector Axis##K = vector(0) [[ string label = "Axis " #K, string help = "Emission, or towards the sun" ]],            \
-  vector Facts##K = vector(0) [[ string label = "Facts " #K, string help = "Kind, power and extent" ]]
+  vector Facts##K = vector(0) [[ string label = "Facts " #K, string help = "Kind, power and extent" ]],               \
+  vector Radiance##K = vector(0) [[ string label = "Radiance " #K, string help = "Along its axis, by channel" ]],      \
+  vector Beam##K = vector(0) [[ string label = "Beam " #K, string help = "Kind of its fall-off, where and how steep" ]], \
+  float Facing##K = 0 [[ string label = "Facing " #K, string help = "1 of a disk that faces whoever looks at it" ]]
 
-#define MM_LAMP(K) {Centre##K, U##K, V##K, Axis##K, Facts##K}
+#define MM_LAMP(K) {Centre##K, U##K, V##K, Axis##K, Facts##K, Radiance##K, Beam##K, Facing##K}
 
 #endif

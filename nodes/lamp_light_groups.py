@@ -1,0 +1,207 @@
+"""Node groups: lamps that the shader itself samples, and those that a drawn direction meets (method.md, section 11).
+
+From Blender 5.1 on a Raycast node says whether a point of a lamp is seen. The shader then shows what the lamp's light
+gives as emission, on every sample, and need not wait for a mirror to meet the lamp.
+
+Both groups have room for as many lamps as are ever aimed at, as `nodes.aimed_light_group` has, and are switched alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import bpy
+
+from ..bake.sampling.lamp_light import (
+    LIGHT_TEXELS,
+    SHORT,
+    beam_factor,
+    distance_along,
+    facing_aim,
+    opposite,
+)
+from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
+from . import expr
+from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by
+from .group import FAMILY_KEY, active_output, call, node_group
+
+POINTS = 1
+LUMINANCE = 0.2126, 0.7152, 0.0722
+# Of a lamp's radiance: what may stand behind it, which its surroundings throw back.
+_BEHIND = 0.01
+# Of radiances: a lamp's over the sky's from which on less than a hundredth of its light is lost with what is behind.
+_FAR_BRIGHTER = 100.0
+_SWITCHED = "mute extension"
+_AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f in fields(Aim)}
+_SEEN = _AIM | {"Light": "float", "Radiance": "vector", "Beam": "vector", "Facing": "float"}
+_MET = {"All": "vector", "Counted": "vector"}
+_POINT = {"wi": "vector", "Density": "float", "Light": "vector"}
+POINT_OUTPUTS = {f"{name} {j}": kind for j in range(1, POINTS + 1) for name, kind in _POINT.items()}
+
+
+def can_raycast() -> bool:
+    """Whether this Blender's shaders can ask what a ray meets."""
+    return hasattr(bpy.types, "ShaderNodeRaycast")
+
+
+def lamp_points_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(Position, Normal, three random numbers) to two points of one lamp that lie opposite of each other.
+
+    Of each the direction, the density of having drawn it, by the lamp's share of the light too, and the radiance that
+    comes from there, 0 where something stands between.
+
+    Parameters
+    ----------
+    lamps : the table of `bake.sampling.lamps.lamp_table`
+    lights : that of `bake.sampling.lamp_light.lamp_light_table`
+    """
+    seen_group, point_group = _seen_group(lamps, lights), _point_group()
+
+    def results(slots: int, position: Any, normal: Any, *numbers: Any) -> tuple[Any, ...]:
+        u_lamp, u1, u2 = numbers
+        seen = [call(seen_group, float(k), position, normal) for k in range(slots)]
+        light = [found[len(_AIM)] for found in seen]
+        target, share = seen[0], 1.0
+        if slots > 1:
+            total = sum(light[1:], start=light[0])
+            threshold, passed, index = u_lamp * total, light[0], 0.0
+            for part in light[1:]:
+                index = (threshold > passed) + index
+                passed = passed + part
+            target = call(seen_group, index, position, normal)
+            share = expr.divide(target[len(_AIM)], total)
+        points: list[Any] = []
+        for j in range(POINTS):
+            wi, density, radiance = call(point_group, *target, position, *opposite(expr, target[0], j, u1, u2))
+            points += [wi, density * share, radiance]
+        return tuple(points)
+
+    inputs = {"Position": "vector", "Normal": "vector"} | dict.fromkeys(("Random Lamp", "Random 1", "Random 2"), "float")
+    nothing = tuple(expr.vec(0.0, 0.0, 1.0) if k == "wi" else 1.0 if k == "Density" else expr.vec(0.0, 0.0, 0.0) for k in _POINT)
+    return _switched_group("MM Lamp Points", inputs, POINT_OUTPUTS, results, nothing * POINTS, lamps, lights)
+
+
+def lamp_met_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(Position, Normal, wi, density of the sampler for wi) to the lamps' light along wi, and what of it is counted.
+
+    Counted is the part that `lamp_points_group` gives by the balance heuristic; both are 0 where wi meets no lamp, or
+    something stands between. The third is about the radiance of what is behind the lamp, or 0 where a ray that is sent
+    there may end before it arrives and what it brings is too little to matter.
+    """
+    seen_group, met_group = _seen_group(lamps, lights), _met_group()
+
+    def results(slots: int, position: Any, normal: Any, wi: Any, density: Any) -> tuple[Any, ...]:
+        seen = [call(seen_group, float(k), position, normal) for k in range(slots)]
+        light = [found[len(_AIM)] for found in seen]
+        total = sum(light[1:], start=light[0])
+        every: Any = None
+        counted: Any = None
+        for found, own in zip(seen, light):
+            part, shared = call(met_group, *found, position, wi, density, expr.divide(own, total))
+            every, counted = (part, shared) if every is None else (every + part, counted + shared)
+        sky, _, _ = expr.components(_texel(lamps, TEXELS, 0.0, TEXELS - 1)[0])
+        return every, counted, _behind(every, sky)
+
+    inputs = {"Position": "vector", "Normal": "vector", "wi": "vector", "Density": "float"}
+    dark = expr.vec(0.0, 0.0, 0.0)
+    return _switched_group(
+        "MM Lamps Met", inputs, _MET | {"Behind": "float"}, results, (dark, dark, 0.0), lamps, lights
+    )
+
+
+def _behind(every: Any, sky: Any) -> Any:
+    """Expected radiance behind a lamp, or 0: Cycles ends paths at random once they have bounced or passed something
+    transparent, and then what is taken off the mirror's ray no longer cancels what it brings."""
+    path = expr.node("ShaderNodeLightPath", {}, {}).outputs
+    certain = (expr.Scalar(path["Ray Depth"]) + expr.Scalar(path["Transparent Depth"])) < 0.5
+    lamp, background = expr.dot(every, expr.vec(*LUMINANCE)), sky * (1 / math.pi)
+    dim = lamp < background * _FAR_BRIGHTER
+    return (lamp * _BEHIND + background) * expr.maximum(certain, dim)
+
+
+def _switched_group(
+    name: str,
+    inputs: dict[str, str],
+    outputs: dict[str, str],
+    results: Any,
+    nothing: tuple[Any, ...],
+    lamps: bpy.types.Image,
+    lights: bpy.types.Image,
+) -> bpy.types.ShaderNodeTree:
+    """A group of one Group Output for each number of lamps; the first, of none, gives `nothing`."""
+
+    def build(*arguments: Any) -> tuple[Any, ...]:
+        for slots in range(1, min(MAX_SLOTS, lamps.size[1]) + 1):
+            made = expr.node("NodeGroupOutput", {}, dict(zip(outputs, results(slots, *arguments), strict=True)))
+            made.is_active_output = False
+            made[SLOTS_KEY], made[WORLD_KEY] = slots, False
+            made.label = f"{slots} lamp{'s' * (slots > 1)}"
+        return nothing
+
+    group = node_group(name, inputs, outputs, build, switched=_SWITCHED)
+    if SLOTS_KEY not in group:
+        first = active_output(group)
+        first[SLOTS_KEY], first[WORLD_KEY], first.label = 0, False, "No lamp"
+        group[FAMILY_KEY] = f"{name} by {lamps.name_full} and {lights.name_full}"
+        aim_by(group, 0, False)
+    return group
+
+
+def _seen_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(Row, Position, Normal) to what `Aim` holds of a lamp, about the irradiance it brings, and what it emits."""
+
+    def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
+        (centre, kind), (u, power), (v, _), (axis, fourth) = (_texel(lamps, TEXELS, row, k) for k in range(4))
+        (radiance, facing), (beam, _) = (_texel(lights, LIGHT_TEXELS, row, k) for k in range(2))
+        aim = facing_aim(expr, aim_at(expr, position, centre, kind, u, v, axis, fourth), facing)
+        light = expected_light(expr, aim, normal, power)
+        return *(getattr(aim, name) for name in _AIM), light, radiance, beam, facing
+
+    inputs = {"Row": "float", "Position": "vector", "Normal": "vector"}
+    return node_group("MM Lamp Seen", inputs, _SEEN, build, switched=_SWITCHED)
+
+
+def _point_group() -> bpy.types.ShaderNodeTree:
+    """(a lamp, Position, two numbers) to a direction, its density, and the radiance that arrives from there."""
+
+    def build(*values: Any) -> tuple[Any, ...]:
+        *lamp, _light, radiance, beam, facing, position, u1, u2 = values
+        aim = Aim(*lamp)
+        wi = draw_towards(expr, aim, u1, u2)
+        density = density_towards(expr, aim, wi, 1.0)
+        seen = _visible(aim, facing, position, wi, density > 0) * beam_factor(expr, aim.normal, beam, wi)
+        return wi, density, expr.scale(radiance, seen)
+
+    inputs = _SEEN | {"Position": "vector", "Random 1": "float", "Random 2": "float"}
+    return node_group("MM Lamp Point", inputs, _POINT, build)
+
+
+def _met_group() -> bpy.types.ShaderNodeTree:
+    """(a lamp, Position, wi, density of the sampler, the lamp's share) to its light along wi, and what is counted."""
+
+    def build(*values: Any) -> tuple[Any, ...]:
+        *lamp, _light, radiance, beam, facing, position, wi, density, share = values
+        aim = Aim(*lamp)
+        towards = density_towards(expr, aim, wi, 0.0) * share * float(POINTS)
+        seen = _visible(aim, facing, position, wi, towards > 0) * beam_factor(expr, aim.normal, beam, wi)
+        every = expr.scale(radiance, seen)
+        return every, expr.scale(every, expr.divide(towards, towards + density))
+
+    inputs = _SEEN | {"Position": "vector", "wi": "vector", "Sampler": "float", "Share": "float"}
+    return node_group("MM Lamp Met", inputs, _MET, build)
+
+
+def _visible(aim: Aim, facing: Any, position: Any, wi: Any, wanted: Any) -> Any:
+    """1 where `wanted` and nothing stands between; elsewhere no ray is traced."""
+    length = distance_along(expr, aim, facing, wi) * SHORT
+    made = expr.node(
+        "ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length * wanted}
+    )
+    return wanted * (1 - expr.Scalar(made.outputs["Is Hit"]))
+
+
+def _texel(image: bpy.types.Image, columns: int, row: Any, column: int) -> tuple[Any, Any]:
+    v = 1 - (row + 0.5) * (1 / image.size[1])
+    return expr.image_tap(image, (column + 0.5) / columns, v, "Closest")

@@ -1,0 +1,102 @@
+"""Mode Exact where the shader samples the lamps: closures, mirror and emission together (method.md, section 11)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from . import expr
+from .drawn_direction import frame_of
+from .group import call
+from .lamp_light_groups import LUMINANCE, POINTS, lamp_met_group, lamp_points_group
+from .local_frame_group import to_world
+from .native_closure import add_closures
+from .stochastic_mirror_group import mirror_closure, more_random_numbers_group, random_numbers_group
+from .table_groups import TableGroups
+from .weighted_closures import WeightedClosures
+
+_LEAST_FOLLOWED = 0.02
+
+
+@dataclass(frozen=True)
+class LampTables:
+    """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`."""
+
+    lamps: bpy.types.Image
+    lights: bpy.types.Image
+
+
+def sampled_closure(
+    envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, tables: LampTables
+) -> Any:
+    """The envelope's closures, the residual's mirror and, of the lamps, the residual's light as emission.
+
+    All are there on every sample: Cycles samples lamps for the closures, and follows one of closures and mirror by its
+    weight. Where the mirror's direction meets a lamp, the lamp's light along it is emitted too, as far as the balance
+    heuristic leaves it to the mirror. Its ray is then followed only now and then, for what is seen behind the lamp, and
+    what it will bring of the lamp is taken off; there closures and mirror exclude each other, for the two to cancel.
+
+    Parameters
+    ----------
+    table : of the residual, with its density
+    """
+    geometry = expr.node("ShaderNodeNewGeometry", {}, {})
+    incoming, position = (expr.Vector(geometry.outputs[name]) for name in ("Incoming", "Position"))
+    u, more = call(random_numbers_group()), call(more_random_numbers_group())
+    frame = frame_of(normal, incoming, table.tangent)
+    weights = envelope.weights(frame[0])
+    # Followed about as often, beside the closures, as its share of the light: the balance heuristic may take any number.
+    chance = weights[0][1]
+    wi, pdf = call(table.sampler, frame[0], *u[:4])
+    cosine = expr.maximum(expr.components(wi)[2], 0.0)
+    weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)) * tint
+    wi_world = to_world(wi, *frame[1:], normal)
+    every, counted, behind = call(
+        lamp_met_group(tables.lamps, tables.lights), position, normal, wi_world, chance * pdf
+    )
+    lamp = expr.dot(every, expr.vec(*LUMINANCE))
+    followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
+    mirrored, meets = u[5] < followed, lamp > 0
+    of_mirror = expr.where(meets, expr.divide(mirrored, followed), 1.0)
+    of_closures = expr.where(meets, expr.divide(1 - mirrored, 1 - followed), 1.0)
+    rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
+    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance)
+    return add_closures([
+        envelope.closure(weights, normal, expr.scale(tint, of_closures)),
+        mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror)),
+        _emission(rest, meets),
+        _emission(direct * tint, reached),
+    ])
+
+
+def _direct_light(
+    table: TableGroups,
+    tables: LampTables,
+    place: tuple[Any, Any],
+    frame: tuple[Any, Any, Any],
+    u_slice: Any,
+    random: tuple[Any, Any, Any],
+    chance: Any,
+) -> tuple[Any, Any]:
+    """What the table reflects of a lamp's points, and 1 where any of its light arrives."""
+    (_, normal), (wo, along, across) = place, frame
+    points = call(lamp_points_group(tables.lamps, tables.lights), *place, *random)
+    direct: Any = None
+    reached: Any = None
+    for j in range(POINTS):
+        world, density, light = points[3 * j : 3 * j + 3]
+        local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+        facing = expr.maximum(expr.components(local)[2], 0.0)
+        shared = density * float(POINTS) + chance * call(table.density, local, wo)
+        value = call(table.lookup, local, wo, u_slice) * expr.scale(light, expr.divide(facing, shared))
+        arrives = expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
+        direct, reached = (value, arrives) if direct is None else (direct + value, expr.maximum(reached, arrives))
+    return direct, reached
+
+
+def _emission(colour: Any, shown: Any) -> Any:
+    """Emission, whose nodes Cycles skips where `shown` is 0."""
+    emission = expr.node("ShaderNodeEmission", {}, {"Color": colour, "Strength": 1.0}).outputs[0]
+    return expr.Scalar(expr.node("ShaderNodeMixShader", {}, {0: shown, 2: expr.Scalar(emission)}).outputs[0])
