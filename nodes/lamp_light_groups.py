@@ -28,6 +28,8 @@ from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by
 from .group import FAMILY_KEY, active_output, call, node_group
 
 POINTS = 1
+# Custom property of a group that samples lamps, which has to know their light, rather than aims at them.
+SAMPLED_KEY = "measured_materials_sampled"
 LUMINANCE = 0.2126, 0.7152, 0.0722
 # Of a lamp's radiance: what may stand behind it, which its surroundings throw back.
 _BEHIND = 0.01
@@ -78,8 +80,14 @@ def lamp_points_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.ty
             points += [wi, density * share, radiance]
         return tuple(points)
 
-    inputs = {"Position": "vector", "Normal": "vector"} | dict.fromkeys(("Random Lamp", "Random 1", "Random 2"), "float")
-    nothing = tuple(expr.vec(0.0, 0.0, 1.0) if k == "wi" else 1.0 if k == "Density" else expr.vec(0.0, 0.0, 0.0) for k in _POINT)
+    inputs = {
+        "Position": "vector",
+        "Normal": "vector",
+        "Random Lamp": "float",
+        "Random 1": "float",
+        "Random 2": "float",
+    }
+    nothing = expr.vec(0.0, 0.0, 1.0), 1.0, expr.vec(0.0, 0.0, 0.0)
     return _switched_group("MM Lamp Points", inputs, POINT_OUTPUTS, results, nothing * POINTS, lamps, lights)
 
 
@@ -144,6 +152,7 @@ def _switched_group(
     if SLOTS_KEY not in group:
         first = active_output(group)
         first[SLOTS_KEY], first[WORLD_KEY], first.label = 0, False, "No lamp"
+        group[SAMPLED_KEY] = True
         group[FAMILY_KEY] = f"{name} by {lamps.name_full} and {lights.name_full}"
         aim_by(group, 0, False)
     return group
@@ -196,9 +205,7 @@ def _met_group() -> bpy.types.ShaderNodeTree:
 def _visible(aim: Aim, facing: Any, position: Any, wi: Any, wanted: Any) -> Any:
     """1 where `wanted` and nothing stands between; elsewhere no ray is traced."""
     length = distance_along(expr, aim, facing, wi) * SHORT
-    made = expr.node(
-        "ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length * wanted}
-    )
+    made = expr.node("ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length * wanted})
     return wanted * (1 - expr.Scalar(made.outputs["Is Hit"]))
 
 

@@ -10,7 +10,7 @@ from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
-from .material_tree import build_from
+from .material_tree import build_from, lit_by_emission
 from .table_groups import table_groups
 from .weighted_closures import WeightedClosures
 
@@ -73,13 +73,13 @@ def build_material(
         if local and record.has("residual_share"):
             record.check_shares()
             shares = textures("residual_share")
-        parts = BrdfParts(
-            table, envelope, preview, lamps, shares, lights if sampled else None, record.anisotropic
-        )
+        parts = BrdfParts(table, envelope, preview, lamps, shares, lights if sampled else None, record.anisotropic)
         group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
-    return build_from(record, material, make)
+    built = build_from(record, material, make)
+    lit_by_emission(built, lights is not None and lamps is not None and mode in ("exact", "balanced") and residual)
+    return built
 
 
 _NEEDS = {

@@ -23,6 +23,8 @@ SOURCE_KEY = "measured_materials_source"
 # Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
 _ROOM = 24
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
+# What a material's Emission Sampling was before it was switched off.
+_EMISSION_KEY = "measured_materials_emission_sampling"
 _VIEWPORT_KEY, _STAND_IN_KEY = "measured_materials_viewport", "measured_materials_stand_in"
 
 
@@ -48,6 +50,20 @@ def build_from(
         raise
     material[BUNDLE_KEY] = str(record.files().path)
     return material
+
+
+def lit_by_emission(material: bpy.types.Material, sampled: bool) -> None:
+    """Keep Cycles from taking a material that samples lamps for a lamp itself: what it emits is reflected light.
+
+    Of a material that did so before, and does not now, what Cycles had been told is restored.
+    """
+    settings = material.cycles
+    if sampled and _EMISSION_KEY not in material:
+        material[_EMISSION_KEY] = settings.emission_sampling
+        settings.emission_sampling = "NONE"
+    elif not sampled and _EMISSION_KEY in material:
+        settings.emission_sampling = material[_EMISSION_KEY]
+        del material[_EMISSION_KEY]
 
 
 def safe_name(name: str, room: int = 0) -> str:

@@ -24,7 +24,8 @@ from ..bake.tables.table import FILTERS
 from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
-from .material import build_from, usual_mode
+from .material import usual_mode
+from .material_tree import build_from, lit_by_emission
 from .osl_parameters import cell_constants, grid_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
 
@@ -79,9 +80,11 @@ def build_osl_material(
             inputs |= _lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
-    return build_from(
+    built = build_from(
         record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
     )
+    lit_by_emission(built, lights is not None and lamps is not None and mode in ("exact", "balanced"))
+    return built
 
 
 def shader_constants(

@@ -28,9 +28,7 @@ class LampTables:
     lights: bpy.types.Image
 
 
-def sampled_closure(
-    envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, tables: LampTables
-) -> Any:
+def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, tables: LampTables) -> Any:
     """The envelope's closures, the residual's mirror and, of the lamps, the residual's light as emission.
 
     All are there on every sample: Cycles samples lamps for the closures, and follows one of closures and mirror by its
@@ -47,15 +45,13 @@ def sampled_closure(
     u, more = call(random_numbers_group()), call(more_random_numbers_group())
     frame = frame_of(normal, incoming, table.tangent)
     weights = envelope.weights(frame[0])
-    # Followed about as often, beside the closures, as its share of the light: the balance heuristic may take any number.
+    # About how often the mirror is followed beside the closures: the balance heuristic may take any number.
     chance = weights[0][1]
     wi, pdf = call(table.sampler, frame[0], *u[:4])
     cosine = expr.maximum(expr.components(wi)[2], 0.0)
     weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)) * tint
     wi_world = to_world(wi, *frame[1:], normal)
-    every, counted, behind = call(
-        lamp_met_group(tables.lamps, tables.lights), position, normal, wi_world, chance * pdf
-    )
+    every, counted, behind = call(lamp_met_group(tables.lamps, tables.lights), position, normal, wi_world, chance * pdf)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     mirrored, meets = u[5] < followed, lamp > 0
@@ -63,12 +59,14 @@ def sampled_closure(
     of_closures = expr.where(meets, expr.divide(1 - mirrored, 1 - followed), 1.0)
     rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
     direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance)
-    return add_closures([
-        envelope.closure(weights, normal, expr.scale(tint, of_closures)),
-        mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror)),
-        _emission(rest, meets),
-        _emission(direct * tint, reached),
-    ])
+    return add_closures(
+        [
+            envelope.closure(weights, normal, expr.scale(tint, of_closures)),
+            mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror)),
+            _emission(rest, meets),
+            _emission(direct * tint, reached),
+        ]
+    )
 
 
 def _direct_light(

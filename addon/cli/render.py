@@ -50,6 +50,12 @@ def add_to(commands: Any) -> None:
         default="auto",
         help="send the mirror towards lamps and bright surroundings, where there are any (%(default)s)",
     )
+    parser.add_argument(
+        "--sample-lamps",
+        choices=("auto", "always", "never"),
+        default="auto",
+        help="of a BRDF: let the shader sample lamps itself, where it can, rather than send a mirror (%(default)s)",
+    )
     parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -195,12 +201,16 @@ def _render(
         )
         try:
             if settings is None and options.osl:
-                lamps = None if options.aim == "never" else lamp_image()
                 use_osl(scene)
-                build_osl_material(record, material, mode=options.mode, filter=options.filter, lamps=lamps)
+                lamps, lights = _osl_tables(scene, options)
+                build_osl_material(
+                    record, material, mode=options.mode, filter=options.filter, lamps=lamps, lights=lights
+                )
             elif settings is None:
                 filter = {} if options.filter is None else {"filter": options.filter}
-                choices = replace(usual_choices(record, options.mode), aim=options.aim, **filter)
+                choices = replace(
+                    usual_choices(record, options.mode), aim=options.aim, sample=options.sample_lamps, **filter
+                )
                 build_brdf(record, material, choices=choices, scene=scene)
             else:
                 lamps = None if options.aim == "never" else lamp_image()
@@ -218,3 +228,17 @@ def _render(
     progress("writing", 0.0)
     write_png(out, to_display(linear), mark)
     return linear.mean((0, 1))
+
+
+def _osl_tables(scene: Any, options: argparse.Namespace) -> tuple[Any, Any]:
+    """Tables of the lamps that an OSL material aims at and, where it can sample them, of what they emit."""
+    from ..lights.aim_targets import sampling_of
+    from ..lights.lamp_survey import survey_scene
+    from ..lights.light_tables import lamp_image, lamp_light_image
+    from ..material.choices import AUTO, NEVER, Choices
+    from ..material.scene_fit import plan_sampling
+
+    sampling = sampling_of(survey_scene(scene, for_render=True), osl=True)
+    choices = Choices(mode=options.mode or AUTO, sample=options.sample_lamps)
+    sampled = plan_sampling(choices, sampling).kept
+    return lamp_image() if sampled or options.aim != NEVER else None, lamp_light_image() if sampled else None

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from ...nodes.lamp_light_groups import can_raycast
 from .lamp_survey import LampReport
 
 # Irradiance of everything else, over that of the strongest lamp at distance 1.
 _HARDLY_ANY = 1e-3
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Why a scene's lamps cannot be sampled in the shader without bias, or need not be; empty where that is not so."""
+
+    impossible: str = ""
+    needless: str = ""
 
 
 def what_to_aim_at(report: LampReport) -> str:
@@ -15,6 +26,19 @@ def what_to_aim_at(report: LampReport) -> str:
         return ""
     words = report.words()[0]
     return words[:1].lower() + words[1:]
+
+
+def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
+    """Whether a shader can, and should, sample the scene's lamps itself; one of nodes, or of OSL."""
+    if not osl and not can_raycast():
+        return Sampling("this Blender's shaders cannot ask what a ray meets; those of 5.1 and later can")
+    if report.inexact:
+        return Sampling(report.inexact)
+    if not report.slots:
+        return Sampling(needless="no lamp that can be sampled")
+    if report.world.aimed:
+        return Sampling(needless="aiming at the world is worth more")
+    return Sampling()
 
 
 def lamps_are_alone(report: LampReport) -> bool:

@@ -12,12 +12,13 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from ...bake.sampling.lamp_light import EVEN, LampLight, radiance_of, spot_beam, spread_beam
+from ...bake.sampling.lamp_light import LampLight
 from ...bake.sampling.lamps import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
 from ...nodes import compat
 from ...nodes.aimed_light_group import MAX_SLOTS
 from ...nodes.group import is_measured_tree
 from . import world_survey
+from .exact_lamps import emitted_light, volume_in_file, why_not_exact
 from .motion import changes
 from .world_survey import WorldLight
 
@@ -37,6 +38,7 @@ class LampReport:
     ----------
     to_come : lamps that give no light, but may do so in another frame
     lights : what each lamp aimed at emits
+    inexact : why that is not known exactly enough for a shader to sample it, in words; empty if it is
     """
 
     lamps: list[Lamp]
@@ -45,6 +47,7 @@ class LampReport:
     world: WorldLight = field(default_factory=lambda: world_survey.world_light(None))
     to_come: int = 0
     lights: list[LampLight] = field(default_factory=list)
+    inexact: str = ""
 
     @property
     def slots(self) -> int:
@@ -81,7 +84,7 @@ def survey_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampRep
 
 def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampReport:
     """Lamps of an evaluated scene's view layers that a mirror can meet, the strongest first, and its world."""
-    found, left_out, seen, to_come = [], [], set(), set()
+    found, left_out, inexact, seen, to_come = [], [], [], set(), set()
     for obj, matrix in (entry for graph in depsgraphs for entry in _lamp_objects(graph, for_render)):
         original, place = obj.original, tuple(map(tuple, matrix))
         if (original, place) in seen:
@@ -91,6 +94,8 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
         power = 0.0 if why_not else _lamp(obj.data, matrix).power
         if power > 0:
             found.append((original.name, _lamp(obj.data, matrix), obj.data, matrix))
+            if reason := why_not_exact(original, matrix):
+                inexact.append(f"{original.name}: {reason}")
         elif _may_shine_later(original):
             to_come.add(original)
         if why_not:
@@ -98,7 +103,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     shown = {original for original, _ in seen}
     hidden = (obj for obj in depsgraphs[0].scene.objects if obj.type == "LIGHT" and obj not in shown)
     to_come |= {obj for obj in hidden if changes(obj, _HIDING)}
-    named, rest = [(name, lamp, _emitted(lamp, data, matrix)) for name, lamp, data, matrix in found], 0.0
+    named, rest = [(name, lamp, emitted_light(lamp, _colour(data), data)) for name, lamp, data, matrix in found], 0.0
     if len(found) > 1 or any(_has_beam(data) for _, _, data, _ in found):
         target = _lit_place(depsgraphs)  # the slow part, of use only where there is a choice
         named = [
@@ -111,7 +116,9 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     world = world_survey.world_light(depsgraphs[0].scene.world)
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
     lamps, lights = ([entry[k] for entry in named[:CAPACITY]] for k in (1, 2))
-    return LampReport(lamps, sky, left_out, world, len(to_come), lights)
+    inexact += [f"{obj.name}: {reason}" for obj in to_come if (reason := why_not_exact(obj, obj.matrix_world))]
+    unknown = inexact[0] if inexact else volume_in_file()
+    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown)
 
 
 def _may_shine_later(obj: bpy.types.Object) -> bool:
@@ -261,21 +268,6 @@ def _lamp(data: Any, matrix: Matrix) -> Lamp:
 def _unless_normalized(data: Any, size: float) -> float:
     """1, or the size where the strength is not that of the whole lamp; Blender before 4.5 leaves no choice."""
     return 1.0 if getattr(data, "normalize", True) else size
-
-
-def _emitted(lamp: Lamp, data: Any, matrix: Matrix) -> LampLight:
-    """What it emits, as exactly as plain settings tell."""
-    colour = _colour(data)
-    luminance = float(colour @ _LUMINANCE)
-    bright = radiance_of(lamp) / luminance if luminance > 0 else 0.0
-    facing, beam = False, (float(EVEN), 0.0, 0.0)
-    if data.type in {"POINT", "SPOT"}:
-        facing = bool(getattr(data, "use_soft_falloff", False))
-    if data.type == "SPOT":
-        beam = spot_beam(data.spot_size, data.spot_blend)
-    elif data.type == "AREA":
-        beam = spread_beam(data.spread)
-    return LampLight(tuple(float(bright * c) for c in colour), facing, beam)
 
 
 def _strength(data: Any) -> float:

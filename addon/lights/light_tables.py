@@ -21,7 +21,8 @@ from bpy.app.handlers import persistent
 
 from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
-from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY, aim_by, aimed_light_group, can_switch
+from ...nodes.aimed_light_group import SLOTS_KEY, aim_by, aimed_light_group, can_switch
+from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.light_images import new_table, world_table
 from ..events import listen, stop_listening
 from . import image_reload, world_survey
@@ -33,8 +34,9 @@ TABLE, LIGHT_TABLE = "MM Lamps", "MM Lamp Light"
 LARGEST_SHARE = 0.9
 # Seconds until writes that Blender has refused are tried again.
 _PATIENCE = 0.3
-# By scene, and its view layer in a window or whether it is rendered: lamps to aim at, and whether at the world.
-_needs: dict[tuple[int, Any], tuple[int, bool]] = {}
+# By scene, and its view layer in a window or whether it is rendered: lamps to aim at, whether at the world, and lamps
+# that a shader may sample.
+_needs: dict[tuple[int, Any], tuple[int, bool, int]] = {}
 
 
 def lamp_image() -> bpy.types.Image:
@@ -113,7 +115,7 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
         if isinstance(which, str):  # edited since a file was opened or rendered, which looked at all layers together
             for older in (False, True):
                 _needs.pop((scene, older), None)
-        _needs[key] = (report.slots, report.world.aimed)
+        _needs[key] = (report.slots, report.world.aimed, 0 if report.inexact else report.slots)
         _fit_slots()
     changed = world_survey.write_world(report.world) if report.world.aimed else []
     table = table_of(report)
@@ -130,10 +132,15 @@ def _fit_slots() -> None:
     """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
     shown = {(s.session_uid, which) for s in bpy.data.scenes for which in (False, True, *s.view_layers.keys())}
     needs = [need for key, need in _needs.items() if key in shown]
-    slots, world = max((slots for slots, _ in needs), default=0), any(aimed for _, aimed in needs)
+    slots, world = max((slots for slots, _, _ in needs), default=0), any(aimed for _, aimed, _ in needs)
+    # Of scenes that need lamps at all: where their light is not known in one, none is sampled in any.
+    sampled = min((exact for slots, _, exact in needs if slots), default=0) and slots
     for group in bpy.data.node_groups:
-        if can_switch(group) and (group[SLOTS_KEY], bool(group[WORLD_KEY])) != (slots, world):
-            aim_by(group, slots, world)
+        if can_switch(group):
+            if SAMPLED_KEY in group:
+                aim_by(group, sampled, False)
+            else:
+                aim_by(group, slots, world)
 
 
 def _is_fixed(tree: bpy.types.NodeTree | None) -> bool:

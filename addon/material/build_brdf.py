@@ -12,9 +12,9 @@ from ...bake.bundle.bundle import Bundle
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import ALBEDO
 from ...nodes.material import build_material, usual_mode
-from ..lights.aim_targets import lamps_are_alone, what_to_aim_at
+from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.lamp_survey import survey_scene
-from ..lights.light_tables import lamp_image
+from ..lights.light_tables import lamp_image, lamp_light_image
 from .choices import Choices
 from .scene_fit import BrdfPlan, plan_brdf
 
@@ -47,14 +47,15 @@ def build_brdf(
     # Only once: of scenes with many instances it takes its time.
     report, passes = survey_scene(scene, for_render=True), asks_for_passes(scene)
     targets = what_to_aim_at(report)
-    plan = plan_brdf(record, choices, targets, passes, ready=ready)
+    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling_of(report))
     material = build_material(
         record,
         material,
         filter=plan.filter,
         images=images,
         pack=pack,
-        lamps=lamp_image() if plan.aim else None,
+        lamps=lamp_image() if plan.aim or plan.sample else None,
+        lights=lamp_light_image() if plan.sample else None,
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
@@ -76,11 +77,12 @@ def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     """Choices and their effects as kept with the material; JSON-ready."""
     return {
-        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "residual", "filter")},
+        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "sample", "residual", "filter")},
         "effects": [effect.facts() for effect in plan.effects],
     }
 
 
 def choices_from(known: Mapping[str, str]) -> Choices:
     """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
-    return Choices(**{key: known[key] for key in ("mode", "aim", "residual", "filter", "detail") if key in known})
+    names = ("mode", "aim", "sample", "residual", "filter", "detail")
+    return Choices(**{key: known[key] for key in names if key in known})

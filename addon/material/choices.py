@@ -17,12 +17,13 @@ class Choices:
     Parameters
     ----------
     mode : of `bake.brdf.modes.MODES`; of a shading map, `RenderSettings.mode` counts
-    aim, residual, detail : "auto", "always" or "never"
+    aim, sample, residual, detail : "auto", "always" or "never"
     filter : "auto" or one of `bake.tables.table.FILTERS`
     """
 
     mode: str = "exact"
     aim: str = AUTO
+    sample: str = AUTO
     residual: str = AUTO
     filter: str = AUTO
     detail: str = AUTO
@@ -52,6 +53,7 @@ def choices_of(properties: Any) -> Choices:
     return Choices(
         mode=properties.mode,
         aim=properties.aim,
+        sample=properties.sample,
         residual=properties.residual,
         filter=properties.filter,
         detail=properties.detail,
@@ -61,5 +63,5 @@ def choices_of(properties: Any) -> Choices:
 def show_choices(properties: Any, choices: Choices) -> None:
     """Set the properties to how a material is built; nothing is rebuilt."""
     with without_rebuilding():
-        for name in ("mode", "aim", "residual", "filter", "detail"):
+        for name in ("mode", "aim", "sample", "residual", "filter", "detail"):
             setattr(properties, name, getattr(choices, name))

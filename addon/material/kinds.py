@@ -144,7 +144,7 @@ class _Brdf(Kind):
         mode = material.measured_quality.mode
         if mode == "preview":
             return ("mode",)
-        return ("mode", "aim", *(("residual",) if mode != "reference" else ()), "filter")
+        return ("mode", "aim", *(("sample", "residual") if mode != "reference" else ()), "filter")
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):

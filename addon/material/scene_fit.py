@@ -12,6 +12,7 @@ from typing import Any
 from ...bake.brdf.record import BrdfRecord
 from ...bake.errors import BakeError
 from ...bake.tables.table import FILTERS
+from ..lights.aim_targets import Sampling
 from .choices import ALWAYS, AUTO, NEVER, Choices
 
 # Light that may be left out unasked: as much as the envelope's own stated bias.
@@ -47,6 +48,7 @@ class BrdfPlan:
     aim: bool
     features: bool
     effects: tuple[Effect, ...]
+    sample: bool = False
 
 
 def plan_brdf(
@@ -56,6 +58,7 @@ def plan_brdf(
     passes: bool = False,
     *,
     ready: bool = False,
+    sampling: Sampling = Sampling(impossible="nothing is known of its lamps"),
 ) -> BrdfPlan:
     """The least that the mode needs.
 
@@ -65,6 +68,7 @@ def plan_brdf(
     to_aim_at : in words what the scene has to aim at; empty if nothing
     passes : a view layer asks for the denoiser's
     ready : prepared for lights added later
+    sampling : whether the shader can sample the scene's lamps
 
     Raises
     ------
@@ -79,22 +83,43 @@ def plan_brdf(
         effect = plan_residual(record, choices)
         residual = effect.kept
         effects.append(effect)
-    aim = False
+    aim = sample = False
     if residual:
-        aimed = plan_aim(choices, to_aim_at, ready=ready)
+        sampled = plan_sampling(choices, sampling)
+        sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
-        aim = aimed.kept or is_ready(choices, ready)
-        effects += [aimed, reconstruction, plan_bounces(choices.mode)]
+        if not sample:
+            aimed = plan_aim(choices, to_aim_at, ready=ready)
+            aim = aimed.kept or is_ready(choices, ready)
+            effects.append(aimed)
+        effects += [sampled, reconstruction, plan_bounces(choices.mode)]
     features = passes and residual
     if residual:
         why = "a view layer asks for them" if features else "no view layer asks for them"
         effects.append(Effect("Denoiser's passes", features, why))
-    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects))
+    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample)
 
 
 def is_ready(choices: Choices, ready: bool) -> bool:
     """Whether a graph that has nothing to aim at is built so that it will aim as soon as there is."""
     return ready and choices.aim == AUTO
+
+
+def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
+    """Whether the shader samples lamps itself. Raises BakeError where that is asked for and would bias the picture."""
+    name = "Lamps sampled in the shader"
+    if choices.mode == "reference":
+        return Effect(name, False, "mode Reference: all of it by the mirror")
+    if choices.sample == NEVER:
+        return Effect(name, False, "switched off")
+    if choices.sample == ALWAYS:
+        if sampling.impossible:
+            remedy = "leave Sample Lamps to Automatic, which sends a mirror towards them instead"
+            raise BakeError("Sample Lamps", f"cannot be had here: {sampling.impossible}", remedy)
+        return Effect(name, True, "asked for")
+    if why_not := sampling.impossible or sampling.needless:
+        return Effect(name, False, why_not)
+    return Effect(name, True, "about a third of the noise under a lamp, for two to three times the time of a sample")
 
 
 def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:

@@ -8,6 +8,7 @@ import bpy
 
 from ...nodes import compat
 from ...nodes.group import trees_below
+from ..lights.exact_lamps import has_volume
 from .findings import WRONG, Finding, Subject, setting
 from .light_node_rules import emission_outputs
 
@@ -85,17 +86,12 @@ def volumes(subject: Subject) -> Iterator[Finding]:
 def _volume(subject: Subject) -> str:
     """The first volume that a render meets, in words; empty where there is none."""
     world = subject.scene.world
-    if world is not None and compat.uses_nodes(world) and _has_volume(world.node_tree):
+    if world is not None and compat.uses_nodes(world) and has_volume(world.node_tree):
         return f"a volume in world {world.name}"
     for material in subject.materials:
-        if compat.uses_nodes(material) and _has_volume(material.node_tree):
+        if compat.uses_nodes(material) and has_volume(material.node_tree):
             return f"a volume in material {material.name}"
     return next((f"volume {obj.name}" for obj in subject.objects if obj.type == "VOLUME"), "")
-
-
-def _has_volume(tree: bpy.types.NodeTree) -> bool:
-    output = tree.get_output_node("CYCLES")
-    return output is not None and output.inputs["Volume"].is_linked
 
 
 RULES = (light_paths, volumes)

@@ -42,6 +42,18 @@ _AIM = bpy.props.EnumProperty(
     options=set(),
     update=rebuild_or_say,
 )
+_SAMPLE = bpy.props.EnumProperty(
+    name="Sample Lamps",
+    description="Let the shader sample the scene's lamps itself rather than aim a mirror at them: less noise",
+    items=[
+        (AUTO, "Automatic", "Where this Blender can, and the lamps' light is known exactly"),
+        ("always", "Always", "Also where aiming is worth more; refused where the picture would be wrong"),
+        ("never", "Never", "A mirror meets them"),
+    ],
+    default=AUTO,
+    options=set(),
+    update=rebuild_or_say,
+)
 _RESIDUAL = bpy.props.EnumProperty(
     name="Residual",
     description="The mirror for the part of the measurement that Cycles' own closures do not carry",
@@ -81,6 +93,7 @@ class MEASURED_MATERIALS_PG_quality(bpy.types.PropertyGroup):
 
     mode: _MODE
     aim: _AIM
+    sample: _SAMPLE
     residual: _RESIDUAL
     filter: _FILTER
     detail: _DETAIL

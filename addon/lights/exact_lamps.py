@@ -1,0 +1,91 @@
+"""Whether the light of a scene's lamps is known so exactly that a shader may sample it (method.md, section 11).
+
+What is not known is left to a mirror, which meets whatever there is: noisier, and right.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from mathutils import Matrix
+
+from ...bake.sampling.lamp_light import EVEN, LampLight, radiance_of, spot_beam, spread_beam
+from ...bake.sampling.lamps import Lamp
+from ...nodes import compat
+
+_BOUNCES = 1024
+_LEAST_SPREAD = 0.02
+_EVEN_SCALE = 1e-3
+
+
+def emitted_light(lamp: Lamp, colour: Any, data: bpy.types.Light) -> LampLight:
+    """What a lamp emits, by its plain settings.
+
+    Parameters
+    ----------
+    lamp : with its power towards its axis
+    colour : (3,) of luminance above 0, to which the power is in proportion
+    """
+    luminance = float(0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2])
+    bright = radiance_of(lamp) / luminance if luminance > 0 else 0.0
+    facing, beam = False, (float(EVEN), 0.0, 0.0)
+    if data.type in {"POINT", "SPOT"}:
+        facing = bool(getattr(data, "use_soft_falloff", False))
+    if data.type == "SPOT":
+        beam = spot_beam(data.spot_size, data.spot_blend)
+    elif data.type == "AREA":
+        beam = spread_beam(data.spread)
+    red, green, blue = (float(bright * c) for c in colour)
+    return LampLight((red, green, blue), facing, beam)
+
+
+def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
+    """Why a lamp's light is not known exactly; empty if it is.
+
+    Parameters
+    ----------
+    matrix : of the object or its instance, in the world
+    """
+    data = obj.data
+    if compat.uses_nodes(data) and not _is_plain(data.node_tree):
+        return "its nodes are more than a plain Emission"
+    if not data.use_shadow:
+        return "it casts no shadows"
+    linking = obj.light_linking
+    if linking.receiver_collection is not None or linking.blocker_collection is not None:
+        return "Light Linking or Shadow Linking singles out objects"
+    if data.cycles.max_bounces < _BOUNCES:
+        return "its light ends after some bounces"
+    if data.type == "AREA" and data.spread < _LEAST_SPREAD:
+        return "its beam is all but parallel"
+    if data.type == "SPOT":
+        scales = [column.length for column in matrix.to_3x3().col]
+        if max(scales) - min(scales) > _EVEN_SCALE * max(scales):
+            return "its cone is scaled unevenly"
+    return ""
+
+
+def volume_in_file() -> str:
+    """The first volume in words, empty if there is none: a ray that asks what it meets passes through volumes."""
+    for kind, blocks in (("world", bpy.data.worlds), ("material", bpy.data.materials)):
+        for block in blocks:
+            if block.users and compat.uses_nodes(block) and has_volume(block.node_tree):
+                return f"a volume in {kind} {block.name}"
+    return next((f"volume {block.name}" for block in bpy.data.volumes if block.users), "")
+
+
+def has_volume(tree: bpy.types.NodeTree) -> bool:
+    """Whether what a node tree shows in Cycles has a volume."""
+    output = tree.get_output_node("CYCLES")
+    return output is not None and "Volume" in output.inputs and output.inputs["Volume"].is_linked
+
+
+def _is_plain(tree: bpy.types.NodeTree) -> bool:
+    output = tree.get_output_node("CYCLES")
+    if output is None or not output.inputs["Surface"].is_linked:
+        return True  # and dark
+    node = output.inputs["Surface"].links[0].from_node
+    if node.bl_idname != "ShaderNodeEmission" or node.mute:
+        return False
+    return not any(socket.is_linked for socket in (node.inputs["Color"], node.inputs["Strength"]))
