@@ -179,21 +179,30 @@ def relative_variance(pictures: Array, mask: Array) -> float:
     return float(np.median(seen.var(0, ddof=1).mean(-1)[lit] / mean[lit] ** 2))
 
 
-def test_one_picture_and_less_noise(satin: Bundle, tmp_path: Path) -> None:
-    """Against a bundle as an older version baked it, which still is a material."""
+def by_shares(satin: Bundle, folder: Path, ground: bool, samples: int) -> tuple[list[Array], Array]:
+    """Pictures of a bundle as an older version baked it, which still is a material, and of this one; and their mask."""
     pictures = []
-    with under_a_lamp(build_material(satin, mode="preview"), ground=True) as scene:
-        mask = scene.mask()
-        for k, bundle in enumerate((without_shares(satin, tmp_path), satin)):
+    with under_a_lamp(build_material(satin, mode="preview"), ground) as scene:
+        for k, bundle in enumerate((without_shares(satin, folder), satin)):
             material = build_material(bundle, mode="exact", lamps=lamp_image(), lamp_share=True)
             assert any(t.name.startswith("MM Mirror Probability") for t in groups_of(material)) == (bundle is satin)
-            pictures.append(shown(scene, material, 96, range(100 * k, 100 * k + 12)))
-    variances = [relative_variance(found, mask) for found in pictures]
-    print(variances)
+            pictures.append(shown(scene, material, samples, range(100 * k, 100 * k + 12)))
+        return pictures, scene.mask()
+
+
+def test_one_picture(satin: Bundle, tmp_path: Path) -> None:
+    pictures, mask = by_shares(satin, tmp_path, True, 72)
     assert_same(*pictures, mask, 1e-3, 0.02)
-    assert variances[1] < 0.8 * variances[0]
 
 
+def test_less_noise(satin: Bundle, tmp_path: Path) -> None:
+    pictures, mask = by_shares(satin, tmp_path, False, 24)
+    variances = [relative_variance(found, mask) for found in pictures]
+    # Seen 0.55; of 12 pictures' variances the median of some 400 pixels is good to 4 %.
+    assert variances[1] < 0.7 * variances[0], variances
+
+
+@pytest.mark.slow
 def test_osl_is_the_same_picture(satin: Bundle) -> None:
     """As bright, and as little noise: without the shares it would have more."""
     skip_without_osl()
@@ -209,6 +218,5 @@ def test_osl_is_the_same_picture(satin: Bundle) -> None:
             pictures.append(shown(scene, material, 48, range(100 * osl, 100 * osl + 12)))
             mask = scene.mask()
     variances = [relative_variance(found, mask) for found in pictures]
-    print(variances)
     assert_agree(compare(*pictures, mask, tolerance=1e-3), 0.025)
-    assert 0.8 < variances[1] / variances[0] < 1.25
+    assert 0.8 < variances[1] / variances[0] < 1.25, variances
