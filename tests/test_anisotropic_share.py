@@ -98,10 +98,11 @@ def test_nodes_are_the_formula(kind: str, name: str) -> None:
     assert_formula(found, layout, table, points)
 
 
+@pytest.mark.parametrize("name", ["two lamps", "sun"])
 @pytest.mark.parametrize("kind", LAYOUTS)
-def test_osl_is_the_formula(tmp_path: Path, kind: str) -> None:
+def test_osl_is_the_formula(tmp_path: Path, kind: str, name: str) -> None:
     skip_without_osl()
-    points, layout, table = shading_points(), LAYOUTS[kind], SCENES["window and lamp"]
+    points, layout, table = shading_points(), LAYOUTS[kind], SCENES[name]
     file = tmp_path / "shares.exr"
     write_image(file, random_shares(layout), Storage.FLOAT32)
     body = "MMFrame frame = mm_tangent_frame(n, i, along);" + probability_by_osl(file, layout, table)
