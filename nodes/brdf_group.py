@@ -10,6 +10,7 @@ import bpy
 from . import expr
 from .exact_closure import exact_closure, reference_closure
 from .group import node_group
+from .lamp_share_group import LampShares
 from .native_closure import choose_closure
 from .sampled_closure import LampTables, sampled_closure
 from .table_groups import TableGroups
@@ -35,7 +36,7 @@ class BrdfParts:
     envelope: WeightedClosures | None = None
     preview: WeightedClosures | None = None
     lamps: bpy.types.Image | None = None
-    shares: bpy.types.Image | None = None
+    shares: LampShares | None = None
     lights: bpy.types.Image | None = None
     anisotropic: bool = False
 

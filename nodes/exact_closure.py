@@ -8,7 +8,7 @@ import bpy
 
 from . import expr
 from .group import call
-from .lamp_share_group import lamp_share_group
+from .lamp_share_group import LampShares, lamp_share_group
 from .native_closure import choose_closure
 from .table_groups import TableGroups
 from .weighted_closures import WeightedClosures
@@ -20,7 +20,7 @@ def exact_closure(
     normal: Any,
     tint: Any,
     lamps: bpy.types.Image | None,
-    shares: bpy.types.Image | None = None,
+    shares: LampShares | None = None,
 ) -> Any:
     """The envelope's closures or, as often as its share of light, the residual's mirror.
 
@@ -30,13 +30,14 @@ def exact_closure(
     ----------
     table : of the residual; its density is needed with `lamps`
     lamps : table of lamps to aim at
-    shares : of the light of one lamp, see `bake.envelope.lamp_shares`; used with `lamps` only
+    shares : of the light of one lamp; used with `lamps` only
     """
     drawn = table.draw(normal, lamps)
     weights = envelope.weights(drawn.wo)
     chance = weights[0][1]
     if lamps is not None and shares is not None:
-        chance = call(lamp_share_group(shares, lamps), drawn.wo, normal, chance)
+        tangent = () if table.tangent is None else (table.tangent,)
+        chance = call(lamp_share_group(shares, lamps), drawn.wo, normal, chance, *tangent)
     gain = expr.divide(drawn.cosine, drawn.pdf * chance)
     residual = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
     native = envelope.closure(weights, normal, expr.scale(tint, expr.divide(1.0, 1 - chance)))

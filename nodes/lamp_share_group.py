@@ -2,36 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
-from ..bake.envelope import part_of_light, share_coordinates
+from ..bake.envelope import ShareLayout, SlopeShareLayout, part_of_light, share_coordinates
 from ..bake.sampling.lamps import TEXELS
 from . import expr
+from .drawn_direction import frame_of
 from .group import node_group
 
 
-def lamp_share_group(shares: bpy.types.Image, lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """(wo, Normal, Usual) to a probability, the usual one as far as other light than the lamp's arrives.
+@dataclass(frozen=True)
+class LampShares:
+    """The image of `bake.envelope.lamp_shares`, and where it has what."""
+
+    image: bpy.types.Image
+    layout: ShareLayout | SlopeShareLayout
+
+
+def lamp_share_group(shares: LampShares, lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(wo, Normal, Usual), and Tangent of an anisotropic material, to a probability.
+
+    It is the usual one as far as other light than the lamp's arrives.
 
     Parameters
     ----------
-    shares : of `bake.envelope.lamp_shares`
     lamps : the table of `bake.sampling.lamps.lamp_table`
     """
 
-    def build(wo: Any, normal: Any, usual: Any) -> Any:
+    def build(wo: Any, normal: Any, usual: Any, tangent: Any = None) -> Any:
         geometry = expr.node("ShaderNodeNewGeometry", {}, {})
         position, incoming = (expr.Vector(geometry.outputs[name]) for name in ("Position", "Incoming"))
-        return lamp_probability(shares, lamps, position, incoming, normal, wo, usual)
+        return lamp_probability(shares, lamps, position, incoming, normal, wo, usual, tangent)
 
     inputs = {"wo": "vector", "Normal": "vector", "Usual": "float"}
+    if isinstance(shares.layout, SlopeShareLayout):
+        inputs["Tangent"] = "vector"
     return node_group("MM Mirror Probability", inputs, {"Probability": "float"}, build, switched="extension")
 
 
 def lamp_probability(
-    shares: bpy.types.Image, lamps: bpy.types.Image, position: Any, incoming: Any, normal: Any, wo: Any, usual: Any
+    shares: LampShares,
+    lamps: bpy.types.Image,
+    position: Any,
+    incoming: Any,
+    normal: Any,
+    wo: Any,
+    usual: Any,
+    tangent: Any = None,
 ) -> Any:
     """The group's content, for a position and viewer."""
     first_row = 1 - 0.5 / lamps.size[1]
@@ -40,8 +60,19 @@ def lamp_probability(
     )
     sky, _, count = expr.components(scene)
     to_centre = centre - position
-    to_lamp = expr.normalize(to_centre)
-    u, v = share_coordinates(expr, to_lamp, incoming, normal, wo)
-    seen, reflected, _ = expr.components(expr.image_tap(shares, u, v, "Linear")[0])
+    u, v = _place(shares.layout, expr.normalize(to_centre), incoming, normal, wo, tangent)
+    seen, reflected, _ = expr.components(expr.image_tap(shares.image, u, v, "Linear")[0])
     part = part_of_light(expr, to_centre, reflected, strength, count, sky)
     return expr.where(part, seen, usual)
+
+
+def _place(
+    layout: ShareLayout | SlopeShareLayout, to_lamp: Any, incoming: Any, normal: Any, wo: Any, tangent: Any
+) -> tuple[Any, Any]:
+    """Texture coordinates of the shares for a lamp in this direction."""
+    if isinstance(layout, ShareLayout):
+        return share_coordinates(expr, to_lamp, incoming, normal, wo, layout)
+    # The nodes of this frame are those that wo came from, and Cycles computes them once.
+    _, along, across = frame_of(normal, incoming, tangent)
+    wi = expr.vec(*(expr.dot(to_lamp, axis) for axis in (along, across, normal)))
+    return layout.coordinates(expr, wi, wo)

@@ -10,6 +10,7 @@ from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
+from .lamp_share_group import LampShares
 from .material_tree import build_from, lit_by_emission
 from .table_groups import table_groups
 from .weighted_closures import WeightedClosures
@@ -72,7 +73,7 @@ def build_material(
         local = lamp_share and not sampled and lamps is not None and envelope is not None and table is not None
         if local and record.has("residual_share"):
             record.check_shares()
-            shares = textures("residual_share")
+            shares = LampShares(textures("residual_share"), record.share_layout)
         parts = BrdfParts(table, envelope, preview, lamps, shares, lights if sampled else None, record.anisotropic)
         group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group

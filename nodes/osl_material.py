@@ -26,7 +26,7 @@ from .aimed_light_group import MAX_SLOTS
 from .group import call, node_group
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
-from .osl_parameters import cell_constants, grid_constants, texel_constants, texture_file
+from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
 
 SHADER = "measured_material.osl"
@@ -100,6 +100,7 @@ def shader_constants(
         if record.has("residual_share"):
             record.check_shares()
             constants["Shares"] = texture_file(record.files(), "residual_share")
+            constants |= share_constants(record.share_layout)
     if mode in ("preview", "balanced"):
         constants |= _closure_constants(record, "Preview", "preview_weights")
     return constants

@@ -8,6 +8,7 @@ from typing import Any
 from ..bake.brdf.baked_table import Layout
 from ..bake.brdf.parts import StoredTableRecord
 from ..bake.bundle.bundle import Bundle
+from ..bake.envelope import ShareLayout, SlopeShareLayout
 from ..bake.errors import BakeError
 from ..bake.sampling.half_vector_cells import SamplerLayout
 from ..bake.tables.atlas import AtlasLayout
@@ -54,3 +55,10 @@ def cell_constants(layout: Layout) -> dict[str, Any]:
         "WidthY": layout.width_y,
         "HalfTurn": int(layout.folded),
     }
+
+
+def share_constants(layout: ShareLayout | SlopeShareLayout) -> dict[str, Any]:
+    """Those that say where the shares of one lamp's light lie in their image."""
+    if isinstance(layout, SlopeShareLayout):
+        return {f"Share{name}": value for name, value in cell_constants(layout.slopes).items()}
+    return {"ShareBins": layout.n_o, "ShareCellRows": layout.n_d, "ShareCellColumns": layout.n_h}

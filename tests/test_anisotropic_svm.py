@@ -44,8 +44,8 @@ def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def largest(bundle: Bundle, mode: str, filter: str) -> bpy.types.Material:
-    """Slices blended where they ever are, four lamps and the world to aim at, a denoiser's passes."""
-    material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image())
+    """Slices blended where they ever are, four lamps, their share and the world to aim at, a denoiser's passes."""
+    material = build_material(bundle, mode=mode, filter=filter, stochastic=False, lamps=lamp_image(), lamp_share=True)
     aim_at_everything()
     node = next(n for n in material.node_tree.nodes if n.name.startswith("Group") and "Tint" in n.inputs)
     albedo = albedo_polynomial(BrdfRecord.read(bundle))

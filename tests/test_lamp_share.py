@@ -32,8 +32,9 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.lamps import RECTANGLE, SUN, Lamp, lamp_table
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.source import Array
-from measured_materials.nodes.lamp_share_group import lamp_probability
+from measured_materials.nodes.lamp_share_group import LampShares, lamp_probability
 from measured_materials.nodes.material import build_material
+from measured_materials.nodes.osl_parameters import share_constants
 from scipy.ndimage import map_coordinates
 from support import bundles
 from support.cards import card, data_image
@@ -216,7 +217,7 @@ def assert_same(found: Array, image: Array, table: Array, points: tuple[Array, .
 def test_nodes_are_the_formula(name: str) -> None:
     points = shading_points()
     image, table = random_shares(), SCENES[name]
-    images = data_image("shares", image), data_image("lamps", table)
+    images = LampShares(data_image("shares", image), ShareLayout()), data_image("lamps", table)
     (found,) = card(lambda *inputs: lamp_probability(*images, *reordered(inputs)), *points)
     assert_same(found, image, table, points)
 
@@ -234,12 +235,21 @@ def test_osl_is_the_formula(tmp_path: Path, name: str) -> None:
     image, table = random_shares(), SCENES[name]
     file = tmp_path / "shares.exr"
     write_image(file, image, Storage.FLOAT32)
+    body = "MMFrame frame = {wo, vector(0), vector(0), n};" + probability_by_osl(file, ShareLayout(), table)
+    inputs = dict(zip(("p", "n", "i", "wo", "usual"), points))
+    (found,) = header_card(body, {"y": "float"}, "measured_lamps.h", **inputs)
+    assert_same(found, image, table, points)
+
+
+def probability_by_osl(file: Path, layout: ShareLayout | SlopeShareLayout, table: Array) -> str:
+    """Statements that find `y`, given `frame`, `usual`, `i` and `p`."""
+    names = "Bins BinsPhi CellRows CellColumns Warp WidthX WidthY HalfTurn".split()
+    constants = share_constants(layout)
+    shares = ", ".join(f"{constants.get(f'Share{name}', 0):.9g}" for name in names)
     centre = ", ".join(f"{x:.9g}" for x in table[0, 0, :3])
     sky, _, lamps, strength = (f"{x:.9g}" for x in table[0, 4])
-    call = f'"{file}", usual, wo, i, n, p, vector({centre}), {lamps}, {strength}, {sky}'
-    inputs = dict(zip(("p", "n", "i", "wo", "usual"), points))
-    (found,) = header_card(f"y = mm_lamp_probability({call});", {"y": "float"}, "measured_lamps.h", **inputs)
-    assert_same(found, image, table, points)
+    call = f"shares, frame, usual, i, p, vector({centre}), {lamps}, {strength}, {sky}"
+    return f'MMSampler shares = {{"{file}", {shares}}}; y = mm_lamp_probability({call});'
 
 
 def without_shares(bundle: Bundle, folder: Path) -> Bundle:

@@ -131,7 +131,7 @@ MATERIALS: dict[str, tuple[Build, list[str]]] = {
     "balanced": (of_table("isotropic", "balanced"), [*TABLE, *CHOICE, *AIM]),
     "reference": (of_table("isotropic", "reference"), [*TABLE, "Lookup: Random", *AIM]),
     "spline": (of_table("isotropic", "reference", filter="bspline"), [*TABLE, "Lookup: Random x3", *AIM]),
-    "anisotropic exact": (of_table("brushed with envelope", "exact"), [*SLOPES, *CHOICE, *AIM]),
+    "anisotropic exact": (of_table("brushed with envelope", "exact", lamp_share=True), [*SLOPES, *CHOICE, *AIM]),
     "anisotropic reference": (of_table("brushed", "reference"), [*SLOPES, "Lookup: Random x2", *AIM]),
     "map exact": (of_map(Lobe("lambert")), [*LOBE, "Slices: Random", *CHOICE, *AIM]),
     "map reference": (of_map(Lobe("ggx", 0.4), mode="reference"), [*LOBE, *THIRD, "Slices: Random", *AIM]),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from measured_materials.bake.brdf.grids import grid_of, is_anisotropic
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle.checked_json import Fields
+from measured_materials.bake.envelope import ShareLayout, SlopeShareLayout
 from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
 from measured_materials.bake.envelope.viewers import Elevations, ViewerGrid
 from measured_materials.bake.errors import BakeError
@@ -188,6 +189,16 @@ def test_what_older_shading_maps_lack() -> None:
         del document[key], document["images"][key]
     with pytest.raises(BakeError, match="swatch: holds no measured BRDF"):
         ShadingMapRecord.parse(document, "swatch").measured_lobe()
+
+
+def test_where_the_shares_of_a_lamp_lie() -> None:
+    """As the kind of table has it; widths and half turns are those of the sampler."""
+    assert brdf_record().share_layout == ShareLayout()
+    folded = BrdfRecord.parse(ANISOTROPIC, "brushed").share_layout
+    assert folded == SlopeShareLayout(SlopeLayout(8, 8, 16, 16, 0.05, 0.2, True)) and folded.size == (128, 128)
+    turning = {**ANISOTROPIC["sampler"], "folded": False}
+    whole = BrdfRecord.parse(changed(ANISOTROPIC, sampler=turning), "brushed").share_layout
+    assert whole == SlopeShareLayout(SlopeLayout(8, 16, 16, 16, 0.05, 0.2)) and whole.size == (128, 256)
 
 
 def test_a_document_has_no_pixels() -> None:

@@ -19,6 +19,9 @@ class Sampling:
     needless: str = ""
 
 
+UNKNOWN = Sampling("nothing is known of its lamps")
+
+
 def what_to_aim_at(report: LampReport) -> str:
     """Describe what is aimed at and why it pays; empty if there is nothing. The report is `survey_scene`'s for a
     render."""

@@ -12,7 +12,7 @@ from typing import Any
 from ...bake.brdf.record import BrdfRecord
 from ...bake.errors import BakeError
 from ...bake.tables.table import FILTERS
-from ..lights.aim_targets import Sampling
+from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, Choices
 
 # Light that may be left out unasked: as much as the envelope's own stated bias.
@@ -58,7 +58,7 @@ def plan_brdf(
     passes: bool = False,
     *,
     ready: bool = False,
-    sampling: Sampling = Sampling(impossible="nothing is known of its lamps"),
+    sampling: Sampling = UNKNOWN,
 ) -> BrdfPlan:
     """The least that the mode needs.
 

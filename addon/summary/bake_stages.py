@@ -55,7 +55,7 @@ def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
         "fitting spline": 6.0 * size if fits else 0.0,
         "sampler": 4.5,
         "measuring": 2.0,
-        "envelope": 21.0 if settings.envelope else 0.0,
+        "envelope": 22.0 if settings.envelope else 0.0,
         "writing": 0.3 + 0.5 * size,
     }
 

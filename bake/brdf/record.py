@@ -9,10 +9,19 @@ from typing import Any
 
 from ..bundle.bundle import MATERIAL, Bundle
 from ..bundle.checked_json import Fields
-from ..envelope import EnvelopeFit, PreviewFit, checked_shares, fit_from_image, preview_from_image
+from ..envelope import (
+    EnvelopeFit,
+    PreviewFit,
+    ShareLayout,
+    SlopeShareLayout,
+    checked_shares,
+    fit_from_image,
+    preview_from_image,
+)
 from ..errors import BakeError
 from ..images.storage import Storage
 from ..sampling.cell_sampler import CellSampler
+from ..sampling.slope_cells import SlopeLayout
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
 from .baked_table import SAMPLERS, BakedTable, Layout
@@ -125,6 +134,11 @@ class BrdfRecord:
         """Name of what was measured."""
         return self.source.name
 
+    @property
+    def share_layout(self) -> ShareLayout | SlopeShareLayout:
+        """Where the image "residual_share" has what: of an anisotropic table as its sampler has it."""
+        return SlopeShareLayout.of(self.sampler) if isinstance(self.sampler, SlopeLayout) else ShareLayout()
+
     def has(self, image: str) -> bool:
         """Whether there is an image of this name."""
         return image in self.images
@@ -169,9 +183,10 @@ class BrdfRecord:
         return preview_from_image(self.preview.closures, viewers, image, self.preview.error or 0.0, self.where)
 
     def check_shares(self) -> None:
-        """Raise BakeError where the image "residual_share" is not what `bake.envelope.lamp_shares` gives."""
+        """Raise BakeError where the image "residual_share" is not what `bake.envelope.lamp_shares` gives for
+        `share_layout`."""
         bundle = self.files()
-        checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"))
+        checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"), self.share_layout)
 
 
 def _stored_as(images: Mapping[str, ImageRecord], name: str) -> Storage | None:

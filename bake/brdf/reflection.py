@@ -15,6 +15,7 @@ from ..envelope import (
     EnvelopeSettings,
     PreviewFit,
     ResidualSource,
+    SlopeShareLayout,
     ViewerGrid,
     fit_envelope,
     fit_preview,
@@ -187,8 +188,8 @@ class AnisotropicReflection(Reflection):
         return grid
 
     def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
-        """None: the weights' share serves every lamp."""
-        return {}
+        """Following the direction of a lamp, in nodes that are even where the highlights are."""
+        return {"residual_share": lamp_shares(fit, residual, SlopeShareLayout.of(self.layout))}
 
 
 def reflection_of(

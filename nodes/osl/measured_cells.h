@@ -145,8 +145,8 @@ float mm_polar_cell(MMSampler sampler, vector wi, vector wo, output MMHalf h)
   return mm_index(root, sampler.cell_rows) * sampler.cell_columns + column;
 }
 
-// find_texel: the same of slopes
-float mm_slope_cell(MMSampler sampler, vector wi, vector wo, output MMHalf h)
+// SlopeLayout.warped: the half vector, and its warped slopes in (-1, 1) as the viewer's bin has them
+void mm_warped_slopes(MMSampler sampler, vector wi, vector wo, output MMHalf h, output float u, output float v)
 {
   vector total = wi + wo;
   total[2] = max(total[2], 1e-6);
@@ -154,8 +154,18 @@ float mm_slope_cell(MMSampler sampler, vector wi, vector wo, output MMHalf h)
   h.x = total[0] / total[2];
   h.y = total[1] / total[2];
   float side = mm_turned(sampler, wo);
-  float column = mm_index(0.5 + 0.5 * mm_slope_warp(side * h.x, sampler.width_x), sampler.cell_columns);
-  float row = mm_index(0.5 + 0.5 * mm_slope_warp(side * h.y, sampler.width_y), sampler.cell_rows);
+  u = mm_slope_warp(side * h.x, sampler.width_x);
+  v = mm_slope_warp(side * h.y, sampler.width_y);
+}
+
+// find_texel: the same of slopes
+float mm_slope_cell(MMSampler sampler, vector wi, vector wo, output MMHalf h)
+{
+  float u;
+  float v;
+  mm_warped_slopes(sampler, wi, wo, h, u, v);
+  float column = mm_index(0.5 + 0.5 * u, sampler.cell_columns);
+  float row = mm_index(0.5 + 0.5 * v, sampler.cell_rows);
   return row * sampler.cell_columns + column;
 }
 

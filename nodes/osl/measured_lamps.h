@@ -128,17 +128,41 @@ float mm_expected_world_light(vector toward, float flux, vector n)
   return max(dot(toward, n) + flux, 0.1 * flux);
 }
 
-// bake/envelope/lamp_share.py: ShareLayout
-#define MM_SHARE_H 16
-#define MM_SHARE_D 16
-#define MM_SHARE_O 8
-#define MM_BOUNCED 0.1
+#define MM_BOUNCED 0.1 // bake/envelope/lamp_share.py
+
+// bake/envelope/lamp_share.py: ShareLayout.shape, and share_coordinates from the left and from below
+void mm_share_place(
+    MMSampler layout, vector wo, vector n, vector to_lamp, vector incoming, output float s, output float t)
+{
+  vector half_vector = normalize(to_lamp + incoming);
+  float along = sqrt(length(half_vector - n) * M_SQRT1_2);
+  float slice = floor(mm_chord(wo, vector(0, 0, 1)) * (layout.bins * 0.99999));
+  float width = layout.bins * layout.cell_columns;
+  s = slice / layout.bins + (along * (layout.cell_columns - 1) + 0.5) / width;
+  t = (dot(half_vector, to_lamp) * (layout.cell_rows - 1) + 0.5) / layout.cell_rows;
+}
+
+// bake/envelope/lamp_share.py: SlopeShareLayout.coordinates; wi and wo local
+void mm_slope_share_place(MMSampler layout, vector wi, vector wo, output float s, output float t)
+{
+  MMHalf h;
+  float u;
+  float v;
+  mm_warped_slopes(layout, wi, wo, h, u, v);
+  float bin = mm_viewer_bin(layout, wo);
+  float elevation = floor((bin + 0.5) / layout.bins_phi);
+  float azimuth = bin - elevation * layout.bins_phi;
+  float across = elevation * layout.cell_columns + (0.5 + 0.5 * u) * (layout.cell_columns - 1) + 0.5;
+  float up = azimuth * layout.cell_rows + (0.5 + 0.5 * v) * (layout.cell_rows - 1) + 0.5;
+  s = across / (layout.bins * layout.cell_columns);
+  t = up / (layout.bins_phi * layout.cell_rows);
+}
 
 // bake/envelope/lamp_share.py and nodes/lamp_share_group.py: the mirror's probability, by the residual's share of light
 // from `centre`, whose irradiance at distance 1 is `strength`, and by the usual share of all other, with `lamps` as
-// bright as this one and `sky` beside.
+// bright as this one and `sky` beside. The shares' slices and nodes are described as a sampler's bins and cells are.
 float mm_lamp_probability(
-    string image, float usual, vector wo, vector incoming, normal n, point position, vector centre, float lamps,
+    MMSampler shares, MMFrame frame, float usual, vector incoming, point position, vector centre, float lamps,
     float strength, float sky)
 {
   vector to_centre = centre - vector(position);
@@ -146,14 +170,14 @@ float mm_lamp_probability(
   float arriving = strength / dot(to_centre, to_centre);
   if (arriving <= 0)
     return usual;
-  vector half_vector = normalize(to_lamp + incoming);
-  float along = sqrt(length(half_vector - vector(n)) * M_SQRT1_2);
-  float slice = floor(mm_chord(wo, vector(0, 0, 1)) * (MM_SHARE_O * 0.99999));
-  float width = MM_SHARE_O * MM_SHARE_H;
-  float s = slice / MM_SHARE_O + (along * (MM_SHARE_H - 1) + 0.5) / width;
-  float t = 1 - (dot(half_vector, to_lamp) * (MM_SHARE_D - 1) + 0.5) / MM_SHARE_D;
+  float s;
+  float t;
+  if (shares.bins_phi == 0)
+    mm_share_place(shares, frame.wo, frame.n, to_lamp, incoming, s, t);
+  else
+    mm_slope_share_place(shares, mm_to_local(frame, to_lamp), frame.wo, s, t);
   float alpha;
-  color seen = mm_tap(image, s, t, "linear", alpha);
+  color seen = mm_tap(shares.image, s, 1 - t, "linear", alpha);
   float light = arriving * seen[1];
   return mix(usual, seen[0], light / (light * lamps + arriving * MM_BOUNCED + sky));
 }

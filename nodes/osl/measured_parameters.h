@@ -61,6 +61,24 @@
 
 #define MM_SAMPLER {Sampler, Bins, BinsPhi, CellRows, CellColumns, Warp, WidthX, WidthY, HalfTurn}
 
+#define MM_SHARE_PARAMETERS                                                                                            \
+  string Shares = "" [[ string label = "Shares", string widget = "filename",                                           \
+      string help = "The residual's share of one lamp's light" ]],                                                     \
+  int ShareBins = 8 [[ string label = "Share Bins", string help = "Slices of the viewer's elevation" ]],               \
+  int ShareBinsPhi = 0 [[ string label = "Share Bins Phi",                                                             \
+      string help = "Slices of the viewer's azimuth; 0 of an isotropic table" ]],                                      \
+  int ShareCellRows = 16 [[ string label = "Share Rows",                                                               \
+      string help = "Of cos theta_d, or of the half vector's slope across the tangent" ]],                             \
+  int ShareCellColumns = 16 [[ string label = "Share Columns",                                                         \
+      string help = "Of theta_h, or of the half vector's slope along the tangent" ]],                                  \
+  float ShareWidthX = 0.3 [[ string label = "Share Width X", string help = "Slope halfway along the columns" ]],       \
+  float ShareWidthY = 0.3 [[ string label = "Share Width Y", string help = "Slope halfway along the rows" ]],          \
+  int ShareHalfTurn = 0 [[ string label = "Share Half Turn", string widget = "checkBox",                               \
+      string help = "Viewers after half a turn share their slices" ]]
+
+#define MM_SHARES                                                                                                      \
+  {Shares, ShareBins, ShareBinsPhi, ShareCellRows, ShareCellColumns, 0, ShareWidthX, ShareWidthY, ShareHalfTurn}
+
 #define MM_CLOSURE_PARAMETERS(NAME, LABEL, HELP)                                                                       \
   string NAME = "" [[ string label = LABEL, string widget = "filename", string help = HELP ]],                         \
   int NAME##Nodes = 64 [[ string label = LABEL " Nodes", string help = "Viewer's elevations, texels across" ]],        \

@@ -9,6 +9,7 @@ OSL_WALK = "tests/test_random_numbers.py::test_every_number_of_the_osl_twin_is_t
 DARK = "tests/test_dark_room.py::test_nodes_in_a_dark_room"
 DARK_OSL = "tests/test_dark_room.py::test_osl_in_a_dark_room"
 AIMING = "tests/test_aimed_light.py::test_aiming_as_in_numpy"
+SHARE = "tests/test_anisotropic_share.py"
 OBLIQUE = "tests/test_shading_oblique.py::test_measured_f_r_from_every_elevation[small lamp]"
 OBLIQUE_FORMULA = "tests/test_shading_oblique.py::test_formula_from_every_elevation[phong]"
 
@@ -199,6 +200,30 @@ MISTAKES = (
         "_, sky, count = expr.components(scene)",
         ("tests/test_lamp_share.py::test_nodes_are_the_formula",),
         "the largest share is taken for the sky",
+    ),
+    Mistake(
+        "lamp-share-across-the-tangent",
+        "nodes/lamp_share_group.py",
+        "for axis in (along, across, normal)))",
+        "for axis in (across, along, normal)))",
+        (f"{SHARE}::test_nodes_are_the_formula",),
+        "on brushed materials the mirror's probability is that of a lamp a quarter turn away: noise",
+    ),
+    Mistake(
+        "osl-lamp-share-of-another-slice",
+        "nodes/osl/measured_lamps.h",
+        "float azimuth = bin - elevation * layout.bins_phi;",
+        "float azimuth = bin - elevation * layout.bins;",
+        (f"{SHARE}::test_osl_is_the_formula",),
+        "in OSL a brushed material reads the probability of another viewer: noise",
+    ),
+    Mistake(
+        "lamp-shares-upside-down",
+        "bake/envelope/lamp_share.py",
+        "[:, ::-1, ::-1]",
+        "[:, ::-1]",
+        ("tests/test_lamp_share.py::test_shares_of_an_anisotropic_material",),
+        "half vectors that lean across the brushing read the shares of the opposite lean: noise",
     ),
     Mistake(
         "map-native-share-forgotten",
