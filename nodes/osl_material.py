@@ -77,7 +77,7 @@ def build_osl_material(
     def build(*values: Any) -> Any:
         inputs = dict(zip(interface, values)) | constants
         if lamps is not None and mode != "preview":
-            inputs |= _lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
+            inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
     built = build_from(
@@ -142,7 +142,7 @@ def _closure_constants(record: BrdfRecord, name: str, image: str) -> dict[str, A
     return constants | {f"{name}{key}": value for key, value in told.items()}
 
 
-def _lamp_inputs(lamps: bpy.types.Image, lights: bpy.types.Image | None) -> dict[str, Any]:
+def lamp_inputs(lamps: bpy.types.Image, lights: bpy.types.Image | None) -> dict[str, Any]:
     """The lamps of the table, as far as the shader aims at them or samples them, and the sky."""
     count = min(lamps.size[1], MAX_SLOTS)
     told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
