@@ -26,7 +26,7 @@ BAKE = ["bake", "brdf", "lacquer.binary", "cut.binary", "--resolution", "32", "-
 BRUSHED = ["bake", "brdf", "--analytic", "ggx", "alpha=0.1", "alpha_y=0.4", "--storage", "log", "--resolution", "24"]
 BRUSHED += ["--out", "out/brushed.mmat", "--json"]
 RENDER = ["--exr", "--resolution", "64", "--samples", "64", "--json"]
-INSIDE = ("common", "inside", "textures", "linked", "undo", "animation", "watch")
+INSIDE = ("common", "inside", "sampled", "textures", "linked", "undo", "animation", "watch")
 # Another arithmetic order under another numpy moves the error in its seventh digit.
 SAME_ERROR = 1e-4
 # 64 x 64 pixels of 64 samples: means of 4.3, 4.5 and 5.2 lay within 1.5 % of each other; a lost lamp, a black
@@ -96,8 +96,12 @@ def write_felt(folder: Path) -> None:
 
 def inside(blender: Blender, script: str, *arguments: str) -> bool:
     """Run one of the programs beside this; whether it came to its last line, else its words have been said."""
-    done = blender.run("--python-exit-code", "9", "--python", f"{script}.py", "--", *arguments)
-    return f"{script}: all is well" in done
+    return f"{script}: all is well" in inside_words(blender, script, *arguments)
+
+
+def inside_words(blender: Blender, script: str, *arguments: str) -> list[str]:
+    """Run one of the programs beside this, and return its lines."""
+    return blender.run("--python-exit-code", "9", "--python", f"{script}.py", "--", *arguments).splitlines()
 
 
 def check_files(blender: Blender, share: Path) -> None:
@@ -145,6 +149,7 @@ def main(place: Path) -> None:
         share = Path(folder)
         share.chmod(0o755)
         write_merl(share / "lacquer.binary", by_name("ggx", alpha=0.2, f0=(0.5, 0.3, 0.2), diffuse=0.2))
+        write_merl(share / "flakes.binary", by_name("metallic-paint", flake_alpha=0.3, coat_alpha=0.2))
         (share / "cut.binary").write_bytes((share / "lacquer.binary").read_bytes()[:-8])
         write_felt(share / "felt")
         for name in INSIDE:
@@ -158,6 +163,8 @@ def main(place: Path) -> None:
         blender.run("--command", "measured_materials", "bake", "brdf", expect=2)
         check("usage", True, "exit code 2")
         check("window", inside(blender, "inside"), "operators, panels, saving, loading")
+        told = [line.removeprefix("sampled: ") for line in inside_words(blender, "sampled") if "sampled: " in line]
+        check("lamps sampled in the shader", told[-1:] == ["all is well"], "; ".join(told[:-1]))
         check("undo", inside(blender, "undo"), "lamps added, undone and redone in the background")
         check_files(blender, share)
         check_animation(blender, share)

@@ -52,10 +52,14 @@ def lamp(scene, place, energy=200.0, size=0.5):
     return obj
 
 
-def lacquer(folder):
+def lacquer(folder, name="lacquer", resolution=8):
     """The active object gets a measured paint, of a table small enough to be made in a second."""
     bpy.ops.measured_materials.import_brdf(
-        directory=str(HERE), files=[{"name": "lacquer.binary"}], resolution=8, alpha="given", bundles=str(folder)
+        directory=str(HERE),
+        files=[{"name": f"{name}.binary"}],
+        resolution=resolution,
+        alpha="given",
+        bundles=str(folder),
     )
     return bpy.context.object.active_material
 
