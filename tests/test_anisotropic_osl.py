@@ -25,6 +25,7 @@ from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
+from support.coarse_bakes import coarse_bakes
 from support.monte_carlo import assert_agree, compare
 from support.osl import declared_table, header_card, skip_without_osl
 from support.planes import SHAPES, plane_scene
@@ -92,7 +93,8 @@ def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     source = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
     settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half")
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
+    with coarse_bakes():
+        return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
 
 
 @pytest.mark.parametrize("mode", ["exact", "preview"])
