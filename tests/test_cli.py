@@ -369,6 +369,7 @@ def test_interruption_ends_what_does_not_come_back_to_python() -> None:
     code = """
 import hashlib, os, signal, tempfile, threading
 from measured_materials.addon.cli import interrupts
+from support.coarse_bakes import coarse  # noqa: F401
 interrupts._PATIENCE = 0.2
 threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
 with interrupts.keyboard_interrupts():

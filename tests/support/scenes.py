@@ -48,7 +48,10 @@ class TestScene:
 
     @contextmanager
     def kept(self) -> Iterator[None]:
-        """Within, Cycles keeps the scene from picture to picture: the same pictures, bit for bit, in half the time."""
+        """Within, Cycles keeps the scene from picture to picture: the same pictures, bit for bit, in half the time.
+
+        It follows settings and places; pixels of an image that change within it does not read again.
+        """
         before = self.scene.render.use_persistent_data
         self.scene.render.use_persistent_data = True
         try:
