@@ -92,15 +92,15 @@ def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, monkeypatch:
         # The mask leaves the sphere's edge out, which is no ground either.
         around = np.any([np.roll(sphere, shift, axis) for shift in range(-4, 5) for axis in (0, 1)], axis=0)
         ground[-12:] = ~around[-12:]
-        preview = scene.render(64, 6)
+        preview = scene.render(16, 6)
         monkeypatch.setattr(brdf_group.BrdfParts, "traced", black)
         scene.show(build_material(bundle, mode="balanced"))
-        balanced = scene.render(64, range(100, 106))
+        balanced = scene.render(16, range(100, 106))
         assert_agree(compare(preview, balanced, ground), 0.01)
         assert balanced[:, sphere].max() < 1e-6 < preview[:, sphere].min()
         # Did the ground not see the sphere, the comparison above would prove nothing.
         scene.sphere.hide_render = True
-        assert not compare(preview, scene.render(64, range(200, 206)), ground).passed
+        assert not compare(preview, scene.render(16, range(200, 206)), ground).passed
 
 
 @pytest.fixture
