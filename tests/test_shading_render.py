@@ -31,7 +31,7 @@ EFFECT = 0.01
 COLOUR = (1.3, 1.0, 0.7)
 TINT = (0.9, 1.0, 0.8)
 # Modes whose noise differs: samples for the same detectable effect.
-SAMPLES = {"reference": 128, "exact": 64}
+SAMPLES = {"reference": 64, "exact": 32}
 
 
 def tinted(material: bpy.types.Material) -> bpy.types.Material:
@@ -72,7 +72,7 @@ def test_identity_stack_is_diffuse(tmp_path: Path, mode: str) -> None:
     bundle = map_bundle(tmp_path / "identity", identity_map(), render)
     with lit_sphere(diffuse_material(coloured(0.5)), 64, lamp_size=4.0) as scene:
         scene.sphere.shadow_terminator_geometry_offset = 0
-        agree_and_find(scene, scene.render(64, 6), tinted(build_shading_map(bundle)), SAMPLES[mode])
+        agree_and_find(scene, scene.render(32, 6), tinted(build_shading_map(bundle)), SAMPLES[mode])
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_identity_stack_is_gloss(tmp_path: Path, above: str, mode: str) -> None:
     bundle = map_bundle(tmp_path / "identity", identity_map(), render)
     with lit_sphere(glossy_material(0.4, coloured(0.6)), 64, lamp_size=4.0) as scene:
         scene.sphere.shadow_terminator_geometry_offset = 0
-        agree_and_find(scene, scene.render(64, 6), tinted(build_shading_map(bundle)), SAMPLES[mode])
+        agree_and_find(scene, scene.render(32, 6), tinted(build_shading_map(bundle)), SAMPLES[mode])
 
 
 @pytest.mark.parametrize(
