@@ -96,11 +96,11 @@ def test_aimed_mirror_is_diffuse_under_every_lamp(tmp_path: Path, lighting: str)
         scene.sphere.shadow_terminator_geometry_offset = 0
         for kind, place, settings in LIGHTING[lighting]:
             add_lamp(scene, kind, place, **settings)
-        reference = scene.render(48, 6)
+        reference = scene.render(20, 6)
         scene.show(build_shading_map(bundle, lamps=lamp_image()))
         report = update_scene(scene.scene)
         assert len(report.lamps) == len(LIGHTING[lighting]) and not report.left_out
-        assert_same(reference, scene.render(48, range(100, 108)), scene.mask(), 0.0, 0.01)
+        assert_same(reference, scene.render(20, range(100, 108)), scene.mask(), 0.0, 0.01)
 
 
 def test_aimed_table_is_the_table(tmp_path: Path) -> None:
