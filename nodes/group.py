@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import bpy
@@ -135,44 +136,57 @@ def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
     return list(found)
 
 
-def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
-    """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks."""
+def content_hash(tree: bpy.types.ShaderNodeTree, known: dict[bpy.types.ShaderNodeTree, str] | None = None) -> str:
+    """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks.
+
+    `known` holds the hashes of groups that have not changed since, and takes up those of the groups inside.
+    """
+    known = {} if known is None else known
+    if tree in known:
+        return known[tree]
     order = {node.name: i for i, node in enumerate(tree.nodes)}
     interface = [
-        (i.name, i.in_out, i.socket_type, _plain(getattr(i, "default_value", None)))
+        (i.name, i.in_out, i.socket_type, _plain(getattr(i, "default_value", None), known))
         for i in tree.interface.items_tree
         if i.item_type == "SOCKET"
     ]
-    skipped = _SKIPPED.union(tree.get(SWITCHED_KEY, "").split())
-    nodes = [(n.bl_idname, _properties(n, skipped), _defaults(n)) for n in tree.nodes]
+    skipped = tree.get(SWITCHED_KEY, "").split()
+    nodes = [(n.bl_idname, _properties(n, skipped, known), _defaults(n, known)) for n in tree.nodes]
     links = sorted(
         (order[k.from_node.name], k.from_socket.identifier, order[k.to_node.name], k.to_socket.identifier)
         for k in tree.links
     )
     text = json.dumps([interface, nodes, links], default=str)
-    return hashlib.sha256(text.encode()).hexdigest()
+    known[tree] = hashlib.sha256(text.encode()).hexdigest()
+    return known[tree]
 
 
-def _properties(node: Any, skipped: Set[str]) -> dict[str, Any]:
-    return {
-        p.identifier: _plain(getattr(node, p.identifier))
-        for p in node.bl_rna.properties
-        if p.identifier not in skipped and not p.identifier.startswith("bl_") and p.type != "COLLECTION"
-    }
+def _properties(node: Any, skipped: Sequence[str], known: dict[bpy.types.ShaderNodeTree, str]) -> dict[str, Any]:
+    return {name: _plain(getattr(node, name), known) for name in _settings_of(type(node)) if name not in skipped}
 
 
-def _defaults(node: Any) -> list[Any]:
-    return [_plain(getattr(s, "default_value", None)) for s in node.inputs if not s.is_linked]
+@cache
+def _settings_of(kind: type) -> tuple[str, ...]:
+    """Names of a kind of node's properties that count; asking RNA for them takes longer than reading them."""
+    return tuple(
+        p.identifier
+        for p in kind.bl_rna.properties  # type: ignore[attr-defined]
+        if p.identifier not in _SKIPPED and not p.identifier.startswith("bl_") and p.type != "COLLECTION"
+    )
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, bpy.types.NodeTree):
-        # Its content now, not the hash it was built with: an image it used may be gone since.
-        return value.get(FAMILY_KEY) or content_hash(value)
-    if isinstance(value, bpy.types.ID):
-        return value.name_full
+def _defaults(node: Any, known: dict[bpy.types.ShaderNodeTree, str]) -> list[Any]:
+    return [_plain(getattr(s, "default_value", None), known) for s in node.inputs if not s.is_linked]
+
+
+def _plain(value: Any, known: dict[bpy.types.ShaderNodeTree, str]) -> Any:
     if isinstance(value, (bool, int, float, str, type(None))):
         return value
+    if isinstance(value, bpy.types.NodeTree):
+        # Its content now, not the hash it was built with: an image it used may be gone since.
+        return value.get(FAMILY_KEY) or content_hash(value, known)
+    if isinstance(value, bpy.types.ID):
+        return value.name_full
     if isinstance(value, bpy.types.bpy_struct):
         # Settings of a sub-structure (an image user, a mapping) are never changed by us.
         return None
@@ -188,10 +202,13 @@ def arrange(tree: bpy.types.ShaderNodeTree) -> None:
     for node in tree.nodes:
         _measure_depth(node.name, sources, depth)
     heights: dict[int, int] = {}
+    places: list[float] = []
     for node in tree.nodes:
         column = depth[node.name]
-        node.location = (column * 190, -heights.get(column, 0))
+        places += (column * 190, -heights.get(column, 0))
         heights[column] = heights.get(column, 0) + (320 if node.bl_idname == "ShaderNodeTexImage" else 170)
+    # One by one, each would have Blender look at the whole tree again.
+    tree.nodes.foreach_set("location", places)
 
 
 def _measure_depth(start: str, sources: Mapping[str, list[str]], depth: dict[str, int]) -> None:

@@ -24,6 +24,7 @@ from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
+from support.coarse_bakes import coarse  # noqa: F401
 
 QUICK: dict[str, Any] = {
     "resolution": 8,

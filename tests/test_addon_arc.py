@@ -31,6 +31,7 @@ from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import FAMILY_KEY
 from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.coarse_bakes import coarse  # noqa: F401
 from support.scenes import purge_groups
 from support.stacks import write_stack
 from test_addon import Stage, plate, registered  # noqa: F401

@@ -34,7 +34,7 @@ from measured_materials.nodes.group import call
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.cards import card, data_image
-from support.monte_carlo import assert_agree, compare
+from support.monte_carlo import assert_agree, assert_same, compare
 from support.node_count import count_nodes
 from support.scenes import TestScene, diffuse_material, lit_sphere
 from support.swatches import identity_map, map_bundle
@@ -96,15 +96,11 @@ def test_aimed_mirror_is_diffuse_under_every_lamp(tmp_path: Path, lighting: str)
         scene.sphere.shadow_terminator_geometry_offset = 0
         for kind, place, settings in LIGHTING[lighting]:
             add_lamp(scene, kind, place, **settings)
-        reference = scene.render(48, 6)
-        material = build_shading_map(bundle, lamps=lamp_image())
-        scene.show(material)
+        reference = scene.render(20, 6)
+        scene.show(build_shading_map(bundle, lamps=lamp_image()))
         report = update_scene(scene.scene)
         assert len(report.lamps) == len(LIGHTING[lighting]) and not report.left_out
-        assert_agree(compare(reference, scene.render(48, range(100, 108)), scene.mask()), 0.01)
-        node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-        node.inputs["Tint"].default_value = (1.02,) * 3
-        assert not compare(reference, scene.render(48, range(200, 208)), scene.mask()).passed
+        assert_same(reference, scene.render(20, range(100, 108)), scene.mask(), 0.0, 0.01)
 
 
 def test_aimed_table_is_the_table(tmp_path: Path) -> None:

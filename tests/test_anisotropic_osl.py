@@ -17,6 +17,7 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
+from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.grids.grid import Grid
@@ -25,7 +26,8 @@ from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
-from support.monte_carlo import assert_agree, compare
+from support.coarse_bakes import coarse_bakes
+from support.monte_carlo import assert_same
 from support.osl import declared_table, header_card, skip_without_osl
 from support.planes import SHAPES, plane_scene
 from test_anisotropic_cards import BRUSHED, GRIDS, away_from_borders, directions, random_table
@@ -92,22 +94,32 @@ def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     source = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
     settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half")
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
+    with coarse_bakes():
+        return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
 
 
-@pytest.mark.parametrize("mode", ["exact", "preview"])
-def test_material_equals_that_of_nodes(satin: Bundle, mode: str) -> None:
-    """Sample positions and random numbers are the same: only float32 and rare decisions on its last bits differ."""
+def both(bundle: Bundle, mode: str, samples: int, seeds: int) -> tuple[Array, Array, Array]:
+    """Pictures (K, H, W, 3) of the material of nodes and of its twin, and the mask (H, W)."""
     pictures = []
     for build in (build_material, build_osl_material):
-        with plane_scene(build(satin, mode=mode), SHAPES["turned"], applied=False) as scene:
+        with plane_scene(build(bundle, mode=mode), SHAPES["turned"], applied=False) as scene:
             if build is build_osl_material:
                 use_osl(scene.scene)
-            pictures.append(scene.render(256, 6))
+            pictures.append(scene.render(samples, seeds))
             mask = scene.mask()
-    result = compare(*pictures, mask)
-    print(result)
-    assert_agree(result, 0.01)
+    return pictures[0], pictures[1], mask
+
+
+def test_material_equals_that_of_nodes(satin: Bundle) -> None:
+    """With its mirror, whose random numbers are others; a planted 2 % is found."""
+    assert_same(*both(satin, "exact", 256, 6), 0.0, 0.01)
+
+
+def test_preview_is_the_same_picture(satin: Bundle) -> None:
+    """Closures alone draw no random number of ours: only float32 and rare decisions on its last bits differ."""
+    nodes, osl, mask = both(satin, "preview", 4, 1)
+    off = np.abs(osl - nodes)[:, mask] > 1e-4 * np.maximum(nodes[:, mask], 1e-3)
+    assert off.mean() < 1e-3 and nodes[:, mask].min() > 0
 
 
 @pytest.mark.parametrize("mode", ["exact", "balanced", "reference"])

@@ -18,6 +18,7 @@ from measured_materials.bake.sources import analytic
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import assemble
+from support.coarse_bakes import coarse_bakes
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 
 ROOM = 39  # see test_svm_limits.py
@@ -38,7 +39,8 @@ def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     sampler = SamplerLayout(16, 16, 16)
     settings = BakeSettings(8, parameterization=kind, storage="log", filter="bspline", sampler=sampler, basis=basis)
     out = tmp_path_factory.mktemp(kind) / "satin"
-    bundle = read_bundle(bake_source(SATIN, out, settings, viewers=(5, 3)).path)
+    with coarse_bakes():
+        bundle = read_bundle(bake_source(SATIN, out, settings, viewers=(5, 3)).path)
     assert len(bundle.material["envelope"]["closures"]) >= 2
     return bundle
 

@@ -19,6 +19,7 @@ from measured_materials.addon.cli.main import main
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import DIMENSIONS, write_merl
+from support.coarse_bakes import coarse  # noqa: F401
 
 # A small table with a given alpha bakes in about a second.
 QUICK = ["--resolution", "8", "--alpha", "0.5,0.5", "--no-envelope"]

@@ -19,6 +19,7 @@ from measured_materials.bake.images.image_io import read_image
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.sources.analytic import by_name
+from support.coarse_bakes import coarse  # noqa: F401
 from support.stacks import ELEVATIONS, complaints_in, warnings_in, write_frame, write_stack
 from test_cli import BLOCK_BPY, command
 

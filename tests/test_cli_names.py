@@ -10,6 +10,7 @@ from measured_materials.bake.bundle.origin import refuse_another
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
+from support.coarse_bakes import coarse  # noqa: F401
 from support.stacks import write_stack
 
 QUICK = ["--resolution", "8", "--alpha", "0.5,0.5", "--no-envelope"]

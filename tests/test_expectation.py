@@ -14,6 +14,7 @@ from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
+from support.coarse_bakes import coarse  # noqa: F401
 from support.records import brdf_record
 from test_addon import registered  # noqa: F401
 

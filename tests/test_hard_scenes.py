@@ -131,9 +131,10 @@ def random_numbers(scene: TestScene, samples: int) -> tuple[np.ndarray, np.ndarr
     found = []
     for which in range(3):
         scene.show(numbers_material(which))
-        for sample in range(samples):
-            cycles.sample_offset = 1 + sample
-            found.append(studio.render_rgba(scene.scene))
+        with scene.kept():
+            for sample in range(samples):
+                cycles.sample_offset = 1 + sample
+                found.append(studio.render_rgba(scene.scene))
     stack = np.array(found).reshape(3, samples, *found[0].shape)
     return np.concatenate(stack[..., :3], -1), stack[0, ..., 3] == 1
 

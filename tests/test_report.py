@@ -23,6 +23,7 @@ from measured_materials.bake.report.chart import COLOURS, Chart, Point, number
 from measured_materials.bake.report.journal import Journal
 from measured_materials.bake.report.lobes import BARE_POWER, LobeCost, lobes_section, measure_lobes
 from measured_materials.bake.report.page import Section, Table, write_page
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
@@ -187,6 +188,9 @@ def test_verdict_on_pow_follows_the_times(times: dict[str, float], words: str) -
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """All parts of a quick report, as small as they can be."""
     monkeypatch.setattr(tabulation, "CHOSEN_AT", 12)
+    monkeypatch.setattr(tabulation, "_PAIRS", 2048)
+    small = BakeSettings(12, alpha=(0.5, 0.4), sampler=SamplerLayout(16, 16, 8))
+    monkeypatch.setattr(pictures, "bake_source", lambda source, out: bake_source(source, out, small))
     sizes = run.Sizes(
         tables=tables.TableSizes((8, 12), False),
         lookups=tables.TableSizes((8,), False),

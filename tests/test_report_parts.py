@@ -28,6 +28,7 @@ TINY = Effort(16, 2, 1)
 
 def test_tables_of_four_axes_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tabulation, "CHOSEN_AT", 12)
+    monkeypatch.setattr(tabulation, "_TURNED_PAIRS", 2048)
     source = Ggx(alpha=0.15, alpha_y=0.4)
     sizes = tables.TableSizes((8, 16), False)
     found = tables.measure_tables(source, Journal(tmp_path / "j", {}), sizes, lambda _: None)

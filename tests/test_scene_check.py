@@ -1,9 +1,10 @@
 """The scene check: every rule where it fires and where not, its fix, and which materials count."""
 
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,6 +22,7 @@ from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import HASH_KEY, SWITCHED_KEY, content_hash
 from measured_materials.nodes.material import build_material
+from support.checked_scenes import bundle, clean_blend, painted  # noqa: F401
 from support.scene_check_cases import (
     CASES,
     Case,
@@ -30,31 +32,9 @@ from support.scene_check_cases import (
     lamp,
     lamp_of,
     material_of,
-    paint_bundle,
     rules,
 )
 from support.scenes import TestScene, diffuse_material, lit_sphere
-
-
-@pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return paint_bundle(tmp_path_factory.mktemp("check"))
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    yield
-    clear_blend()
-
-
-@pytest.fixture
-def painted(bundle: Bundle) -> Iterator[TestScene]:
-    """A scene that the check has nothing to say about."""
-    with lit_sphere(build_material(bundle, lamps=lamp_image()), 16, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
-        update_scene(scene.scene)
-        yield scene
-
 
 # --- every rule -------------------------------------------------------------------------------------------
 

@@ -1,8 +1,8 @@
 """The scene check's rules on both sides of what they report; no rule is without either."""
 
-from __future__ import annotations
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
 
-from collections.abc import Iterator
+from __future__ import annotations
 
 import bpy
 import pytest
@@ -11,41 +11,16 @@ from measured_materials.addon.scene_check.check import mend
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
+from support.checked_scenes import bundle, clean_blend, painted, sound  # noqa: F401
 from support.scene_check_cases import (
     CASES,
     clear_blend,
     lamp_of,
     material_of,
-    paint_bundle,
     rules,
 )
 from support.scene_check_edges import EDGES, ELSEWHERE, SWITCHES, Edge, scaled, told_rules
-from support.scenes import TestScene, lit_sphere
-
-
-@pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return paint_bundle(tmp_path_factory.mktemp("edges"))
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    yield
-    clear_blend()
-
-
-def sound(bundle: Bundle) -> TestScene:
-    """A scene that the check has nothing to say about."""
-    scene = lit_sphere(build_material(bundle, lamps=lamp_image()), 16, resolution=32)
-    scene.sphere.shadow_terminator_geometry_offset = 0
-    update_scene(scene.scene)
-    return scene
-
-
-@pytest.fixture
-def painted(bundle: Bundle) -> Iterator[TestScene]:
-    with sound(bundle) as scene:
-        yield scene
+from support.scenes import TestScene
 
 
 def test_no_rule_lacks_a_side() -> None:

@@ -1,17 +1,14 @@
 """The numbers that the scene check shows users, each held to half and one and a half times of what a render shows."""
 
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from measured_materials.bake.bundle.bundle import Bundle
-from support.scene_check_cases import paint_bundle
+from support.checked_scenes import bundle, clean_blend  # noqa: F401
 from support.scene_check_figures import FIGURES, NUMBERS, UNMEASURED, Figure, measured, sentences
-
-
-@pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return paint_bundle(tmp_path_factory.mktemp("figures"))
 
 
 def test_every_figure_is_measured_or_has_its_reason() -> None:

@@ -1,8 +1,10 @@
 """The scene check on light that differs by kind of ray, and on volumes: what is reported, proven by pictures."""
 
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -11,30 +13,12 @@ from mathutils import Matrix
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.addon.scene_check.check import mend
 from measured_materials.addon.scene_check.light_node_rules import emission_outputs
-from measured_materials.bake.brdf.bake import bake_source
-from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle.bundle import Bundle, read_bundle
-from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.sources import analytic
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
+from support.checked_scenes import ALBEDO, clean_blend, matte  # noqa: F401
 from support.light_paths import KINDS, TELLING, darken, emitter, light_of, outputs
-from support.scene_check_cases import clear_blend, lamp_of, rules
+from support.scene_check_cases import lamp_of, rules
 from support.scenes import TestScene, diffuse_material, lit_sphere
-
-ALBEDO = 0.8
-
-
-@pytest.fixture(scope="module")
-def matte(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    path = tmp_path_factory.mktemp("matte") / "matte.mmat"
-    sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
-    return read_bundle(bake_source(analytic.Lambert((ALBEDO,) * 3), path, BakeSettings(8, sampler=sampler)).path)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    yield
-    clear_blend()
 
 
 def scene_of(bundle: Bundle, mode: str = "reference") -> TestScene:

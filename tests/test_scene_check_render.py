@@ -1,40 +1,21 @@
 """Renders that prove what the scene check says: the gravest settings do change the picture."""
 
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.scene_check.check import mend_scene
-from measured_materials.bake.brdf.bake import bake_source
-from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle.bundle import Bundle, read_bundle
-from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.sources import analytic
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
-from support.scene_check_cases import clear_blend, material_of, mixed_under_a_sun, paint_bundle, rules, spoiler
+from support.checked_scenes import bundle, clean_blend, matte  # noqa: F401
+from support.scene_check_cases import material_of, mixed_under_a_sun, rules, spoiler
 from support.scenes import TestScene, diffuse_material, lit_sphere
-
-
-@pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return paint_bundle(tmp_path_factory.mktemp("check"))
-
-
-@pytest.fixture(scope="module")
-def matte(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    path = tmp_path_factory.mktemp("matte") / "matte.mmat"
-    settings = BakeSettings(8, sampler=SamplerLayout(n_o=8, n_h=8, n_phi=4))
-    return read_bundle(bake_source(analytic.Lambert((0.8,) * 3), path, settings).path)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    yield
-    clear_blend()
 
 
 def change(scene: TestScene, spoil: Callable[[TestScene], None], samples: int, seeds: int = 6) -> Any:

@@ -26,6 +26,7 @@ from measured_materials.nodes.feature_passes import albedo_polynomial, with_feat
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import assemble
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.coarse_bakes import coarse_bakes
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 from support.swatches import map_bundle, rough_map
 
@@ -72,7 +73,8 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
         spline="plain",
         sampler=SamplerLayout(n_o=8, n_h=8, n_phi=8),
     )
-    bundle = read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "paint", settings).path)
+    with coarse_bakes():
+        bundle = read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "paint", settings).path)
     assert len(bundle.material["envelope"]["closures"]) == 3
     return bundle
 
@@ -82,7 +84,8 @@ def half_paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """The same over the half vector, whose coordinates take more nodes."""
     sampler = SamplerLayout(n_o=8, n_h=8, n_phi=8)
     settings = BakeSettings(8, "fitted", storage="log", filter="bspline", spline="plain", sampler=sampler, basis="half")
-    return read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "half paint", settings).path)
+    with coarse_bakes():
+        return read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "half paint", settings).path)
 
 
 def brdf_material(bundle: Bundle, name: str) -> bpy.types.Material:

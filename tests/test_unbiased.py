@@ -222,9 +222,10 @@ class Stage:
         default sun, 24 samples).
         """
         pictures = []
-        for seed in seeds:
-            self.scene.scene.camera.data.shift_x = STEP * seed
-            pictures.append(self.scene.render(samples, [seed])[0])
+        with self.scene.kept():
+            for seed in seeds:
+                self.scene.scene.camera.data.shift_x = STEP * seed
+                pictures.append(self.scene.render(samples, [seed])[0])
         return np.stack(pictures)
 
 

@@ -7,7 +7,8 @@ a plane that fills an orthographic view. What comes back is what Cycles' SVM (or
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,41 +23,28 @@ def card(function: Callable[..., Any], *inputs: np.ndarray, osl: bool = False) -
     side = int(np.ceil(np.sqrt(count)))
     images = [_input_image(f"card {k}", values, side) for k, values in enumerate(inputs)]
     results: list[np.ndarray] = []
-    while True:
-        parts = [_evaluate(function, images, inputs, len(results), sign, osl) for sign in (1.0, -1.0)]
-        vector, remaining = parts[0][1:]
-        pixels = (parts[0][0] - parts[1][0])[:count]
-        results.append(pixels if vector else pixels[:, 0])
-        if not remaining:
-            return results
+    with _card_scene(side, osl) as (scene, tree), expr.building(tree):
+        shown = tree.nodes["emission"].inputs["Color"]
+        values = function(*_arguments(images, inputs))
+        for value in values if isinstance(values, tuple) else (values,):
+            vector = isinstance(value, expr.Vector)
+            colour = value if vector else expr.vec(value, value, value)
+            # A film cannot be trusted with negative light, so the two signs travel apart.
+            parts = []
+            for signed in (colour, -colour):
+                expr.feed(tree, shown, expr.vector_node("MAXIMUM", signed, expr.vec(0.0, 0.0, 0.0)))
+                parts.append(_render(scene, side))
+            pixels = (parts[0] - parts[1])[:count]
+            results.append(pixels if vector else pixels[:, 0])
+    bpy.data.batch_remove(images)
+    return results
 
 
-def _evaluate(
-    function: Callable[..., Any], images: list[Any], inputs: Any, which: int, sign: float, osl: bool
-) -> tuple[np.ndarray, bool, bool]:
-    """Positive part of sign * result number `which`; whether it is a vector; whether more results follow.
-
-    A film cannot be trusted with negative light, so the two signs travel apart.
-    """
-    side = images[0].size[0]
-    scene, tree = _card_scene(side, osl)
-    with expr.building(tree):
-        x, y, _ = expr.components(expr.Vector(expr.node("ShaderNodeTexCoord", {}, {}).outputs["UV"]))
-        arguments = []
-        for image, values in zip(images, inputs, strict=True):
-            colour = expr.image_tap(image, x, y, "Closest")[0]
-            arguments.append(colour if values.ndim == 2 else expr.components(colour)[0])
-        results = function(*arguments)
-        results = results if isinstance(results, tuple) else (results,)
-        value = results[which]
-        vector = isinstance(value, expr.Vector)
-        if not vector:
-            value = expr.vec(value, value, value)
-        value = expr.vector_node("MAXIMUM", value if sign > 0 else -value, expr.vec(0.0, 0.0, 0.0))
-        emission = tree.nodes.new("ShaderNodeEmission")
-        expr.feed(tree, emission.inputs["Color"], value)
-        tree.links.new(emission.outputs[0], tree.nodes["out"].inputs["Surface"])
-    return _render(scene, side), vector, which + 1 < len(results)
+def _arguments(images: list[bpy.types.Image], inputs: tuple[np.ndarray, ...]) -> list[Any]:
+    """Each input as the nodes read it, in the tree being built."""
+    x, y, _ = expr.components(expr.Vector(expr.node("ShaderNodeTexCoord", {}, {}).outputs["UV"]))
+    taps = [expr.image_tap(image, x, y, "Closest")[0] for image in images]
+    return [tap if given.ndim == 2 else expr.components(tap)[0] for tap, given in zip(taps, inputs, strict=True)]
 
 
 def _input_image(name: str, values: np.ndarray, side: int) -> bpy.types.Image:
@@ -78,7 +66,9 @@ def data_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
     return image
 
 
-def _card_scene(side: int, osl: bool) -> tuple[bpy.types.Scene, Any]:
+@contextmanager
+def _card_scene(side: int, osl: bool) -> Iterator[tuple[bpy.types.Scene, Any]]:
+    """A plane that fills the view, and its material's tree, which shines by the node "emission"."""
     scene = bpy.data.scenes.new("card")
     mesh = bpy.data.meshes.new("card")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
@@ -93,7 +83,10 @@ def _card_scene(side: int, osl: bool) -> tuple[bpy.types.Scene, Any]:
     scene.collection.objects.link(camera)
     scene.camera = camera
     material = compat.new_material("card")
-    material.node_tree.nodes.new("ShaderNodeOutputMaterial").name = "out"
+    tree = material.node_tree
+    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    emission.name = "emission"
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
     mesh.materials.append(material)
     scene.render.engine = "CYCLES"
     scene.render.resolution_x = scene.render.resolution_y = side
@@ -102,7 +95,15 @@ def _card_scene(side: int, osl: bool) -> tuple[bpy.types.Scene, Any]:
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
     scene.cycles.shading_system = osl
-    return scene, material.node_tree
+    # From one result to the next nothing changes but what is emitted.
+    scene.render.use_persistent_data = True
+    try:
+        yield scene, tree
+    finally:
+        scene.render.use_persistent_data = False
+        owned = [plane, mesh, camera, camera.data, material]
+        bpy.data.scenes.remove(scene)
+        bpy.data.batch_remove(owned)
 
 
 def _render(scene: bpy.types.Scene, side: int) -> np.ndarray:
@@ -114,5 +115,4 @@ def _render(scene: bpy.types.Scene, side: int) -> np.ndarray:
         pixels = np.empty(side * side * 4, np.float32)
         image.pixels.foreach_get(pixels)
         bpy.data.images.remove(image)
-    bpy.data.scenes.remove(scene)
     return pixels.reshape(-1, 4)[:, :3]

@@ -18,6 +18,7 @@ from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
+from measured_materials.nodes.group import FAMILY_KEY, HASH_KEY, content_hash, trees_below
 
 from support.scenes import TestScene
 
@@ -37,10 +38,23 @@ def paint_bundle(folder: Path) -> Bundle:
 
 
 def clear_blend() -> None:
-    """Remove everything of the kinds that these scenes are made of."""
+    """Remove everything of the kinds that these scenes are made of.
+
+    But for groups that aim, most of the time that a material takes to build: the next takes them up where they are as
+    they were built, and `update_scene` writes their tables anew.
+    """
+    kept = _as_built()
     for kind in ("materials", "node_groups", "images", "lights", "libraries", "collections", "texts"):
         for block in list(getattr(bpy.data, kind)):
-            getattr(bpy.data, kind).remove(block)
+            if block not in kept:
+                getattr(bpy.data, kind).remove(block)
+
+
+def _as_built() -> set[Any]:
+    """Groups that aim, with all inside; of linked ones nothing."""
+    own = [t for t in bpy.data.node_groups if t.library is None and FAMILY_KEY in t]
+    trees = {inner for t in own if t.get(HASH_KEY) == content_hash(t) for inner in trees_below(t)}
+    return trees | {n.image for tree in trees for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage"}
 
 
 def rules(scene: TestScene) -> dict[str, Finding]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -39,10 +40,24 @@ class TestScene:
         """Linear pictures (K, H, W, 3) under the seeds given, or under 0 to K - 1."""
         self.scene.cycles.samples = samples
         pictures = []
-        for seed in range(seeds) if isinstance(seeds, int) else seeds:
-            self.scene.cycles.seed = seed
-            pictures.append(studio.render_linear(self.scene))
+        with self.kept():
+            for seed in range(seeds) if isinstance(seeds, int) else seeds:
+                self.scene.cycles.seed = seed
+                pictures.append(studio.render_linear(self.scene))
         return np.stack(pictures)
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Within, Cycles keeps the scene from picture to picture: the same pictures, bit for bit, in half the time.
+
+        It follows settings and places; pixels of an image that change within it does not read again.
+        """
+        before = self.scene.render.use_persistent_data
+        self.scene.render.use_persistent_data = True
+        try:
+            yield
+        finally:
+            self.scene.render.use_persistent_data = before
 
     def mask(self) -> NDArray[np.bool_]:
         """Pixels (H, W) that the sphere fills, those next to its edge left out."""
