@@ -20,6 +20,7 @@ from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
@@ -222,6 +223,17 @@ def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     with pytest.raises(BakeError, match="choose the measurement"):
         bake_material.bake_again(material, settings, pack=True)
     assert "does not say" in BRDF.why_not_bakeable(material)
+
+
+def test_baking_again_keeps_what_the_panel_does_not_show(plate: Any, tmp_path: Path) -> None:
+    """To the very texels, as their hashes say."""
+    settings = BakeSettings(6, basis="normal", envelope=False, sampler=SamplerLayout(16, 8, 8), viewers=(4, 2))
+    result = bake_source(by_name("ggx", alpha=0.3, alpha_y=0.5), tmp_path / "brushed", settings)
+    plate.active_material = material = bake_material.material_from(result, pack=True)
+    show_settings(material.measured_materials, settings)
+    before = dict(facts_of(material))
+    assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
+    assert facts_of(material) == before and Path(material[BUNDLE_KEY]) == result.path
 
 
 def test_greyed_out_button_says_why(plate: Any) -> None:

@@ -107,9 +107,9 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> Bundles:
             sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
             settings = BakeSettings(resolution=8, alpha=(0.5, 0.3), sampler=sampler, storage=Storage.FLOAT32)
             return read_bundle(bake_source(ward, folder / name, settings).path)
-        settings = BakeSettings(resolution=8, envelope=name == "brushed with envelope", basis="half")
+        settings = BakeSettings(8, envelope=name == "brushed with envelope", basis="half", viewers=(8, 4))
         ggx = analytic.Ggx(alpha=0.2, alpha_y=0.4)
-        return read_bundle(bake_source(ggx, folder / name, settings, viewers=(8, 4)).path)
+        return read_bundle(bake_source(ggx, folder / name, settings).path)
 
     return baked
 

@@ -25,7 +25,7 @@ from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
 from .preview_sphere import preview_sphere
-from .reflection import Reflection, ViewerCounts, reflection_of
+from .reflection import Reflection, reflection_of
 from .settings import BakeSettings
 
 _ERROR_PAIRS = 32768
@@ -52,8 +52,6 @@ def bake_source(
     settings: BakeSettings | None = None,
     progress: Progress | None = None,
     origin: dict[str, str] | None = None,
-    *,
-    viewers: ViewerCounts = (24, 8),
 ) -> BakeResult:
     """Bake any source, analytic ones included, to the bundle `out`.
 
@@ -61,7 +59,6 @@ def bake_source(
     ----------
     progress : called with the stage's name and its share done
     origin : of the measurement, "file" and "sha256", kept in the bundle
-    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
 
     Raises
     ------
@@ -73,12 +70,12 @@ def bake_source(
     bake = _Bake(source, settings, _named(progress, source))
     choice, grid = bake.choose_grid()
     made = bake.tabulate(grid)
-    reflection = reflection_of(bake.source, grid, choice, settings, viewers)
+    reflection = reflection_of(bake.source, grid, choice, settings)
     images = {"table": made.kept.image(), "sampler": bake.cells(made.kept.table, reflection)}
     facts = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
-        "settings": _plain_settings(settings) | reflection.settings(),
+        "settings": _plain_settings(settings, source),
         "table": bake.table_facts(made),
         "search": choice.search and choice.search.facts(),
         "choice": choice.facts(),
@@ -249,8 +246,12 @@ def _filters_of(table: Table, spline: str) -> tuple[Filter, ...]:
     return tuple(names)
 
 
-def _plain_settings(settings: BakeSettings) -> dict[str, Any]:
+def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any]:
+    """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
+    plain["viewers"] = list(settings.viewers)
+    if source.isotropic:
+        del plain["viewers"]
     plain["storage"] = str(settings.storage)
     plain["alpha"] = settings.alpha if isinstance(settings.alpha, str) else list(settings.alpha)
     return plain

@@ -23,12 +23,13 @@ from .parts import (
     ErrorsRecord,
     PreviewRecord,
     ResidualRecord,
-    SettingsRecord,
     StoredTableRecord,
     TableRecord,
     candidates_of,
     sampler_of,
+    settings_of,
 )
+from .settings import BakeSettings
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class BrdfRecord(BundleRecord):
 
     Attributes
     ----------
+    settings : to bake the same again with
     table, residual : the stored tables; no residual where no envelope was fitted
     sampler : sizes of the alias tables of both
     rms_by_filter : RMS in 1/sr with the filter of the bake and with every simpler one; empty in older bundles
@@ -47,7 +49,7 @@ class BrdfRecord(BundleRecord):
 
     kind, kind_words = "brdf", "a BRDF"
 
-    settings: SettingsRecord
+    settings: BakeSettings
     table: TableRecord
     sampler: Layout
     errors: ErrorsRecord
@@ -67,7 +69,7 @@ class BrdfRecord(BundleRecord):
         return {
             "table": table,
             "residual": _residual_of(fields, images, table),
-            "settings": SettingsRecord.parse(fields.part("settings")),
+            "settings": settings_of(fields.part("settings")),
             "sampler": _sampler_of(fields, images, anisotropic),
             "errors": ErrorsRecord.parse(fields.part("errors")),
             "albedo": AlbedoRecord.parse(fields, "albedo"),

@@ -34,8 +34,6 @@ from ..tables.table import Table
 from ..tables.treated_source import TreatedSource
 from .settings import BakeSettings
 
-# Nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth.
-ViewerCounts = tuple[int, int]
 Share = Callable[[float], None]
 
 _DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
@@ -58,10 +56,6 @@ class Reflection(ABC):
 
     def __init__(self, treated: TreatedSource) -> None:
         self._treated = treated
-
-    def settings(self) -> dict[str, Any]:
-        """Settings that only sources of this kind have, JSON-ready."""
-        return {}
 
     def cells(self, table: Table, progress: Share) -> Array:
         """Texels of alias tables that follow a table."""
@@ -139,17 +133,11 @@ class AnisotropicReflection(Reflection):
 
     layout: SlopeLayout
 
-    def __init__(
-        self, treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
-    ) -> None:
+    def __init__(self, treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings) -> None:
         super().__init__(treated)
-        self._counts = counts
+        self._counts = settings.viewers
         widths = (grid.width_x, grid.width_y) if isinstance(grid, AnisotropicHalfGrid) else _USUAL_WIDTHS
         self.layout = slope_layout(settings.sampler, widths, choice.half_turn)
-
-    def settings(self) -> dict[str, Any]:
-        """Numbers of the nodes."""
-        return {"viewers": list(self._counts)}
 
     def nodes(self) -> ViewerGrid:
         """Elevations and azimuths."""
@@ -191,13 +179,11 @@ class AnisotropicReflection(Reflection):
         return {}
 
 
-def reflection_of(
-    treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
-) -> Reflection:
+def reflection_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings) -> Reflection:
     """Reflection of an isotropic or an anisotropic source."""
     if treated.isotropic:
         return IsotropicReflection(treated, settings)
-    return AnisotropicReflection(treated, grid, choice, settings, counts)
+    return AnisotropicReflection(treated, grid, choice, settings)
 
 
 def slope_layout(wanted: SamplerLayout, widths: tuple[float, float], half_turn: bool) -> SlopeLayout:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from ..envelope.viewers import MOST_EACH_WAY
 from ..errors import BakeError
 from ..images.storage import TABLE_STORAGES, Storage
 from ..sampling.half_vector_cells import SamplerLayout
@@ -15,6 +16,9 @@ from ..tables.table import FILTERS, Filter
 
 AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
+# Nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth.
+ViewerCounts = tuple[int, int]
+_MOST_VIEWERS = MOST_EACH_WAY // 2
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class BakeSettings:
     sampler : sizes of the alias tables
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
+    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     """
 
     resolution: int = 64
@@ -46,6 +51,7 @@ class BakeSettings:
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
     basis: Basis | Literal["auto"] = "auto"
+    viewers: ViewerCounts = (24, 8)
 
     def __post_init__(self) -> None:
         _check(
@@ -64,6 +70,8 @@ class BakeSettings:
             _check_choice("alpha", self.alpha, get_args(AlphaChoice))
         else:
             _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+        few = len(self.viewers) == 2 and all(2 <= count <= _MOST_VIEWERS for count in self.viewers)
+        _check("viewers", few, f"two numbers from 2 to {_MOST_VIEWERS}", self.viewers)
         if self.alpha != "error":
             _check("alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis")
 
