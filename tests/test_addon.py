@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import measured_materials
 import pytest
+from measured_materials.addon.cli.inspect import inspect_bundle
 from measured_materials.addon.material import bake_material
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import BRDF
@@ -302,6 +303,14 @@ def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
     stage = Stage(lacquer)
     stage.engine = "BLENDER_WORKBENCH"
     assert any("approximates" in text for text in stage.drawn(panel._Panel))
+
+
+def test_the_panel_and_inspect_tell_the_same_in_one_order(lacquer: Any) -> None:
+    """But for the sizes, which `inspect` tells of each image."""
+    drawn, lines = Stage(lacquer).drawn(panel._Panel), inspect_bundle(Path(lacquer[BUNDLE_KEY])).lines
+    rows = [row for row in zip(drawn[::2], drawn[1::2], strict=True) if not row[0].startswith("In ")]
+    told = [row for line in lines for row in rows if line.startswith(f"{row[0]} ") and line.endswith(f"  {row[1]}")]
+    assert told == rows and len(rows) > 8
 
 
 def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:

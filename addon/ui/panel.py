@@ -12,6 +12,7 @@ from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import effects_of
 from ..material.texture_repair import wrong_textures
+from ..summary.parts import parts_of
 from .bake_again import MEASURED_MATERIALS_OT_bake_again
 from .context import shown_material
 from .fit_to_scene import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
@@ -129,8 +130,8 @@ def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> Non
     column = layout.column(align=True)
     try:
         record = record_of(material)
-        for part in kind_of(material).rows:
-            for label, value in part(record):
+        for rows in parts_of(record):
+            for label, value in rows:
                 _draw_row(column, label, value)
             column.separator()
     except BakeError as error:
