@@ -27,7 +27,6 @@ def test_words_of_every_mode() -> None:
 
 
 def test_a_filter_that_was_not_measured_gives_the_time_alone() -> None:
-    """A fitted spline's coefficients read linearly are another table."""
     assert "%" not in expectation(brdf_record(rms_by_filter={"trilinear": 0.1}), "reference", "nearest")
 
 

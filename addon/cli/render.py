@@ -195,9 +195,10 @@ def _render(
         )
         try:
             if settings is None and options.osl:
-                lamps = None if options.aim == "never" else lamp_image()
+                lamps, mode = None if options.aim == "never" else lamp_image(), usual_choices(record, options.mode).mode
+                record.check_filter(options.filter or record.table.filter, mode)
                 use_osl(scene)
-                build_osl_material(record, material, mode=options.mode, filter=options.filter, lamps=lamps)
+                build_osl_material(record, material, mode=mode, filter=options.filter, lamps=lamps)
             elif settings is None:
                 filter = {} if options.filter is None else {"filter": options.filter}
                 choices = replace(usual_choices(record, options.mode), aim=options.aim, **filter)

@@ -86,6 +86,13 @@ class BrdfRecord(BundleRecord):
         """Whether the table has four dimensions."""
         return is_anisotropic(self.table.grid)
 
+    def check_filter(self, name: str, mode: str) -> None:
+        """Raise BakeError where a mode of `bake.brdf.modes.MODES` would interpolate fitted coefficients as if they were
+        values; the residual, of which other modes are built, holds values."""
+        if mode == "reference" and self.table.spline == "fitted" and name != "bspline":
+            cause = f"holds fitted spline coefficients, which {name} would take for values of the table"
+            raise BakeError(self.where, cause, "leave the filter as baked, or bake it again with another")
+
     def stored(self, part: str) -> StoredTableRecord:
         """How the "table" or the "residual" is stored. Raises BakeError where there is none."""
         found: StoredTableRecord | None = self.table if part == "table" else self.residual
