@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from ..bundle.result import BakeResult, Progress
 from ..envelope import EnvelopeFit, pack_weights, reconstruction_errors
 from ..errors import BakeError
 from ..images.storage import Storage
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts, Json
 from ..sources import read_source
 from ..tables.accuracy import direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
@@ -72,12 +73,12 @@ def bake_source(
     made = bake.tabulate(grid)
     reflection = reflection_of(bake.source, grid, choice, settings)
     images = {"table": made.kept.image(), "sampler": bake.cells(made.kept.table, reflection)}
-    facts = {
+    facts: dict[str, Json] = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
         "settings": _plain_settings(settings, source),
         "table": bake.table_facts(made),
-        "search": choice.search and choice.search.facts(),
+        "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
         "sampler": asdict(reflection.layout),
         **bake.measured(made, reflection),
@@ -170,7 +171,7 @@ class _Bake:
         texels = reflection.cells(_sampled(table), lambda share: self.say("sampler", share))
         return StoredImage(texels, Storage.FLOAT32)
 
-    def table_facts(self, made: _Tabulated) -> dict[str, Any]:
+    def table_facts(self, made: _Tabulated) -> Facts:
         """Grid, filter and storage, and how values come back; JSON-ready."""
         return {
             **({} if self.source.isotropic else {"anisotropic": True}),
@@ -182,7 +183,7 @@ class _Bake:
             "total_intensity": made.total_intensity,
         }
 
-    def measured(self, made: _Tabulated, reflection: Reflection) -> dict[str, Any]:
+    def measured(self, made: _Tabulated, reflection: Reflection) -> Facts:
         """Errors and albedos; JSON-ready."""
         self.say("measuring", 0.0)
         table = made.kept.table
@@ -195,12 +196,12 @@ class _Bake:
             "table_albedo": reflection.table_albedo(table),
         }
 
-    def _errors(self, table: Table, filter: Filter) -> dict[str, Any]:
+    def _errors(self, table: Table, filter: Filter) -> Mapping[str, float]:
         return table_errors(table, filter, self.pairs, self.truth)
 
     def envelope(
         self, table: Table, reflection: Reflection
-    ) -> tuple[EnvelopeFit, dict[str, Any], dict[str, StoredImage]]:
+    ) -> tuple[EnvelopeFit, dict[str, Json], dict[str, StoredImage]]:
         """The envelope; facts and images of it and of the residual."""
         self.say("envelope", 0.0)
         fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))

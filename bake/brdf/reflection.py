@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from ..envelope import (
 from ..sampling.cell_sampler import build_sampler
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.slope_cells import SlopeLayout
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts
 from ..tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..tables.bspline_fit import sample_spline
 from ..tables.grids.anisotropic_grids import AnisotropicHalfGrid
@@ -78,11 +77,11 @@ class Reflection(ABC):
         """The closures of mode Preview, given the envelope where there is one."""
 
     @abstractmethod
-    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> Facts:
         """As `bake.tables.albedo.albedo_facts`."""
 
     @abstractmethod
-    def table_albedo(self, table: Table) -> dict[str, Any]:
+    def table_albedo(self, table: Table) -> Facts:
         """The same of a table, by fewer directions."""
 
     @abstractmethod
@@ -109,11 +108,11 @@ class IsotropicReflection(Reflection):
         """Closures of their own, fitted to the source."""
         return fit_preview(self._treated)
 
-    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> Facts:
         """By elevation."""
         return albedo_facts(source)
 
-    def table_albedo(self, table: Table) -> dict[str, Any]:
+    def table_albedo(self, table: Table) -> Facts:
         """By elevation."""
         return albedo_facts(table, n=48)
 
@@ -148,17 +147,17 @@ class AnisotropicReflection(Reflection):
         """The envelope's closures, with weights of their own."""
         return fit_preview(self._treated, self.nodes(), envelope.closures if envelope else None)
 
-    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> Facts:
         """By elevation the mean over the viewer's azimuth; "largest" and "above_one_deg" are those of any."""
         return self._albedo(source, 48)
 
-    def table_albedo(self, table: Table) -> dict[str, Any]:
+    def table_albedo(self, table: Table) -> Facts:
         """As `albedo`. Of a spline, whose 256 taps would take minutes, that of its values at the nodes."""
         if table.filter == "bspline":
             table = replace(table, values=sample_spline(table.grid, table.values), filter="trilinear")
         return self._albedo(table, 24)
 
-    def _albedo(self, source: BrdfSource, n: int) -> dict[str, Any]:
+    def _albedo(self, source: BrdfSource, n: int) -> Facts:
         azimuths = np.arange(_AZIMUTHS) * (2 * np.pi / _AZIMUTHS) + 0.1
         rows = np.array([directional_albedo(source, np.radians(_DEGREES), n, float(phi)) for phi in azimuths])
         degrees = np.array(_DEGREES)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 from . import shifts
 from .calibration import calibrate_by_albedo, calibrate_by_card
 from .development import Counts, Development
@@ -119,7 +120,7 @@ def read_stack(
 
 def _read_images(
     plan: Plan, settings: StackSettings, decoder: Decoder | None, warnings: list[str], say: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.float64] | None, list[Counts], dict[str, Any] | None]:
+) -> tuple[NDArray[np.float32], NDArray[np.float64] | None, list[Counts], Facts | None]:
     """Images (n, H, W, 3), card means (n, 3), counts, facts of the flat field."""
     placement, card = plan.placement, settings.white_card
     flat = None
@@ -162,7 +163,7 @@ def _calibrate(
     cards: NDArray[np.float64] | None,
     directions: NDArray[np.float64] | None,
     settings: StackSettings,
-) -> dict[str, Any]:
+) -> Facts:
     cosines = None if directions is None else directions[:, 2]
     if cards is not None:
         facts = calibrate_by_card(names, images, cards, cosines, settings.white_reflectance)
@@ -183,7 +184,7 @@ def _turned(directions: NDArray[np.float64], turn: float) -> NDArray[np.float64]
 
 def _frame_facts(
     plan: Plan, settings: StackSettings, images: NDArray[np.float32], border: tuple[int, int, int, int]
-) -> dict[str, Any]:
+) -> Facts:
     placement: Placement = plan.placement
     return {
         "photograph": list(plan.size),

@@ -20,7 +20,7 @@ from ..bundle.result import BakeResult
 from ..errors import BakeError
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
-from ..source import BrdfSource
+from ..source import BrdfSource, Facts
 from ..tables.albedo import directional_albedo
 from ..tiling.tileable import TileSettings, make_tileable
 from .albedo import map_albedo_facts
@@ -144,7 +144,7 @@ def bake_stack(
     images, map_facts, stored = store_map(shading_map, settings.compression, settings.storage, settings.rank)
     calibrated = a_max if stack.calibrated else None
     say("measuring", 0.0)
-    facts = {
+    facts: Facts = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": name, **(origin or {}), "facts": {"format": "photographs on a light arc", **stack.facts}},
         "warnings": [*stack.warnings, *_slice_warnings(made), *_tiling_warnings(tiling)],
@@ -199,7 +199,7 @@ def _measured_brdf(path: Path | None) -> tuple[BrdfRecord | None, BrdfSource | N
     return record, record.load_table()
 
 
-def _f_r_facts(record: BrdfRecord | None, f_r: BrdfSource | None) -> dict[str, Any]:
+def _f_r_facts(record: BrdfRecord | None, f_r: BrdfSource | None) -> Facts:
     """What the copied table and sampler need to be read, and the BRDF's own albedo at the normal, a grey."""
     if record is None or f_r is None:
         return {}
@@ -214,7 +214,7 @@ def _copied(record: BrdfRecord, name: str) -> StoredImage:
 
 def _chosen_render(
     stack: PhotoStack, averages: NDArray[np.float64], settings: ArcSettings
-) -> tuple[RenderSettings, dict[str, Any] | None]:
+) -> tuple[RenderSettings, Facts | None]:
     if settings.brdf:
         return replace(settings.render, lobe=None), None
     if stack.directions is None:
@@ -248,7 +248,7 @@ def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
 
 def _averages(
     stack: PhotoStack, averages: NDArray[np.float64], order: NDArray[np.intp], shading_map: ShadingMap
-) -> dict[str, Any]:
+) -> Facts:
     """Averages for the plot of the linearisation (Kautz et al. 2004): photographs as sorted, and slices."""
     elevations = None
     if stack.directions is not None:
@@ -262,7 +262,7 @@ def _averages(
     }
 
 
-def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: ShadingMap) -> dict[str, Any]:
+def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: ShadingMap) -> Facts:
     difference = stored.slices[1:] - shading_map.slices[1:]
     return {
         "storage_rms": float(np.sqrt(np.square(difference).mean(dtype=np.float64))),

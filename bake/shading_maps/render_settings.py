@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from ..brdf.modes import MODES, Mode
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
+from ..source import Facts
 from .shading_map import ABOVE, Above
 
 Technique = Literal["lookup", "lit_texture", "angular", "final_radiance"]
@@ -54,7 +55,7 @@ class RenderSettings:
         for name, choices in (("above", ABOVE), ("technique", TECHNIQUES), ("mode", MODES), ("tiling", TILINGS)):
             _check(name, getattr(self, name) in choices, " or ".join(choices), getattr(self, name))
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready; `record_parts.render_settings_of` reads it back."""
         names = ("sigma", "above", "technique", "mode", "tiling", "a_max")
         lobe = None if self.lobe is None else self.lobe.facts()

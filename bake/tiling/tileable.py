@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ..errors import BakeError
-from ..source import Array
+from ..source import Array, Facts
 from .offset import OffsetPlan, plan_offset
 from .quilt import QuiltPlan, patch_count, plan_quilt
 from .seams import shrink, stack_features
@@ -229,7 +229,7 @@ def _places(height: int, width: int) -> Array:
     return np.moveaxis(np.indices((height, width), dtype=np.int32), 0, 2)
 
 
-def _mean_facts(before: Array, after: Array) -> dict[str, Any]:
+def _mean_facts(before: Array, after: Array) -> Facts:
     ratios = _mean_ratios(before, after)
     return {"means": [round(r, 5) for r in ratios], "means_spread": round(max(ratios) / max(min(ratios), 1e-30) - 1, 5)}
 
