@@ -34,10 +34,9 @@ from measured_materials.nodes.stochastic_mirror_group import more_random_numbers
 from support.cards import card
 from support.monte_carlo import assert_agree, compare
 from support.random_walk import Walk
-from support.scenes import diffuse_material, lit_sphere
+from support.scenes import add_lamp, diffuse_material, lit_sphere
 from support.svm_stack import aim_at_everything
 from support.swatches import map_bundle, rough_map
-from test_aimed_light import add_lamp
 
 Bundles = Callable[[str], Bundle]
 Build = Callable[[Bundles, Path], bpy.types.Material]

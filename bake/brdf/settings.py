@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from ..envelope.viewers import MOST_EACH_WAY
-from ..errors import BakeError
+from ..errors import check_choice, check_setting
 from ..images.storage import TABLE_STORAGES, Storage
 from ..sampling.half_vector_cells import SamplerLayout
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
@@ -54,26 +54,28 @@ class BakeSettings:
     viewers: ViewerCounts = (24, 8)
 
     def __post_init__(self) -> None:
-        _check(
+        check_setting(
             "resolution",
             4 <= self.resolution <= MAX_RESOLUTION,
             f"from 4 to {MAX_RESOLUTION}",
             self.resolution,
         )
-        _check_choice("basis", self.basis, (*BASES, "auto"))
-        _check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
-        _check_choice("filter", self.filter, FILTERS)
-        _check_choice("spline", self.spline, get_args(SplineFit))
-        _check_choice("storage", str(self.storage), TABLE_STORAGES)
+        check_choice("basis", self.basis, (*BASES, "auto"))
+        check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
+        check_choice("filter", self.filter, FILTERS)
+        check_choice("spline", self.spline, get_args(SplineFit))
+        check_choice("storage", str(self.storage), TABLE_STORAGES)
         object.__setattr__(self, "storage", Storage(self.storage))
         if isinstance(self.alpha, str):
-            _check_choice("alpha", self.alpha, get_args(AlphaChoice))
+            check_choice("alpha", self.alpha, get_args(AlphaChoice))
         else:
-            _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+            check_setting("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
         few = len(self.viewers) == 2 and all(2 <= count <= _MOST_VIEWERS for count in self.viewers)
-        _check("viewers", few, f"two numbers from 2 to {_MOST_VIEWERS}", self.viewers)
+        check_setting("viewers", few, f"two numbers from 2 to {_MOST_VIEWERS}", self.viewers)
         if self.alpha != "error":
-            _check("alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis")
+            check_setting(
+                "alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis"
+            )
 
     @property
     def bases(self) -> tuple[str, ...]:
@@ -86,12 +88,3 @@ class BakeSettings:
     def spacing(self) -> Parameterization | Literal["auto"]:
         """The parameterisation, or "auto" where it is to be chosen."""
         return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
-
-
-def _check(name: str, ok: bool, wanted: str, given: object) -> None:
-    if not ok:
-        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")
-
-
-def _check_choice(name: str, given: str, choices: tuple[str, ...]) -> None:
-    _check(name, given in choices, " or ".join(choices), given)

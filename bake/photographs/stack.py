@@ -50,6 +50,18 @@ class PhotoStack:
     warnings: tuple[str, ...]
     facts: dict[str, Any] = field(default_factory=dict)
 
+    def in_order(self, averages: NDArray[np.float64], order: NDArray[np.intp]) -> Facts:
+        """Names, elevations in degrees where known, and averages of the photographs in this order; JSON-ready."""
+        elevations = None
+        if self.directions is not None:
+            sines = np.clip(self.directions[order, 2], -1, 1)
+            elevations = [round(float(e), 3) for e in np.degrees(np.arcsin(sines))]
+        return {
+            "photographs": [self.names[k] for k in order],
+            "elevations_deg": elevations,
+            "before": averages[order].tolist(),
+        }
+
 
 def read_stack(
     source: Path | str | Sequence[Path | str],

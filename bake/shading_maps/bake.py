@@ -17,7 +17,7 @@ from ..brdf.record import BrdfRecord
 from ..bundle.bundle import StoredImage, read_bundle, write_bundle
 from ..bundle.origin import photographs_origin
 from ..bundle.result import BakeResult
-from ..errors import BakeError
+from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
 from ..source import BrdfSource, Facts
@@ -72,8 +72,7 @@ class ArcSettings:
 
     def __post_init__(self) -> None:
         for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", IMAGE_STORAGES)):
-            if str(getattr(self, name)) not in choices:
-                raise BakeError(name, f"cannot be {getattr(self, name)}", f"choose {' or '.join(choices)}")
+            check_choice(name, str(getattr(self, name)), choices)
         object.__setattr__(self, "storage", Storage(self.storage))
         if not 2 <= self.slices <= 64:
             raise BakeError("slices", f"cannot be {self.slices}", "choose 2 to 64")
@@ -159,7 +158,11 @@ def bake_stack(
             "a_max": calibrated,
             "level_by_cosine": level_by_cosine(stack.directions, made.averages / made.a_max),
         },
-        "averages": _averages(stack, made.averages, made.order, shading_map),
+        # For the plot of the linearisation (Kautz et al. 2004).
+        "averages": {
+            **stack.in_order(made.averages, made.order),
+            "after": averages_of(shading_map.slices).tolist(),
+        },
         "errors": _errors(held_out, shading_map, stored),
         "tiling": tiling,
         "lobe_fit": fit,
@@ -244,22 +247,6 @@ def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
     if after <= VISIBLE_SEAM:
         return []
     return [f"seams remain visible where the swatch repeats ({after:.1f} times as strong as its own structure)"]
-
-
-def _averages(
-    stack: PhotoStack, averages: NDArray[np.float64], order: NDArray[np.intp], shading_map: ShadingMap
-) -> Facts:
-    """Averages for the plot of the linearisation (Kautz et al. 2004): photographs as sorted, and slices."""
-    elevations = None
-    if stack.directions is not None:
-        sines = np.clip(stack.directions[order, 2], -1, 1)
-        elevations = [round(float(e), 3) for e in np.degrees(np.arcsin(sines))]
-    return {
-        "photographs": [stack.names[k] for k in order],
-        "elevations_deg": elevations,
-        "before": averages[order].tolist(),
-        "after": averages_of(shading_map.slices).tolist(),
-    }
 
 
 def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: ShadingMap) -> Facts:

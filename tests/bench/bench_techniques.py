@@ -54,13 +54,7 @@ OBLIQUE = ("view 30 degrees", "view 60 degrees")
 OWN_LEVEL = "own level"
 ASIDE = ("azimuth 90", "azimuth 180")
 COLUMNS = (*IN_ORDER, OWN_LEVEL)
-LABELS = {
-    "lit_texture": "lit texture",
-    "final_radiance": "final radiance",
-    "angular": "angular lookup",
-    "lookup": "lookup by r",
-    OWN_LEVEL: "r as it is",
-}
+LABELS = {**techniques.LABELS, OWN_LEVEL: "r as it is"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -191,3 +191,16 @@ def purge_groups() -> None:
     while unused := [tree for tree in bpy.data.node_groups if not tree.users]:
         for tree in unused:
             bpy.data.node_groups.remove(tree)
+
+
+def add_lamp(scene: TestScene, kind: str, place: tuple[float, float, float], **settings: Any) -> bpy.types.Object:
+    """A lamp that looks at the origin and that mirrors meet."""
+    data = bpy.data.lights.new(kind, kind)
+    data.cycles.use_multiple_importance_sampling = True
+    for name, value in settings.items():
+        setattr(data, name, value)
+    eye = Vector(place)
+    obj = bpy.data.objects.new(kind, data)
+    obj.matrix_world = Matrix.Translation(eye) @ (-eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+    scene.scene.collection.objects.link(obj)
+    return obj
