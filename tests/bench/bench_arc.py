@@ -124,20 +124,10 @@ def materials(bundle: Bundle) -> dict[str, Make]:
             )
     made["lit texture"] = lambda: build_shading_map(bundle, settings=replace(usual, technique="lit_texture"))
     albedo = tuple(bundle.material["albedo"]["directional"][0])
-    made["Diffuse BSDF"] = lambda: _plain("ShaderNodeBsdfDiffuse", {"Color": (*albedo, 1)})
+    made["Diffuse BSDF"] = lambda: compat.shader_material("plain", "ShaderNodeBsdfDiffuse", {"Color": (*albedo, 1)})
     cloth = {"Base Color": (*albedo, 1), "Roughness": 0.8, "Sheen Weight": 0.3}
-    made["Principled BSDF, sheen"] = lambda: _plain("ShaderNodeBsdfPrincipled", cloth)
+    made["Principled BSDF, sheen"] = lambda: compat.shader_material("plain", "ShaderNodeBsdfPrincipled", cloth)
     return made
-
-
-def _plain(kind: str, values: dict[str, Any]) -> bpy.types.Material:
-    material = compat.new_material("plain")
-    tree = material.node_tree
-    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    for name, value in values.items():
-        shader.inputs[name].default_value = value
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
 
 
 def noise(name: str, bundle: Bundle, quick: bool) -> list[dict[str, Any]]:

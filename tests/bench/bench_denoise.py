@@ -34,6 +34,7 @@ SOURCES: dict[str, BrdfSource] = {
     "chrome": analytic.Ward(diffuse=(0, 0, 0), specular=(0.8, 0.78, 0.75), alpha=0.05),
 }
 # Of similar look, no fit.
+PRINCIPLED = "ShaderNodeBsdfPrincipled"
 STAND_INS: dict[str, dict[str, Any]] = {
     "felt": {"Base Color": (0.4, 0.09, 0.15, 1), "Roughness": 1.0, "Specular IOR Level": 0.0},
     "metallic paint": {"Base Color": (0.16, 0.28, 0.6, 1), "Metallic": 0.7, "Coat Weight": 1.0, "Coat Roughness": 0.3},
@@ -69,7 +70,7 @@ def run(out: Path, quick: bool) -> None:
             makers: dict[str, Callable[[], bpy.types.Material]] = {
                 "exact": lambda bundle=bundle: _measured(bundle, "exact"),
                 "reference": lambda bundle=bundle: _measured(bundle, "reference"),
-                "Principled": lambda name=name: _principled(STAND_INS[name]),
+                "Principled": lambda name=name: compat.shader_material("stand-in", PRINCIPLED, STAND_INS[name]),
             }
             truth = on = None
             for mode, make in makers.items():
@@ -93,16 +94,6 @@ def _measured(bundle: Bundle, mode: str) -> bpy.types.Material:
     material = build_material(bundle, mode=mode, lamps=lamp_image())
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
     node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(BrdfRecord.read(bundle)))
-    return material
-
-
-def _principled(inputs: dict[str, Any]) -> bpy.types.Material:
-    material = compat.new_material("stand-in")
-    tree = material.node_tree
-    closure, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
-    for name, value in inputs.items():
-        closure.inputs[name].default_value = value
-    tree.links.new(closure.outputs[0], output.inputs["Surface"])
     return material
 
 

@@ -127,7 +127,7 @@ def lit_sphere(
 
 def diffuse_material(albedo: tuple[float, float, float] | float = (0.8, 0.5, 0.3)) -> bpy.types.Material:
     """Lambertian reflection."""
-    return _material("diffuse", "ShaderNodeBsdfDiffuse", Color=_rgba(albedo))
+    return compat.shader_material("diffuse", "ShaderNodeBsdfDiffuse", {"Color": _rgba(albedo)})
 
 
 def principled_material(**inputs: Any) -> bpy.types.Material:
@@ -135,17 +135,7 @@ def principled_material(**inputs: Any) -> bpy.types.Material:
     values = {name.replace("_", " "): value for name, value in inputs.items()}
     if "Base Color" in values:
         values["Base Color"] = _rgba(values["Base Color"])
-    return _material("principled", "ShaderNodeBsdfPrincipled", **values)
-
-
-def _material(name: str, node: str, **inputs: Any) -> bpy.types.Material:
-    material = compat.new_material(name)
-    tree = material.node_tree
-    closure, output = tree.nodes.new(node), tree.nodes.new("ShaderNodeOutputMaterial")
-    for key, value in inputs.items():
-        closure.inputs[key].default_value = value
-    tree.links.new(closure.outputs[0], output.inputs["Surface"])
-    return material
+    return compat.shader_material("principled", "ShaderNodeBsdfPrincipled", values)
 
 
 def _rgba(colour: tuple[float, float, float] | float) -> tuple[float, float, float, float]:
