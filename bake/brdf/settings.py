@@ -16,8 +16,6 @@ from ..tables.table import FILTERS, Filter
 
 AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
-# Nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth.
-ViewerCounts = tuple[int, int]
 _MOST_VIEWERS = MOST_EACH_WAY // 2
 
 
@@ -51,7 +49,7 @@ class BakeSettings:
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
     basis: Basis | Literal["auto"] = "auto"
-    viewers: ViewerCounts = (24, 8)
+    viewers: tuple[int, int] = (24, 8)
 
     def __post_init__(self) -> None:
         check_setting(
