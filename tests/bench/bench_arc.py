@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
 import tempfile
@@ -14,6 +13,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from csv_rows import write_rows
 from materials import SHARED
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
@@ -44,10 +44,7 @@ def run(out: Path, quick: bool) -> None:
             print("SKIPPED canvas: it needs the photographs beside the repository, and OpenImageIO")
         rows = [row for name, bundle in bundles.items() for row in noise(name, bundle, quick)]
     _print_noise(rows)
-    with (out / "arc_noise.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "arc_noise.csv", rows)
 
 
 # --- time of the bake -----------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from csv_rows import write_rows
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear, render_rgba
@@ -81,10 +81,7 @@ def run(out: Path, quick: bool) -> None:
                 rows.append({"material": name, "mode": mode} | _errors(pictures, truth, on))
                 _print_row(rows[-1], heads)
                 cells += _row_of_cells(f"{name}, {mode}", pictures, truth, rows[-1])
-    with (out / "denoise.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "denoise.csv", rows)
     title = f"Denoising at {samples} samples: passes of Cycles and of the material, beside {many} samples"
     write_sheet(out / "denoise.png", cells, len(cells) // len(rows), title)
     print(f"  {out / 'denoise.png'}")
