@@ -6,7 +6,7 @@ A reader is one module in `bake/sources` that exposes a `Reader` named `READER`;
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+Json = bool | int | float | str | None | Sequence["Json"] | Mapping[str, "Json"]
+# An account that a bundle's material.json keeps.
+Facts = Mapping[str, Json]
 
 
 @runtime_checkable
@@ -41,7 +44,7 @@ class BrdfSource(Protocol):
     def bilateral(self) -> bool: ...
 
     @property
-    def facts(self) -> dict[str, Any]: ...
+    def facts(self) -> Facts: ...
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr without the cosine, linear Rec.709.

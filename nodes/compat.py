@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
@@ -43,6 +44,17 @@ def new_material(name: str) -> bpy.types.Material:
     """A material whose node tree is empty."""
     material = bpy.data.materials.new(name)
     node_tree(material).nodes.clear()
+    return material
+
+
+def shader_material(name: str, shader: str, inputs: Mapping[str, Any]) -> bpy.types.Material:
+    """A material of one shader node, by its type, with these values of its inputs."""
+    material = new_material(name)
+    tree = material.node_tree
+    closure, output = tree.nodes.new(shader), tree.nodes.new("ShaderNodeOutputMaterial")
+    for key, value in inputs.items():
+        closure.inputs[key].default_value = value
+    tree.links.new(closure.outputs[0], output.inputs["Surface"])
     return material
 
 

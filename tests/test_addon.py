@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import measured_materials
 import pytest
+from measured_materials.addon.cli.inspect import inspect_bundle
 from measured_materials.addon.material import bake_material
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import BRDF
@@ -20,6 +21,7 @@ from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
@@ -225,6 +227,17 @@ def test_models_can_be_baked_again(plate: Any, tmp_path: Path) -> None:
     assert "does not say" in BRDF.why_not_bakeable(material)
 
 
+def test_baking_again_keeps_what_the_panel_does_not_show(plate: Any, tmp_path: Path) -> None:
+    """To the very texels, as their hashes say."""
+    settings = BakeSettings(6, basis="normal", envelope=False, sampler=SamplerLayout(16, 8, 8), viewers=(4, 2))
+    result = bake_source(by_name("ggx", alpha=0.3, alpha_y=0.5), tmp_path / "brushed", settings)
+    plate.active_material = material = bake_material.material_from(result, pack=True)
+    show_settings(material.measured_materials, settings)
+    before = dict(facts_of(material))
+    assert bpy.ops.measured_materials.bake_again() == {"FINISHED"}
+    assert facts_of(material) == before and Path(material[BUNDLE_KEY]) == result.path
+
+
 def test_greyed_out_button_says_why(plate: Any) -> None:
     assert not bpy.ops.measured_materials.bake_again.poll()
     with pytest.raises(RuntimeError, match="no measured material here"):
@@ -291,6 +304,14 @@ def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
     stage = Stage(lacquer)
     stage.engine = "BLENDER_WORKBENCH"
     assert any("approximates" in text for text in stage.drawn(panel._Panel))
+
+
+def test_the_panel_and_inspect_tell_the_same_in_one_order(lacquer: Any) -> None:
+    """But for the sizes, which `inspect` tells of each image."""
+    drawn, lines = Stage(lacquer).drawn(panel._Panel), inspect_bundle(Path(lacquer[BUNDLE_KEY])).lines
+    rows = [row for row in zip(drawn[::2], drawn[1::2], strict=True) if not row[0].startswith("In ")]
+    told = [row for line in lines for row in rows if line.startswith(f"{row[0]} ") and line.endswith(f"  {row[1]}")]
+    assert told == rows and len(rows) > 8
 
 
 def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 from measured_materials.addon.lights import light_tables as lamps
 from measured_materials.addon.lights.light_tables import CAPACITY, TABLE, lamp_image, survey, update_scene
 from measured_materials.bake import xp_numpy
@@ -34,36 +33,14 @@ from measured_materials.nodes.group import call
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.cards import card, data_image
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, assert_same, compare
 from support.node_count import count_nodes
-from support.scenes import TestScene, diffuse_material, lit_sphere
+from support.scenes import add_lamp, diffuse_material, lit_sphere
 from support.swatches import identity_map, map_bundle
 from test_light_sampling import LAMPS
 
 GREY = (1.0, 1.0, 1.0)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups, images and lamps of one test do not reach the next; the first scene keeps its lamp."""
-    kept = set(bpy.data.lights)
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights):
-        for block in set(collection) - kept:
-            collection.remove(block)
-
-
-def add_lamp(scene: TestScene, kind: str, place: tuple[float, float, float], **settings: Any) -> bpy.types.Object:
-    """A lamp that looks at the origin."""
-    data = bpy.data.lights.new(kind, kind)
-    data.cycles.use_multiple_importance_sampling = True
-    for name, value in settings.items():
-        setattr(data, name, value)
-    eye = Vector(place)
-    obj = bpy.data.objects.new(kind, data)
-    obj.matrix_world = Matrix.Translation(eye) @ (-eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    scene.scene.collection.objects.link(obj)
-    return obj
 
 
 LIGHTING: dict[str, list[tuple[str, tuple[float, float, float], dict[str, Any]]]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,25 +29,15 @@ from measured_materials.nodes.group import call
 from measured_materials.nodes.light_images import new_table
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.cards import card, data_image
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, assert_same, compare
 from support.node_count import count_nodes
-from support.scenes import TestScene, diffuse_material, lit_sphere
+from support.scenes import TestScene, add_lamp, diffuse_material, lit_sphere
 from support.swatches import identity_map, map_bundle
-from test_aimed_light import add_lamp
 from test_light_sampling import LAMPS
 from test_world_sampling import density_at, draw, gradient, spot
 
 ABOVE = (0.5, -0.6, 0.6)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups, images, lamps and worlds of one test do not reach the next; the first scene keeps its own."""
-    kept = {*bpy.data.lights, *bpy.data.worlds}
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights, bpy.data.worlds):
-        for block in set(collection) - kept:
-            collection.remove(block)
 
 
 def show_world(scene: TestScene, radiance: np.ndarray, strength: float = 1.0, **mapping: Any) -> bpy.types.World:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import bpy
 import numpy as np
 import pytest
@@ -33,19 +31,11 @@ from measured_materials.nodes import compat, expr
 from measured_materials.nodes.native_closure import native_closure
 from measured_materials.nodes.weighted_closures import WeightedClosures
 from support.cards import card, data_image
+from support.clean_blend import clean_blend  # noqa: F401
 from test_native_closures import WEIGHT, Strips, weight
 
 SATIN = analytic.Ward(alpha=0.12, alpha_y=0.35, diffuse=(0.3, 0.1, 0.05), specular=0.4)
 WIDTHS = 0.12, 0.35
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Nothing of one test reaches the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.meshes, bpy.data.worlds):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

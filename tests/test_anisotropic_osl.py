@@ -92,10 +92,10 @@ def test_sampler(tmp_path: Path, folded: bool) -> None:
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """A coarse table, and few viewers: the twins share them."""
     source = analytic.Ward(alpha=0.2, alpha_y=0.5, diffuse=(0.3, 0.2, 0.1), specular=0.4)
-    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half")
+    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half", viewers=(6, 3))
     out = tmp_path_factory.mktemp("satin") / "satin"
     with coarse_bakes():
-        return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
+        return read_bundle(bake_source(source, out, settings).path)
 
 
 def both(bundle: Bundle, mode: str, samples: int, seeds: int) -> tuple[Array, Array, Array]:

@@ -10,9 +10,9 @@ import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle.bundle import read_bundle
-from measured_materials.bake.directions import spherical
 from measured_materials.bake.sources import analytic, read_source
 from measured_materials.bake.tables.accuracy import direction_pairs
+from support.mitsuba_values import mitsuba_values, random_pairs
 from support.rgl_writer import write_anisotropic_rgl
 
 SATIN = analytic.Ggx(alpha=0.15, alpha_y=0.4, f0=(0.9, 0.6, 0.3), diffuse=(0.1, 0.2, 0.3))
@@ -57,18 +57,8 @@ def test_finer_files_are_closer(file: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_mitsuba_reads_the_same(file: Path) -> None:
     """Mitsuba's `measured` on the very file, at 300 pairs."""
-    mi = pytest.importorskip("mitsuba", reason="Mitsuba comes with ./run test --all")
-    mi.set_variant("scalar_rgb")
-    rng = np.random.default_rng(11)
-    wi, wo = (spherical(np.arccos(rng.uniform(0.1, 1, 300)), rng.uniform(-np.pi, np.pi, 300)) for _ in range(2))
-    bsdf = mi.load_dict({"type": "measured", "filename": str(file)})
-    context, interaction = mi.BSDFContext(), mi.SurfaceInteraction3f()
-    truth = []
-    for incident, outgoing in zip(wi, wo, strict=True):
-        interaction.wi = incident.tolist()
-        value = bsdf.eval(context, interaction, outgoing.tolist())
-        truth.append([float(value[k]) / outgoing[2] for k in range(3)])
-    # Mitsuba computes in float32.
+    wi, wo = random_pairs(0.1)
+    truth = mitsuba_values(file, wi, wo)
     np.testing.assert_allclose(read_source(file).evaluate(wi, wo), truth, rtol=2e-3, atol=1e-4)
 
 

@@ -118,9 +118,9 @@ def test_osl_is_the_formula(tmp_path: Path, kind: str, name: str) -> None:
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """A lobe that ends where closures go on, so that half of its light is residual."""
     source = analytic.Ward(alpha=0.12, alpha_y=0.35, diffuse=(0.3, 0.1, 0.05), specular=0.4)
-    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half")
+    settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half", viewers=(6, 3))
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_source(source, out, settings, viewers=(6, 3)).path)
+    return read_bundle(bake_source(source, out, settings).path)
 
 
 def test_the_bundle_holds_the_shares_of_its_parts(satin: Bundle) -> None:

@@ -36,11 +36,12 @@ def clean_blend() -> Iterator[None]:
 @pytest.fixture(scope="module", params=["half auto", "normal bezier", "normal fitted"])
 def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     basis, kind = request.param.split()
-    sampler = SamplerLayout(16, 16, 16)
-    settings = BakeSettings(8, parameterization=kind, storage="log", filter="bspline", sampler=sampler, basis=basis)
+    settings = BakeSettings(
+        8, kind, storage="log", filter="bspline", sampler=SamplerLayout(16, 16, 16), basis=basis, viewers=(5, 3)
+    )
     out = tmp_path_factory.mktemp(kind) / "satin"
     with coarse_bakes():
-        bundle = read_bundle(bake_source(SATIN, out, settings, viewers=(5, 3)).path)
+        bundle = read_bundle(bake_source(SATIN, out, settings).path)
     assert len(bundle.material["envelope"]["closures"]) >= 2
     return bundle
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from measured_materials.bake.sources import analytic
 from measured_materials.bake.sources.merl import write_merl
 from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.bake.tables.log_codes import MOST_RANGE
+from support.bundle_files import edit
 
 SMALL = {"resolution": 16, "alpha": (0.4, 0.2), "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8), "envelope": False}
 
@@ -160,8 +160,6 @@ def test_wrong_settings_are_refused(wrong: dict) -> None:
 def test_lying_table_facts_are_refused(tmp_path: Path, key: str, value: object) -> None:
     """A material.json that does not fit its images, or the format, is one clear error when it is used."""
     path = bake_source(analytic.Lambert(), tmp_path / "grey", BakeSettings(**SMALL)).path
-    document = json.loads((path / "material.json").read_text())
-    document["table"][key] = value
-    (path / "material.json").write_text(json.dumps(document))
+    edit(path, lambda document: document["table"].update({key: value}))
     with pytest.raises(BakeError):
         BrdfRecord.read(read_bundle(path)).load_table()

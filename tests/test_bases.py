@@ -26,6 +26,7 @@ from measured_materials.bake.tables.search.grid_fit import fit_warps
 from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.bake.tables.search.isotropic_search import half_sizes
 from measured_materials.bake.tables.table import FILTERS, Table, tabulate
+from support.bundle_files import edit
 
 WARPS = (LogWarp(4.0, 0.1), LogWarp(0.003, 4.0), LogWarp(0.1, 0.4))
 SMALL = {"resolution": 12, "sampler": SamplerLayout(n_o=16, n_h=16, n_phi=8)}
@@ -227,9 +228,7 @@ def test_lying_grids_are_refused(tmp_path: Path, key: str, value: object) -> Non
     """One clear error when the table is used."""
     settings = BakeSettings(basis="half", parameterization="fitted", envelope=False, **SMALL)
     path = bake_source(analytic.Lambert(), tmp_path / "grey", settings).path
-    document = json.loads((path / "material.json").read_text())
-    document["table"][key] = value
-    (path / "material.json").write_text(json.dumps(document))
+    edit(path, lambda document: document["table"].update({key: value}))
     with pytest.raises(BakeError):
         BrdfRecord.read(read_bundle(path)).load_table()
 

@@ -17,6 +17,7 @@ from measured_materials.bake.bundle import bundle
 from measured_materials.bake.bundle.bundle import StoredImage, read_bundle, require, write_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import IMAGE_STORAGES, Storage, quantize
+from support.bundle_files import edit, stored
 
 TABLE = np.random.default_rng(11).random((6, 10, 3)).astype(np.float32)
 SAMPLER = np.random.default_rng(12).normal(size=(4, 4, 4)).astype(np.float32)
@@ -29,17 +30,6 @@ def write(path: Path, version: int = 1, storage: str = "half") -> Path:
         "sampler": StoredImage(SAMPLER, Storage.FLOAT32),
     }
     return write_bundle(path, {"source": {"name": "felt"}, "version": version}, images, PREVIEW)
-
-
-def stored(path: Path, name: str = "table") -> Path:
-    return path / json.loads((path / "material.json").read_text())["images"][name]["file"]
-
-
-def edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    file = path / "material.json"
-    document = json.loads(file.read_text())
-    change(document)
-    file.write_text(json.dumps(document))
 
 
 @pytest.fixture

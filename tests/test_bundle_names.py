@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import pytest
 from measured_materials.bake.bundle.bundle import StoredImage, read_bundle, write_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
+from support.bundle_files import edit, stored
 
 TABLE = np.linspace(0, 1, 180, dtype=np.float32).reshape(6, 10, 3)
 SAMPLER = np.linspace(-1, 1, 64, dtype=np.float32).reshape(4, 4, 4)
@@ -23,17 +22,6 @@ def write(path: Path, version: int = 1) -> Path:
         "sampler": StoredImage(SAMPLER, Storage.FLOAT32),
     }
     return write_bundle(path, {"source": {"name": "felt"}, "version": version}, images)
-
-
-def edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    file = path / "material.json"
-    document = json.loads(file.read_text())
-    change(document)
-    file.write_text(json.dumps(document))
-
-
-def stored(path: Path, name: str = "table") -> Path:
-    return path / json.loads((path / "material.json").read_text())["images"][name]["file"]
 
 
 @pytest.fixture

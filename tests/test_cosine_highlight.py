@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import bpy
 import numpy as np
 import pytest
@@ -16,19 +14,11 @@ from measured_materials.nodes import compat, expr
 from measured_materials.nodes.cosine_lobe_group import highlight_group
 from measured_materials.nodes.group import call
 from numpy.typing import NDArray
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree
 from test_unbiased import FINDS, stage
 
 COLOUR = (0.8, 0.5, 0.2)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups, images and lamps of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.lights):
-        for block in list(collection):
-            collection.remove(block)
 
 
 def highlight_material(name: str, exponent: float) -> bpy.types.Material:

@@ -79,6 +79,21 @@ def test_the_simplest_filter_that_is_as_good(nearest: float, chosen: str) -> Non
     assert plan_filter(record(rms_by_filter=known), Choices(filter="bspline"))[0] == "bspline"
 
 
+def test_fitted_coefficients_are_no_values_for_a_simpler_filter() -> None:
+    """Of the whole table; the residual holds values."""
+    table = {**BRDF["table"], "filter": "bspline", "spline": "fitted"}
+    fitted = record(table=table, rms_by_filter={"bspline": 0.01})
+    for name in ("nearest", "trilinear"):
+        with pytest.raises(BakeError, match=f"fitted spline coefficients, which {name} would take for values"):
+            plan_brdf(fitted, Choices(mode="reference", filter=name), "")
+        assert plan_brdf(fitted, Choices(filter=name), "").filter == name
+    plan = plan_brdf(fitted, Choices(mode="reference"), "")
+    (why,) = (effect.why for effect in plan.effects if effect.name == "Interpolation")
+    assert plan.filter == "bspline" and "no simpler filter can read" in why
+    plain = record(table=table | {"spline": "plain"})
+    assert plan_brdf(plain, Choices(mode="reference", filter="nearest"), "").filter == "nearest"
+
+
 def test_filters_of_older_bundles_stay() -> None:
     assert plan_filter(record(), Choices())[0] == "trilinear"
 

@@ -28,7 +28,6 @@ def test_words_of_every_mode() -> None:
 
 
 def test_a_filter_that_was_not_measured_gives_the_time_alone() -> None:
-    """A fitted spline's coefficients read linearly are another table."""
     assert "%" not in expectation(brdf_record(rms_by_filter={"trilinear": 0.1}), "reference", "nearest")
 
 
@@ -45,11 +44,9 @@ def test_what_a_bundle_does_not_tell_gives_the_time_alone(mode: str) -> None:
 
 @pytest.mark.parametrize("kind", ["plastic", "brushed"])
 def test_the_panel_speaks_of_what_is_set(registered: None, tmp_path: Path, kind: str) -> None:  # noqa: F811
-    settings = BakeSettings(resolution=16, alpha=(0.5, 0.4), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8))
-    if kind == "plastic":
-        result = bake_source(analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), tmp_path / kind, settings)
-    else:
-        result = bake_source(analytic.Ggx(alpha=0.2, alpha_y=0.5), tmp_path / kind, settings, viewers=(6, 4))
+    plastic, brushed = analytic.BlinnPhong((0.3, 0.2, 0.1), (0.1,) * 3, 20), analytic.Ggx(alpha=0.2, alpha_y=0.5)
+    settings = BakeSettings(16, alpha=(0.5, 0.4), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8), viewers=(6, 4))
+    result = bake_source(plastic if kind == "plastic" else brushed, tmp_path / kind, settings)
     material = material_from(result, pack=True)
     said = {}
     for mode in MODES:

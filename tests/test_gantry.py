@@ -223,11 +223,8 @@ def test_tile_size_scales_the_frame_alone() -> None:
 
 def test_sun_of_some_size_shows_in_a_mirror() -> None:
     # What a stochastic mirror lives on: the disk's radiance is E / (pi sin^2(angle / 2)).
-    material = compat.new_material("mirror")
-    tree = material.node_tree
-    mirror, output = tree.nodes.new("ShaderNodeBsdfAnisotropic"), tree.nodes.new("ShaderNodeOutputMaterial")
-    mirror.inputs["Color"].default_value, mirror.inputs["Roughness"].default_value = (1, 1, 1, 1), 0
-    tree.links.new(mirror.outputs[0], output.inputs["Surface"])
+    mirror = {"Color": (1, 1, 1, 1), "Roughness": 0}
+    material = compat.shader_material("mirror", "ShaderNodeBsdfAnisotropic", mirror)
     angle, tilt = math.radians(8), math.radians(35)
     seen = photograph_arc.photograph_view(
         material, view=(tilt, math.pi), light=(tilt, 0), size=2, samples=4, sun_angle=angle

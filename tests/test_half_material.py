@@ -6,7 +6,6 @@ so that any error of the half-vector lookup, its sampler or its residual shows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -22,6 +21,7 @@ from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_same
 from support.osl import skip_without_osl
 from support.planes import SHAPES, plane_scene
@@ -36,15 +36,6 @@ CASES = [
     pytest.param("reference", "osl", marks=pytest.mark.slow),
 ]
 SAMPLER = SamplerLayout(n_o=32, n_h=32, n_phi=16)
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups, images and texts of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.texts):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

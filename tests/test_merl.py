@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shutil
 import time
@@ -18,6 +17,7 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import READERS, merl, read_source
 from measured_materials.bake.sources.analytic import BlinnPhong, Ggx, Lambert, OrenNayar, Ward
+from support.bundles import neural_merl
 
 HEADER = np.array([90, 90, 180], "<i4").tobytes()
 SCALES = np.array([1.0, 1.15, 1.66]) / 1500
@@ -340,10 +340,7 @@ def test_writing_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 # 0.05 %.
 @pytest.mark.parametrize(("name", "bound"), [("chrome", 0.04), ("blue-acrylic", 0.03), ("beige-fabric", 0.001)])
 def test_agrees_with_the_published_network(name: str, bound: float, shared_tools: Path, tmp_path: Path) -> None:
-    spec = importlib.util.spec_from_file_location("neural_merl", shared_tools / "neural_merl.py")
-    assert spec and spec.loader
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
+    tool = neural_merl(shared_tools)
     tool.write(name, tmp_path / "n.binary")
     read, weights = read_source(tmp_path / "n.binary"), tool.load(name)
     rng = np.random.default_rng(6)

@@ -52,14 +52,9 @@ def room(pane: str) -> TestScene:
     kind, inputs, turned = PANES[pane]
     scene = lit_sphere(diffuse_material(0.5), 48, lamp_size=0.6, ground=False, resolution=24)
     scene.sphere.shadow_terminator_geometry_offset = 0
-    glass = compat.new_material("pane")
-    closure, output = (glass.node_tree.nodes.new(n) for n in (kind, "ShaderNodeOutputMaterial"))
-    for name, value in inputs.items():
-        closure.inputs[name].default_value = value
-    glass.node_tree.links.new(closure.outputs[0], output.inputs["Surface"])
     mesh = bpy.data.meshes.new("pane")
     mesh.from_pydata([(-9, 0, -9), (9, 0, -9), (9, 0, 9), (-9, 0, 9)], [], [(0, 1, 2, 3)])
-    mesh.materials.append(glass)
+    mesh.materials.append(compat.shader_material("pane", kind, inputs))
     obj = bpy.data.objects.new("pane", mesh)
     obj.matrix_world = Matrix.Translation((0, -5 if turned else -2, 0))
     scene.scene.collection.objects.link(obj)

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.cli.main import main
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.material import bake_material, build_brdf, rebuild
 from measured_materials.addon.material.choices import Choices
@@ -101,6 +102,24 @@ def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, monkeypatch:
         # Did the ground not see the sphere, the comparison above would prove nothing.
         scene.sphere.hide_render = True
         assert not compare(preview, scene.render(16, range(200, 206)), ground).passed
+
+
+def test_a_filter_that_would_misread_fitted_coefficients_is_refused(
+    registered: None,  # noqa: F811
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """In the panel, which says why and goes back, and on the command line, of nodes and of OSL."""
+    coarse = BakeSettings(8, "uniform", basis="normal", filter="bspline", spline="fitted", envelope=False)
+    result = bake_source(PAINT, tmp_path / "paint", coarse)
+    quality = bake_material.material_from(result, pack=True).measured_quality
+    quality.filter = "nearest"
+    assert quality.filter == "auto" and "fitted spline coefficients" in quality.problem
+    render = ["render", str(result.path), "--out", str(tmp_path / "paint.png"), "--resolution", "16", "--samples", "1"]
+    for options in ([], ["--osl"]):
+        assert main([*render, "--filter", "trilinear", *options]) == 1
+        assert "which trilinear would take for values" in capsys.readouterr().err
+    assert not (tmp_path / "paint.png").exists()
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -15,6 +15,7 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.native_closure import native_closure
+from support.clean_blend import clean_blend  # noqa: F401
 
 VIEWS = np.radians([0, 40, 70, 85])
 LIGHTS = [(np.radians(theta), np.radians(phi)) for theta in (2, 30, 55, 80, 88) for phi in (0, 65, 180)]
@@ -22,15 +23,6 @@ LIGHTS = [(np.radians(theta), np.radians(phi)) for theta in (2, 30, 55, 80, 88) 
 WEIGHT = np.array([0.25, 0.7, 1.6])
 ROUNDING = 4 * 2.0**-24  # of the square of a cosine near 1, itself rounded twice
 PIXELS = 4  # across a strip; the outer ones share their filter with the neighbour
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Nothing of one test reaches the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.meshes, bpy.data.worlds):
-        for block in list(collection):
-            collection.remove(block)
 
 
 class Strips:

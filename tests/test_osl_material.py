@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import shutil
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from measured_materials.nodes.native_closure import native_closure
 from measured_materials.nodes.osl_material import build_osl_material, sampler_constants, table_constants
 from measured_materials.nodes.osl_script import output, script_node, shader_source, use_osl, with_headers
 from measured_materials.nodes.stochastic_mirror_group import random_numbers_group
+from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_same
 from support.osl import skip_without_osl
 from support.scenes import TestScene, diffuse_material, furnace, lit_sphere
@@ -41,15 +41,6 @@ EFFECT = 0.01
 @pytest.fixture(autouse=True, scope="module")
 def osl() -> None:
     skip_without_osl()
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups, images and texts of one test do not reach the next."""
-    yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images, bpy.data.texts):
-        for block in list(collection):
-            collection.remove(block)
 
 
 @pytest.fixture(scope="module")

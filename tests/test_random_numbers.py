@@ -34,10 +34,9 @@ from measured_materials.nodes.stochastic_mirror_group import more_random_numbers
 from support.cards import card
 from support.monte_carlo import assert_agree, compare
 from support.random_walk import Walk
-from support.scenes import diffuse_material, lit_sphere
+from support.scenes import add_lamp, diffuse_material, lit_sphere
 from support.svm_stack import aim_at_everything
 from support.swatches import map_bundle, rough_map
-from test_aimed_light import add_lamp
 
 Bundles = Callable[[str], Bundle]
 Build = Callable[[Bundles, Path], bpy.types.Material]
@@ -107,9 +106,9 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> Bundles:
             sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
             settings = BakeSettings(resolution=8, alpha=(0.5, 0.3), sampler=sampler, storage=Storage.FLOAT32)
             return read_bundle(bake_source(ward, folder / name, settings).path)
-        settings = BakeSettings(resolution=8, envelope=name == "brushed with envelope", basis="half")
+        settings = BakeSettings(8, envelope=name == "brushed with envelope", basis="half", viewers=(8, 4))
         ggx = analytic.Ggx(alpha=0.2, alpha_y=0.4)
-        return read_bundle(bake_source(ggx, folder / name, settings, viewers=(8, 4)).path)
+        return read_bundle(bake_source(ggx, folder / name, settings).path)
 
     return baked
 

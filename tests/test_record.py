@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_materials.bake.brdf.grids import grid_of, is_anisotropic
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.checked_json import Fields
 from measured_materials.bake.envelope import ShareLayout, SlopeShareLayout
 from measured_materials.bake.envelope.anisotropic_lobes import AnisotropicLobe
@@ -48,10 +49,8 @@ def test_isotropic() -> None:
     assert (found.table.scale, found.table.offset, found.table.log) == (2.0, 2.0**-14, None)
     assert (found.residual.scale, found.residual.offset) == (4.0, 0.0)
     assert found.residual.errors is not None and found.residual.errors.relative == 0.004
-    assert found.sampler == found.settings.sampler == SamplerLayout(4, 4, 2, 2)
-    chosen = found.settings
-    assert (chosen.resolution, chosen.storage, chosen.filter, chosen.basis) == (8, Storage.HALF, "trilinear", "auto")
-    assert (chosen.parameterization, chosen.alpha, chosen.spline, chosen.envelope) == ("bezier", "error", "auto", True)
+    assert found.sampler == SamplerLayout(4, 4, 2, 2)
+    assert found.settings == BakeSettings(8, "bezier", sampler=SamplerLayout(4, 4, 2, 2))
     assert (found.errors.rms, found.errors.relative, found.errors.directions) == (0.02, 0.01, 27564)
     assert found.rms_by_filter == {"nearest": 0.4, "trilinear": 0.1}
     assert found.search is not None and (found.search.by_error.theta, found.search.by_intensity.phi) == (0.5, 1.0)
@@ -86,7 +85,7 @@ def test_anisotropic() -> None:
     assert found.envelope.closures == (AnisotropicLobe("lambert"), AnisotropicLobe("ggx", 0.1, 0.4))
     assert found.preview is not None and found.preview.viewers == ViewerGrid(6, 4, True)
     assert found.search is None and found.table_albedo is None
-    assert found.settings.alpha is None and found.settings.viewers == (6, 4)
+    assert found.settings == BakeSettings(8, storage=Storage.LOG, filter="bspline", viewers=(6, 4))
     assert [(c.basis, c.parameterization) for c in found.candidates] == [("half", "slopes"), ("normal", "bezier")]
 
 
@@ -220,6 +219,9 @@ WRONG: list[tuple[str, Change, str]] = [
     ("isotropic", lambda d: d["settings"].update(alpha=[0.5, 2]), "'alpha' is 2.0, above 1"),
     ("isotropic", lambda d: d["settings"].update(storage="byte"), "'storage' is 'byte', not one of"),
     ("isotropic", lambda d: d["settings"].update(sampler={}), "'n_o' is missing"),
+    ("isotropic", lambda d: d["settings"].update(resolution=3), "'resolution' cannot be 3"),
+    ("isotropic", lambda d: d["settings"].update(basis="third"), "'basis' cannot be third"),
+    ("anisotropic", lambda d: d["settings"].update(viewers=[6, 1]), r"'viewers' cannot be \(6, 1\)"),
     ("isotropic", lambda d: d.pop("table"), "'table' is missing"),
     ("isotropic", lambda d: d["table"].update(n=9), "table is 40 x 60 texels, not "),
     ("isotropic", lambda d: d["table"].update(n=257), "'n' is 257, above 256"),

@@ -257,9 +257,8 @@ def test_fields_of_a_document_are_made_where_records_are() -> None:
     }
     records = {
         "bake/bundle/checked_json.py",
-        "bake/brdf/record.py",
+        "bake/brdf/common.py",
         "bake/brdf/parts.py",
-        "bake/shading_maps/record.py",
     }
     # What `inspect` shows of measurements and photographs that are not baked.
     assert found == records | {"addon/cli/inspect.py"}

@@ -26,6 +26,7 @@ from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 from numpy.typing import NDArray
 from support import bundles
+from support.clean_blend import clean_blend  # noqa: F401
 from support.direct_light import (
     AreaLamp,
     Brdf,
@@ -42,6 +43,7 @@ from support.direct_light import (
 from support.monte_carlo import SKEWNESS_LIMIT, Result, assert_agree, compare
 from support.osl import skip_without_osl
 from support.scenes import Array, TestScene, diffuse_material, lit_sphere
+from support.scenes import add_lamp as lamp_towards_origin
 
 RESOLUTION, LENS = 32, 70  # the sphere fills the picture but for its corners
 # Near its rim the sphere of facets ends before the true one, and a pixel sees too many angles for a grid of points.
@@ -55,16 +57,6 @@ SEEDS, MOST_SEEDS = 10, 240
 # Of the mean: what shows less is lit at angles at which the facets shade each other.
 DARK = 0.005
 STEP = 2e-6  # of the picture's width; 240 of them are 0.015 pixels
-
-
-@pytest.fixture(autouse=True)
-def clean_blend() -> Iterator[None]:
-    """Materials, groups, images, lamps and shaders of one test do not reach the next."""
-    yield
-    data = bpy.data
-    for collection in (data.materials, data.node_groups, data.images, data.lights, data.texts):
-        for block in list(collection):
-            collection.remove(block)
 
 
 # --- the same light twice: in Blender, and in numpy ------------------------------------------------------
@@ -87,14 +79,8 @@ def room() -> Array:
 
 def add_lamp(scene: TestScene, kind: str, place: tuple[float, float, float], **settings: Any) -> Light:
     """A lamp that looks at the origin, and its twin."""
-    data = bpy.data.lights.new(kind, kind)
-    data.cycles.use_multiple_importance_sampling = True
-    for name, value in settings.items():
-        setattr(data, name, value)
-    eye = Vector(place)
-    obj = bpy.data.objects.new(kind, data)
-    obj.matrix_world = Matrix.Translation(eye) @ (-eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    scene.scene.collection.objects.link(obj)
+    obj = lamp_towards_origin(scene, kind, place, **settings)
+    data = obj.data
     matrix, colour = np.array(obj.matrix_world), tuple(data.energy * c for c in data.color)
     if kind == "AREA":
         oblong = data.shape in ("RECTANGLE", "ELLIPSE")

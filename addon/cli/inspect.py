@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from ...bake.brdf.common import AlbedoRecord, kind_of
-from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import MATERIAL, SUFFIX, is_bundle, read_bundle
 from ...bake.bundle.checked_json import Fields
 from ...bake.errors import BakeError
@@ -19,27 +18,10 @@ from ...bake.sources import read_source
 from ...bake.tables.albedo import albedo_facts
 from ..photographs.find_decoder import blender_decoder
 from ..summary import brdf_rows, shading_map_rows
+from ..summary.parts import parts_of
 from ..summary.text import columns, one_line
 from .console.progress import Progress
 from .result import Result
-
-_BRDF_ROWS = (
-    brdf_rows.source_rows,
-    brdf_rows.table_rows,
-    brdf_rows.error_rows,
-    brdf_rows.envelope_rows,
-    brdf_rows.albedo_rows,
-)
-_MAP_ROWS = (
-    brdf_rows.source_rows,
-    shading_map_rows.photograph_rows,
-    shading_map_rows.map_rows,
-    shading_map_rows.lighting_rows,
-    shading_map_rows.energy_rows,
-    shading_map_rows.map_error_rows,
-    brdf_rows.albedo_rows,
-    shading_map_rows.warning_rows,
-)
 
 
 def add_to(commands: Any) -> None:
@@ -78,8 +60,8 @@ def inspect_bundle(path: Path) -> Result:
     record = read_record(bundle)
     sizes = _sizes(record)
     shown: brdf_rows.Rows = [("Bundle", str(bundle.path)), ("Kind", kind_of(bundle.material))]
-    for part in _BRDF_ROWS if isinstance(record, BrdfRecord) else _MAP_ROWS:
-        shown += part(record)
+    for rows in parts_of(record):
+        shown += rows
     for name, size in sizes.items():
         in_file, in_memory = map(brdf_rows.readable_size, (size["file_bytes"], size["render_bytes"]))
         texels = f"{size['width']} x {size['height']} {size['storage']}"

@@ -201,11 +201,11 @@ def _render(
         )
         try:
             if settings is None and options.osl:
+                mode = usual_choices(record, options.mode).mode
+                record.check_filter(options.filter or record.table.filter, mode)
                 use_osl(scene)
-                lamps, lights = _osl_tables(scene, options)
-                build_osl_material(
-                    record, material, mode=options.mode, filter=options.filter, lamps=lamps, lights=lights
-                )
+                lamps, lights = _osl_tables(scene, options, mode)
+                build_osl_material(record, material, mode=mode, filter=options.filter, lamps=lamps, lights=lights)
             elif settings is None:
                 filter = {} if options.filter is None else {"filter": options.filter}
                 choices = replace(
@@ -230,15 +230,15 @@ def _render(
     return linear.mean((0, 1))
 
 
-def _osl_tables(scene: Any, options: argparse.Namespace) -> tuple[Any, Any]:
+def _osl_tables(scene: Any, options: argparse.Namespace, mode: str) -> tuple[Any, Any]:
     """Tables of the lamps that an OSL material aims at and, where it can sample them, of what they emit."""
     from ..lights.aim_targets import sampling_of
     from ..lights.lamp_survey import survey_scene
     from ..lights.light_tables import lamp_image, lamp_light_image
-    from ..material.choices import AUTO, NEVER, Choices
+    from ..material.choices import NEVER, Choices
     from ..material.scene_fit import plan_sampling
 
     sampling = sampling_of(survey_scene(scene, for_render=True), osl=True)
-    choices = Choices(mode=options.mode or AUTO, sample=options.sample_lamps)
+    choices = Choices(mode, sample=options.sample_lamps)
     sampled = plan_sampling(choices, sampling).kept
     return lamp_image() if sampled or options.aim != NEVER else None, lamp_light_image() if sampled else None

@@ -31,7 +31,7 @@ from ...nodes.shading_map_material import build_shading_map
 from ..gantry import techniques
 from ..gantry.photograph_arc import gantry_scene, photograph_arc
 from ..gantry.swatches import SWATCHES, Swatch
-from ..gantry.techniques import IN_ORDER, Array, Case, Frames
+from ..gantry.techniques import IN_ORDER, LABELS, Array, Case, Frames
 from ..lights.light_tables import lamp_image, update_scene
 from ..material.bake_photographs import set_repeat
 from ..rendering.contact_sheet import Cell, write_sheet
@@ -50,12 +50,6 @@ CASES = (
     Case("from the other side", ((28.0, 180.0, 1.0),)),
 )
 _ON_SHEET = CASES[1]
-LABELS = {
-    "lit_texture": "lit texture",
-    "final_radiance": "final radiance",
-    "angular": "angular lookup",
-    "lookup": "lookup by r",
-}
 _TILES_AROUND, _TILES_ALONG = 6, 4
 _RADIUS = _TILES_AROUND / (2 * math.pi)
 

@@ -32,7 +32,13 @@ Array = NDArray[Any]
 Angles = tuple[float, float]
 
 # In the order of the figure, from the simplest to the paper's own.
-IN_ORDER = ("lit_texture", "final_radiance", "angular", "lookup")
+LABELS = {
+    "lit_texture": "lit texture",
+    "final_radiance": "final radiance",
+    "angular": "angular lookup",
+    "lookup": "lookup by r",
+}
+IN_ORDER = tuple(LABELS)
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
 _DARKEST_LEVEL = 1e-4  # of "angular", as in the nodes
 _MIDDLE_GREY = 0.18

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,7 +18,7 @@ from ...bake.brdf.common import kind_of as kind_told
 from ...bake.bundle.bundle import is_bundle
 from ...bake.bundle.result import Progress
 from ...bake.errors import BakeError
-from ..summary import brdf_rows, shading_map_rows
+from ..summary.brdf_rows import error_rows
 from ..summary.cost_estimate import expectation
 from ..summary.text import one_line
 from .bake_material import analytic_of, bake_again, error_words, exists
@@ -39,8 +39,6 @@ class Kind(ABC):
     # What it is baked from, and how the panel says that it is gone.
     source_word: ClassVar[str]
     lost_words: ClassVar[str]
-    # Each gives label and value pairs of a record.
-    rows: ClassVar[tuple[Callable[[Any], brdf_rows.Rows], ...]]
     # Whether it can write what `nodes.feature_passes` denoises by.
     writes_passes: ClassVar[bool]
 
@@ -110,14 +108,6 @@ class _Brdf(Kind):
     """A measured BRDF, isotropic or anisotropic."""
 
     source_word, lost_words, writes_passes = "measurement", "The measurement is not there", True
-    rows = (
-        brdf_rows.source_rows,
-        brdf_rows.error_rows,
-        brdf_rows.envelope_rows,
-        brdf_rows.table_rows,
-        brdf_rows.albedo_rows,
-        brdf_rows.size_rows,
-    )
 
     def images(self, material: bpy.types.Material) -> list[str]:
         return images_of_brdf(record_of(material), current_choices(material))
@@ -148,7 +138,7 @@ class _Brdf(Kind):
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):
-            return dict(brdf_rows.error_rows(record_of(material)))["RMS error"]
+            return dict(error_rows(record_of(material)))["RMS error"]
         return ""
 
     def cost(self, material: bpy.types.Material) -> str:
@@ -163,16 +153,6 @@ class _ShadingMap(Kind):
     """Photographs of a flat swatch under an arc of lights."""
 
     source_word, lost_words, writes_passes = "folder", "The photographs are not there", False
-    rows = (
-        brdf_rows.source_rows,
-        shading_map_rows.photograph_rows,
-        shading_map_rows.map_rows,
-        shading_map_rows.energy_rows,
-        shading_map_rows.map_error_rows,
-        shading_map_rows.lighting_rows,
-        brdf_rows.albedo_rows,
-        brdf_rows.size_rows,
-    )
 
     def images(self, material: bpy.types.Material) -> list[str]:
         return images_of_map(record_of(material), current_lighting(material))

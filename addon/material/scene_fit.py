@@ -160,14 +160,20 @@ def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
 
 
 def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str, Effect]:
-    """The simplest filter whose measured error is about that of the one the table was baked for."""
+    """The simplest filter whose measured error is about that of the one the table was baked for.
+
+    Raises BakeError where another one was chosen that would misread the table.
+    """
     baked, errors = record.table.filter, record.rms_by_filter
     if choices.filter != AUTO:
+        record.check_filter(choices.filter, choices.mode)
         return choices.filter, Effect("Interpolation", choices.filter != "nearest", f"{choices.filter}, as asked for")
     for name in FILTERS[: FILTERS.index(baked)]:
         if baked in errors and errors.get(name, float("inf")) <= _AS_GOOD * errors[baked]:
             why = f"{name} instead of {baked}: its error is no more than 10 % larger"
             return name, Effect("Interpolation", False, why)
+    if choices.mode == "reference" and record.table.spline == "fitted":
+        return baked, Effect("Interpolation", True, f"{baked}, whose fitted coefficients no simpler filter can read")
     simpler = FILTERS[max(FILTERS.index(baked) - 1, 0)]
     ratio = errors.get(simpler, 0.0) / max(errors.get(baked, 0.0), 1e-30)
     why = f"{baked}: the error of {simpler} is {ratio:.2g} times as large" if ratio and simpler != baked else baked

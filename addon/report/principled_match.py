@@ -43,15 +43,9 @@ class Principled:
 
     def material(self) -> bpy.types.Material:
         """A material of that node alone."""
-        material = compat.new_material("Principled")
-        tree = material.node_tree
-        shader, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
         values = {"Base Color": (*self.base, 1), "Metallic": self.metallic, "Roughness": self.roughness}
         values |= {"IOR": self.ior, "Sheen Weight": self.sheen}
-        for name, value in values.items():
-            shader.inputs[name].default_value = value
-        tree.links.new(shader.outputs[0], output.inputs["Surface"])
-        return material
+        return compat.shader_material("Principled", "ShaderNodeBsdfPrincipled", values)
 
     def __str__(self) -> str:
         kind = "metal" if self.metallic else f"IOR {self.ior:g}"

@@ -36,13 +36,7 @@ from ..rendering.contact_sheet import to_display
 from .pictures import SECONDS
 from .swatches import ASIDE, BEHIND, BETWEEN, LEFT_OUT, Subject
 
-LABELS = {
-    "lit_texture": "lit texture",
-    "final_radiance": "final radiance",
-    "angular": "angular lookup",
-    "lookup": "lookup by r",
-    "geometry": "the geometry itself",
-}
+LABELS = {**techniques.LABELS, "geometry": "the geometry itself"}
 SLICES = 16
 GAIN = 2.0  # of the difference images
 # In Cycles "final_radiance" is "lookup".

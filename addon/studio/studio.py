@@ -149,12 +149,8 @@ def _place_shapes(scene: bpy.types.Scene, material: bpy.types.Material, shape: s
 
 
 def _ground_material() -> bpy.types.Material:
-    material = compat.new_material("Studio ground")
+    material = compat.shader_material("Studio ground", "ShaderNodeBsdfDiffuse", {"Color": (0.13, 0.13, 0.13, 1)})
     material[OWNED] = True
-    tree = material.node_tree
-    matte, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
-    matte.inputs["Color"].default_value = (0.13, 0.13, 0.13, 1)
-    tree.links.new(matte.outputs[0], output.inputs["Surface"])
     return material
 
 

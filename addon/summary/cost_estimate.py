@@ -32,7 +32,7 @@ def expectation(record: BrdfRecord, mode: str, filter: str) -> str:
 def _error(record: BrdfRecord, mode: str, filter: str) -> float | None:
     """Energy-relative error that the bake measured for this mode, scaled to the filter by its RMS.
 
-    None of a filter that was not measured: a simpler one reads a fitted spline's coefficients as values.
+    None of a filter that was not measured.
     """
     if mode == "preview":
         return record.preview.error if record.preview else None

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from ...bake.lobes.lobes import Lobe
+from ...bake.photographs.stack import PhotoStack
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.shading_maps.shading_map import SAME_LEVEL
@@ -144,20 +143,13 @@ def arc_summary(record: ShadingMapRecord, seconds: float) -> str:
     return f"{record.files().path}: {', '.join(parts)}"
 
 
-def stack_document(stack: Any, name: str) -> dict[str, Any]:
+def stack_document(stack: PhotoStack, name: str) -> dict[str, Any]:
     """JSON-ready account of photographs read but not baked, with the parts of a bundle's facts that there are."""
     averages = stack.images.mean(axis=(1, 2, 3), dtype="float64")
     order = averages.argsort(kind="stable")
-    elevations = None
-    if stack.directions is not None:
-        elevations = np.degrees(np.arcsin(np.clip(stack.directions[order, 2], -1, 1))).round(3).tolist()
     return {
         "source": {"name": name, "facts": {"format": "photographs on a light arc", **stack.facts}},
-        "averages": {
-            "photographs": [stack.names[k] for k in order],
-            "elevations_deg": elevations,
-            "before": averages[order].tolist(),
-        },
+        "averages": stack.in_order(averages, order),
         "clipped_share": [stack.facts["clipped_share"][k] for k in order],
         "width": int(stack.images.shape[2]),
         "height": int(stack.images.shape[1]),

@@ -10,6 +10,7 @@ from ...nodes import compat
 from ...nodes.cosine_lobe_group import cosine_lobe_group, highlight_group
 from ..lights.light_tables import lamp_image, update_scene
 from .context import shown_material
+from .import_operator import registration
 from .properties.enum_items import enum
 
 _WORDS = {
@@ -112,16 +113,4 @@ def _menu(self: Any, context: bpy.types.Context) -> None:
 
 
 classes = (MEASURED_MATERIALS_OT_add_cosine_lobe, MEASURED_MATERIALS_MT_add_nodes)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
-
-
-def register() -> None:
-    """Called by `addon.register`."""
-    _register_classes()
-    bpy.types.NODE_MT_add.append(_menu)
-
-
-def unregister() -> None:
-    """Called by `addon.unregister`."""
-    bpy.types.NODE_MT_add.remove(_menu)
-    _unregister_classes()
+register, unregister = registration(classes, "NODE_MT_add", _menu)

@@ -7,12 +7,11 @@ from typing import Any
 
 import bpy
 
-from ..material.facts import is_measured
 from ..scene_check.check import check_scene, mend, mend_scene
 from ..scene_check.file_rules import not_whole, with_missing_parts
 from ..scene_check.findings import NOTE, SLOW, WRONG, Finding
 from ..summary.text import one_line
-from .context import shown_material
+from .context import ForMeasured
 
 _ICONS = {WRONG: "ERROR", SLOW: "TIME", NOTE: "INFO"}
 _KEY = bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
@@ -122,16 +121,11 @@ def draw_findings(layout: bpy.types.UILayout) -> None:
             row.operator(MEASURED_MATERIALS_OT_mend_setting.bl_idname).key = key
 
 
-class _CheckPanel:
+class _CheckPanel(ForMeasured):
     """The list of the last check."""
 
     bl_label = "Scene Check"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only for measured materials."""
-        return is_measured(shown_material(context))
 
     def draw(self: Any, context: bpy.types.Context) -> None:
         """Button, then the list as far as it is this scene's."""

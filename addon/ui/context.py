@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 from bpy_extras import view3d_utils
 
+from ..material.facts import is_measured
+
 
 def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
     """The material of the properties editor, else of the active object."""
@@ -12,6 +14,15 @@ def shown_material(context: bpy.types.Context) -> bpy.types.Material | None:
     if material is None and context.object is not None:
         material = context.object.active_material
     return material
+
+
+class ForMeasured:
+    """Mixed into a panel that is of measured materials only."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether such a material is shown."""
+        return is_measured(shown_material(context))
 
 
 def object_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Object | None:

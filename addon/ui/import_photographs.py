@@ -13,34 +13,19 @@ from ..material.bake_material import bundle_folder, told_place
 from ..material.bake_photographs import import_arc, map_words
 from ..material.facts import record_of
 from ..summary.text import one_line
-from .context import object_under
+from .import_operator import DropTarget, ImportProperties, registration
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
 
-_FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
-_FILEPATH = bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})
-_DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
 _FILTER_GLOB = bpy.props.StringProperty(
     default=";".join(f"*{suffix}" for suffix in sorted(IMAGE_SUFFIXES)), options={"HIDDEN"}
 )
-_OBJECT = bpy.props.StringProperty(
-    name="Object",
-    description="Object that gets the material; the active one by default",
-    options={"HIDDEN", "SKIP_SAVE"},
-)
-_BUNDLES = bpy.props.StringProperty(
-    name="Bundles",
-    description="Folder for the baked textures. Empty: beside the .blend file or, before it is saved, beside the "
-    "photographs' folder",
-    subtype="DIR_PATH",
-    options={"SKIP_SAVE"},
-)
 
 
-class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.types.Operator):
+class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, LightingProperties, bpy.types.Operator):
     """Bake photographs of a flat swatch, lit from several elevations, and make a material of them.
     Choose the photographs, or none or one of them for the whole folder"""
 
@@ -48,33 +33,19 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
     bl_label = "Import Arc"
     bl_options = {"UNDO", "PRESET"}
 
-    files: _FILES
-    filepath: _FILEPATH
-    directory: _DIRECTORY
     filter_glob: _FILTER_GLOB
-    object_name: _OBJECT
-    bundles: _BUNDLES
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for photographs, or, when a file with their lights was dropped, for settings only."""
         source = chosen_photographs(self)
-        if source is None:
-            context.window_manager.fileselect_add(self)
-            return {"RUNNING_MODAL"}
-        target = object_under(context, event)
-        self.object_name = target.name if target else ""
-        title = f"Import {source.name}" if isinstance(source, Path) else f"Import {len(source)} photographs"
-        return context.window_manager.invoke_props_dialog(self, title=title, confirm_text="Bake")
+        title = source.name if isinstance(source, Path) else f"{len(source)} photographs" if source else ""
+        return self.ask(context, event, title)
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the settings in the file browser's sidebar or in the dialogue."""
         draw_arc_settings(self.layout, self, self)
         draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)
-        column = self.layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(self, "bundles")
-        if self.object_name:
-            column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
+        self.draw_results()
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake, and put the material onto the object."""
@@ -92,24 +63,18 @@ class MEASURED_MATERIALS_OT_import_arc(ArcProperties, LightingProperties, bpy.ty
             return {"CANCELLED"}
         show_arc_settings(material.measured_arc, settings, pack=self.pack)
         tell_warnings(self, material)
-        obj = bpy.data.objects.get(self.object_name) or context.object
-        place = told_place(self, material, obj)
+        place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
         return {"FINISHED"}
 
 
-class MEASURED_MATERIALS_FH_arc(bpy.types.FileHandler):
+class MEASURED_MATERIALS_FH_arc(DropTarget, bpy.types.FileHandler):
     """Dropping a stack's file of lights imports the stack; image files are left to others."""
 
     bl_idname = "MEASURED_MATERIALS_FH_arc"
     bl_label = "Photographs on an Arc"
     bl_import_operator = "measured_materials.import_arc"
     bl_file_extensions = ".lp"
-
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context) -> bool:
-        """Whether the area under the mouse takes an import."""
-        return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
 
 
 def chosen_photographs(operator: Any) -> Path | list[Path] | None:
@@ -138,16 +103,4 @@ def _menu(self: Any, _context: bpy.types.Context) -> None:
 
 
 classes = (MEASURED_MATERIALS_OT_import_arc, MEASURED_MATERIALS_FH_arc)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
-
-
-def register() -> None:
-    """Called by `addon.register`."""
-    _register_classes()
-    bpy.types.TOPBAR_MT_file_import.append(_menu)
-
-
-def unregister() -> None:
-    """Called by `addon.unregister`."""
-    bpy.types.TOPBAR_MT_file_import.remove(_menu)
-    _unregister_classes()
+register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

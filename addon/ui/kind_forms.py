@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import bpy
 
+from ...bake.errors import BakeError
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
+from ..material.facts import record_of
 from ..material.kinds import BRDF, SHADING_MAP, Kind, Source
 from .import_brdf import SUFFIXES
 from .import_photographs import chosen_photographs
@@ -27,7 +31,9 @@ class Form(ABC):
 
     @abstractmethod
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
-        """The settings of the next bake, and whether its textures go into the .blend. Raises BakeError."""
+        """The settings of the next bake, and whether its textures go into the .blend. What the panel does not show
+        stays as it was baked. Raises BakeError.
+        """
 
     @abstractmethod
     def chosen(self, operator: Any) -> Source:
@@ -47,8 +53,12 @@ class _BrdfForm(Form):
         draw_settings(layout, material.measured_materials)
 
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
-        properties = material.measured_materials
-        return settings_of(properties), properties.pack
+        properties, settings = material.measured_materials, settings_of(material.measured_materials)
+        # Facts of a foreign bundle cannot be read; then all that is not shown is as usual.
+        with contextlib.suppress(BakeError):
+            baked = record_of(material).settings
+            settings = replace(settings, sampler=baked.sampler, viewers=baked.viewers)
+        return settings, properties.pack
 
     def chosen(self, operator: Any) -> Source:
         return Path(bpy.path.abspath(operator.filepath)) if operator.filepath else None

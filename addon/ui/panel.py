@@ -12,8 +12,9 @@ from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import effects_of
 from ..material.texture_repair import wrong_textures
+from ..summary.parts import parts_of
 from .bake_again import MEASURED_MATERIALS_OT_bake_again
-from .context import shown_material
+from .context import ForMeasured, shown_material
 from .fit_to_scene import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
 from .import_brdf import MEASURED_MATERIALS_OT_import_brdf
 from .import_photographs import MEASURED_MATERIALS_OT_import_arc
@@ -60,15 +61,10 @@ class _LightingPanel:
         draw_lighting(_where_rebuildable(layout, material, properties.problem), properties)
 
 
-class _QualityPanel:
+class _QualityPanel(ForMeasured):
     """What a sample is worth, and the account of what the scene made of it."""
 
     bl_label = "Quality"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only for measured materials."""
-        return is_measured(shown_material(context))
 
     def draw(self, context: bpy.types.Context) -> None:
         """The knob, what is kept and left out, and the overrides."""
@@ -89,16 +85,11 @@ class _QualityPanel:
             row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
 
 
-class _BakePanel:
+class _BakePanel(ForMeasured):
     """The settings, folded away at first."""
 
     bl_label = "Bake"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only for measured materials."""
-        return is_measured(shown_material(context))
 
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, then the button."""
@@ -129,8 +120,8 @@ def _draw_facts(layout: bpy.types.UILayout, material: bpy.types.Material) -> Non
     column = layout.column(align=True)
     try:
         record = record_of(material)
-        for part in kind_of(material).rows:
-            for label, value in part(record):
+        for rows in parts_of(record):
+            for label, value in rows:
                 _draw_row(column, label, value)
             column.separator()
     except BakeError as error:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +15,18 @@ from ..bundle.result import BakeResult, Progress
 from ..envelope import EnvelopeFit, pack_weights, reconstruction_errors
 from ..errors import BakeError
 from ..images.storage import Storage
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts, Json
 from ..sources import read_source
-from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
+from ..tables.accuracy import direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.search.grid_search import best_horizon, choose_grid
+from ..tables.grids.grid import Grid
+from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
-from ..tables.table import FILTERS, Table, tabulate
+from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
 from .preview_sphere import preview_sphere
-from .reflection import Reflection, ViewerCounts, reflection_of
+from .reflection import Reflection, reflection_of
 from .settings import BakeSettings
 
 _ERROR_PAIRS = 32768
@@ -51,8 +53,6 @@ def bake_source(
     settings: BakeSettings | None = None,
     progress: Progress | None = None,
     origin: dict[str, str] | None = None,
-    *,
-    viewers: ViewerCounts = (24, 8),
 ) -> BakeResult:
     """Bake any source, analytic ones included, to the bundle `out`.
 
@@ -60,108 +60,173 @@ def bake_source(
     ----------
     progress : called with the stage's name and its share done
     origin : of the measurement, "file" and "sha256", kept in the bundle
-    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
 
     Raises
     ------
     BakeError : the source is all zero, not finite or above 1e36, its table would be too large or cannot have these
         settings, or the bundle cannot be written
     """
-    settings, say = settings or BakeSettings(), _named(progress, source)
+    settings = settings or BakeSettings()
     started = time.perf_counter()
-    treated = TreatedSource(source)
-    pairs = direction_pairs(_ERROR_PAIRS, turned=not source.isotropic)
-    truth = treated.evaluate(pairs.wi, pairs.wo)
-    treatment = treated.treatment()
-    if not truth.any():
-        raise BakeError(source.name, "reflects nothing", "check the file")
-
-    choice = choose_grid(
-        treated,
-        settings.resolution,
-        settings.bases,
-        settings.spacing,
-        settings.alpha,
-        lambda share: say("choosing grid", share),
-    )
-    grid = best_horizon(treated, choice.grid, pairs, truth)
-    AtlasLayout.of(grid)
-    table = tabulate(treated, grid, lambda share: say("tabulating", share))
-    kept, spline = _store(table, settings, pairs, truth, say)
-    stored = kept.table
-    say("sampler", 0.0)
-    reflection = reflection_of(treated, grid, choice, settings, viewers)
-    sampler = reflection.cells(_sampled(stored), lambda share: say("sampler", share))
-    say("measuring", 0.0)
-    facts = {
+    bake = _Bake(source, settings, _named(progress, source))
+    choice, grid = bake.choose_grid()
+    made = bake.tabulate(grid)
+    reflection = reflection_of(bake.source, grid, choice, settings)
+    images = {"table": made.kept.image(), "sampler": bake.cells(made.kept.table, reflection)}
+    facts: dict[str, Json] = {
         "generator": f"measured_materials {VERSION}",
-        "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": treatment},
-        "settings": _plain_settings(settings) | reflection.settings(),
-        "table": {
-            **({} if source.isotropic else {"anisotropic": True}),
-            **grid.facts(),
-            "filter": settings.filter,
-            "spline": spline,
-            "storage": str(settings.storage),
-            **kept.facts(),
-            "total_intensity": table.total_intensity,
-        },
-        "search": choice.search and choice.search.facts(),
+        "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
+        "settings": _plain_settings(settings, source),
+        "table": bake.table_facts(made),
+        "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
         "sampler": asdict(reflection.layout),
-        "errors": table_errors(stored, settings.filter, pairs, truth),
-        "rms_by_filter": _simpler_filters(stored, spline, pairs, truth),
-        "albedo": reflection.albedo(treated),
-        # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply it.
-        "table_albedo": reflection.table_albedo(stored),
+        **bake.measured(made, reflection),
     }
-    images = {"table": kept.image(), "sampler": StoredImage(sampler, Storage.FLOAT32)}
     fit = None
     if settings.envelope:
-        fit, extra, further = _envelope(treated, reflection, stored, settings, pairs, say)
+        fit, extra, further = bake.envelope(made.kept.table, reflection)
         facts, images = facts | extra, images | further
     preview = reflection.preview(fit)
     facts["preview"] = preview.facts()
     images["preview_weights"] = StoredImage(pack_weights(preview), Storage.FLOAT32)
-    say("writing", 0.0)
-    path = write_bundle(out, facts, images, preview_sphere(stored), kind=KIND)
-    say("writing", 1.0)
+    bake.say("writing", 0.0)
+    path = write_bundle(out, facts, images, preview_sphere(made.kept.table), kind=KIND)
+    bake.say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
+
+
+@dataclass(frozen=True)
+class _Tabulated:
+    """A table as it will come back from its file.
+
+    spline : what its values are: "plain" or "fitted" coefficients, or "none"
+    total_intensity : of the table as tabulated
+    """
+
+    kept: StoredTable
+    spline: str
+    total_intensity: float
+
+
+class _Bake:
+    """Steps of one bake.
+
+    pairs, truth : directions that no table holds, and the source there: errors are measured at them
+    treatment : what was changed of the source, counted at these directions
+    """
+
+    def __init__(self, source: BrdfSource, settings: BakeSettings, say: Progress) -> None:
+        self.source, self.settings, self.say = TreatedSource(source), settings, say
+        self.pairs = direction_pairs(_ERROR_PAIRS, turned=not source.isotropic)
+        self.truth = self.source.evaluate(self.pairs.wi, self.pairs.wo)
+        self.treatment = self.source.treatment()
+        if not self.truth.any():
+            raise BakeError(source.name, "reflects nothing", "check the file")
+
+    def choose_grid(self) -> tuple[GridChoice, Grid]:
+        """The candidates, and the best of them with the horizon that serves it best. Raises BakeError."""
+        wanted = self.settings
+        choice = choose_grid(
+            self.source,
+            wanted.resolution,
+            wanted.bases,
+            wanted.spacing,
+            wanted.alpha,
+            lambda share: self.say("choosing grid", share),
+        )
+        grid = best_horizon(self.source, choice.grid, self.pairs, self.truth)
+        AtlasLayout.of(grid)
+        return choice, grid
+
+    def tabulate(self, grid: Grid) -> _Tabulated:
+        """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
+        table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
+        splined = self.settings.filter == "bspline"
+        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth), "none")
+        return _Tabulated(kept, spline, table.total_intensity)
+
+    def _spline(self, table: Table) -> tuple[StoredTable, str]:
+        """The coefficients that are asked for, or those of less error, and which they are."""
+        candidates = {}
+        if self.settings.spline != "fitted":
+            candidates["plain"] = self._stored(table, self.truth)
+        if self.settings.spline != "plain":
+            values = fit_coefficients(table.grid, table.values, lambda share: self.say("fitting spline", share))
+            candidates["fitted"] = self._stored(replace(table, values=values), self.truth)
+        if len(candidates) == 1:
+            ((name, chosen),) = candidates.items()
+        else:
+            rms = {name: self._errors(kept.table, "bspline")["rms"] for name, kept in candidates.items()}
+            name = min(rms, key=rms.__getitem__)
+            chosen = candidates[name]
+        return chosen, name
+
+    def _stored(self, table: Table, truth: Array) -> StoredTable:
+        return store_table(replace(table, filter=self.settings.filter), self.settings.storage, self.pairs, truth)
+
+    def cells(self, table: Table, reflection: Reflection) -> StoredImage:
+        """Alias tables of the table."""
+        self.say("sampler", 0.0)
+        texels = reflection.cells(_sampled(table), lambda share: self.say("sampler", share))
+        return StoredImage(texels, Storage.FLOAT32)
+
+    def table_facts(self, made: _Tabulated) -> Facts:
+        """Grid, filter and storage, and how values come back; JSON-ready."""
+        return {
+            **({} if self.source.isotropic else {"anisotropic": True}),
+            **made.kept.table.grid.facts(),
+            "filter": self.settings.filter,
+            "spline": made.spline,
+            "storage": str(self.settings.storage),
+            **made.kept.facts(),
+            "total_intensity": made.total_intensity,
+        }
+
+    def measured(self, made: _Tabulated, reflection: Reflection) -> Facts:
+        """Errors and albedos; JSON-ready."""
+        self.say("measuring", 0.0)
+        table = made.kept.table
+        return {
+            "errors": self._errors(table, self.settings.filter),
+            "rms_by_filter": {name: self._errors(table, name)["rms"] for name in _filters_of(table, made.spline)},
+            "albedo": reflection.albedo(self.source),
+            # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply
+            # it.
+            "table_albedo": reflection.table_albedo(table),
+        }
+
+    def _errors(self, table: Table, filter: Filter) -> Mapping[str, float]:
+        return table_errors(table, filter, self.pairs, self.truth)
+
+    def envelope(
+        self, table: Table, reflection: Reflection
+    ) -> tuple[EnvelopeFit, dict[str, Json], dict[str, StoredImage]]:
+        """The envelope; facts and images of it and of the residual."""
+        self.say("envelope", 0.0)
+        fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))
+        source = reflection.residual(fit)
+        grid = reflection.residual_grid(source, table.grid)
+        self.say("envelope", 0.7)
+        kept = self._stored(tabulate(source, grid), source.evaluate(self.pairs.wi, self.pairs.wo))
+        # Drawn and compared with the lamps' light linearly, whatever the filter.
+        residual = replace(kept.table, filter="trilinear")
+        sampler = reflection.cells(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
+        errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.settings.filter)
+        images = {
+            "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
+            "residual": kept.image(),
+            "residual_sampler": StoredImage(sampler, Storage.FLOAT32),
+            **{name: StoredImage(image, Storage.FLOAT32) for name, image in reflection.shares(fit, residual).items()},
+        }
+        facts = {**kept.facts(), "grid": grid.facts(), "errors": errors}
+        return fit, {"envelope": fit.facts(), "residual": facts}, images
 
 
 def _named(progress: Progress | None, source: BrdfSource) -> Progress:
     """Stages are called after the kind of source."""
     suffix = "" if source.isotropic else KIND_OF_STAGE
     return lambda stage, share: progress(stage + suffix, share) if progress else None
-
-
-def _envelope(
-    treated: TreatedSource,
-    reflection: Reflection,
-    table: Table,
-    settings: BakeSettings,
-    pairs: DirectionPairs,
-    say: Progress,
-) -> tuple[EnvelopeFit, dict[str, Any], dict[str, StoredImage]]:
-    """The envelope; facts and images of it and of the residual."""
-    say("envelope", 0.0)
-    fit = reflection.fit_envelope(lambda share: say("envelope", 0.4 * share))
-    source = reflection.residual(fit)
-    grid = reflection.residual_grid(source, table.grid)
-    say("envelope", 0.7)
-    kept = _quantized(tabulate(source, grid), settings, pairs, source.evaluate(pairs.wi, pairs.wo))
-    # Drawn and compared with the lamps' light linearly, whatever the filter.
-    residual = replace(kept.table, filter="trilinear")
-    sampler = reflection.cells(residual, lambda share: say("envelope", 0.7 + 0.2 * share))
-    errors = reconstruction_errors(treated, fit, residual, table, pairs, settings.filter)
-    images = {
-        "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
-        "residual": kept.image(),
-        "residual_sampler": StoredImage(sampler, Storage.FLOAT32),
-        **{name: StoredImage(image, Storage.FLOAT32) for name, image in reflection.shares(fit, residual).items()},
-    }
-    facts = {**kept.facts(), "grid": grid.facts(), "errors": errors}
-    return fit, {"envelope": fit.facts(), "residual": facts}, images
 
 
 def _sampled(table: Table) -> Table:
@@ -175,40 +240,19 @@ def _sampled(table: Table) -> Table:
     return table
 
 
-def _store(
-    table: Table, settings: BakeSettings, pairs: DirectionPairs, truth: Array, say: Progress
-) -> tuple[StoredTable, str]:
-    """The table as it will come back from the file, and what its values are."""
-    if settings.filter != "bspline":
-        return _quantized(table, settings, pairs, truth), "none"
-    candidates = {}
-    if settings.spline != "fitted":
-        candidates["plain"] = _quantized(table, settings, pairs, truth)
-    if settings.spline != "plain":
-        coefficients = fit_coefficients(table.grid, table.values, lambda share: say("fitting spline", share))
-        candidates["fitted"] = _quantized(replace(table, values=coefficients), settings, pairs, truth)
-    if len(candidates) == 1:
-        ((name, chosen),) = candidates.items()
-    else:
-        rms = {k: table_errors(kept.table, "bspline", pairs, truth)["rms"] for k, kept in candidates.items()}
-        name = min(rms, key=rms.__getitem__)
-        chosen = candidates[name]
-    return chosen, name
-
-
-def _quantized(table: Table, settings: BakeSettings, pairs: DirectionPairs, truth: Array) -> StoredTable:
-    return store_table(replace(table, filter=settings.filter), settings.storage, pairs, truth)
-
-
-def _simpler_filters(table: Table, spline: str, pairs: DirectionPairs, truth: Array) -> dict[str, float]:
-    """RMS with its filter and every simpler one that the stored values serve as well: builders may choose."""
+def _filters_of(table: Table, spline: str) -> tuple[Filter, ...]:
+    """The table's filter and every simpler one that the stored values serve as well: builders may choose."""
     last = FILTERS.index(table.filter)
-    names = FILTERS[last : last + 1] if spline == "fitted" else FILTERS[: last + 1]
-    return {name: table_errors(table, name, pairs, truth)["rms"] for name in names}  # type: ignore[arg-type]
+    names: Any = FILTERS[last : last + 1] if spline == "fitted" else FILTERS[: last + 1]
+    return tuple(names)
 
 
-def _plain_settings(settings: BakeSettings) -> dict[str, Any]:
+def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any]:
+    """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
+    plain["viewers"] = list(settings.viewers)
+    if source.isotropic:
+        del plain["viewers"]
     plain["storage"] = str(settings.storage)
     plain["alpha"] = settings.alpha if isinstance(settings.alpha, str) else list(settings.alpha)
     return plain

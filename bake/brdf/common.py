@@ -1,11 +1,14 @@
-"""Parts that the records of both kinds of bundle have: source, images, albedo, and how a material was built."""
+"""What the records of both kinds of bundle share: source, images, albedo, and how a material was built."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
+from ..bundle.bundle import MATERIAL, Bundle, Kind
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
 from ..images.storage import IMAGE_STORAGES, Storage
@@ -160,3 +163,77 @@ def kind_of(document: Mapping[str, Any]) -> str:
     """The kind that a document says it is of; empty where it does not."""
     kind = document.get("kind")
     return kind if isinstance(kind, str) else ""
+
+
+@dataclass(frozen=True)
+class BundleRecord(ABC):
+    """All that is known of a baked material; pixels are loaded by methods only.
+
+    Attributes
+    ----------
+    where : the place that errors name
+    images : by the names of `bake.bundle.bundle.IMAGES`
+    packed, rendering : of a material's own copy: whether its textures lie in the .blend, and how it was built
+    document : as it was read, to be written again
+    bundle : that holds the images; None for a material's own copy, which has no files
+    """
+
+    kind: ClassVar[Kind]
+    kind_words: ClassVar[str]
+
+    where: str | Path
+    source: SourceRecord
+    images: Mapping[str, ImageRecord]
+    packed: bool
+    rendering: RenderingRecord
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+    bundle: Bundle | None = field(repr=False, compare=False)
+
+    @classmethod
+    def read(cls, bundle: Bundle) -> Self:
+        """Read the record of a bundle. Raises BakeError where it is of another kind, or an entry is missing or
+        wrong."""
+        return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
+
+    @classmethod
+    def of(cls, source: Bundle | Self) -> Self:
+        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
+        return cls.read(source) if isinstance(source, Bundle) else source
+
+    @classmethod
+    def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> Self:
+        """Read a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
+        fields = Fields(document, where)
+        if (kind := fields.text("kind")) != cls.kind:
+            raise BakeError(where, f"kind {kind!r:.40} is not {cls.kind_words}", "update the extension")
+        images = images_of(fields)
+        return cls(
+            **cls._parts(fields, images),
+            where=where,
+            source=SourceRecord.parse(fields.part("source")),
+            images=images,
+            packed=document.get("packed") is True,
+            rendering=RenderingRecord.parse(document.get("rendering")),
+            document=document,
+            bundle=bundle,
+        )
+
+    @classmethod
+    @abstractmethod
+    def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
+        """The fields that only this kind has, by name. Raises BakeError."""
+
+    @property
+    def name(self) -> str:
+        """Name of what was measured or photographed."""
+        return self.source.name
+
+    def has(self, image: str) -> bool:
+        """Whether there is an image of this name."""
+        return image in self.images
+
+    def files(self) -> Bundle:
+        """The bundle with the images. Raises BakeError where this record is of a document alone."""
+        if self.bundle is None:
+            raise BakeError(self.where, "has no images of its own", "give the bundle")
+        return self.bundle

@@ -23,57 +23,34 @@ from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
 from .grids import grid_of, is_anisotropic
+from .settings import BakeSettings
 
 _MOST_PREVIEW = 3  # closures of an isotropic preview
 _MOST_CANDIDATES = 100
 _SPLINES = ("none", "plain", "fitted")
 
 
-@dataclass(frozen=True)
-class SettingsRecord:
-    """What the user chose; None where the bundle does not record it, as anisotropic ones of schema 3 do not.
-
-    Attributes
-    ----------
-    alpha : "error", "intensity", or the shapes (alpha_theta, alpha_phi) that were given
-    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
-    others : as of `bake.brdf.settings.BakeSettings`
-    """
-
-    resolution: int
-    storage: Storage
-    filter: Filter
-    basis: str | None = None
-    parameterization: str | None = None
-    alpha: str | tuple[float, ...] | None = None
-    spline: str | None = None
-    sampler: SamplerLayout | None = None
-    envelope: bool | None = None
-    viewers: tuple[int, ...] | None = None
-
-    @classmethod
-    def parse(cls, fields: Fields) -> SettingsRecord:
-        """Read from a bundle's "settings". Raises BakeError."""
-        alpha: str | tuple[float, ...] | None = None
-        if isinstance(fields.entries.get("alpha"), list):
-            alpha = fields.numbers("alpha", (2, 2), 0, 1)
-        elif fields.has("alpha"):
-            alpha = fields.text("alpha")
-        basis, kind, spline = (
-            fields.text(key) if fields.has(key) else None for key in ("basis", "parameterization", "spline")
-        )
-        return cls(
-            resolution=fields.whole("resolution", 1),
-            storage=Storage(fields.text("storage", choices=TABLE_STORAGES)),
-            filter=_filter(fields),
-            basis=basis,
-            parameterization=kind,
-            alpha=alpha,
-            spline=spline,
-            sampler=_cells(fields.part("sampler")) if fields.has("sampler") else None,
-            envelope=fields.flag("envelope") if fields.has("envelope") else None,
-            viewers=fields.wholes("viewers", (2, 2), 2, MOST_EACH_WAY) if fields.has("viewers") else None,
-        )
+def settings_of(fields: Fields) -> BakeSettings:
+    """A bundle's "settings", to bake the same again; what older ones do not record is as usual. Raises BakeError."""
+    given: dict[str, Any] = {
+        "resolution": fields.whole("resolution"),
+        "storage": Storage(fields.text("storage", choices=TABLE_STORAGES)),
+        "filter": _filter(fields),
+    }
+    given |= {key: fields.text(key) for key in ("basis", "parameterization", "spline") if fields.has(key)}
+    if fields.has("alpha"):
+        shape = isinstance(fields.entries["alpha"], list)
+        given["alpha"] = fields.numbers("alpha", (2, 2), 0, 1) if shape else fields.text("alpha")
+    if fields.has("sampler"):
+        given["sampler"] = _cells(fields.part("sampler"))
+    if fields.has("envelope"):
+        given["envelope"] = fields.flag("envelope")
+    if fields.has("viewers"):
+        given["viewers"] = fields.wholes("viewers", (2, 2))
+    try:
+        return BakeSettings(**given)
+    except BakeError as error:
+        raise BakeError(fields.where, f"'{error.file}' {error.cause}", "bake it again") from error
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
-from ..bundle.bundle import MATERIAL, Bundle
 from ..bundle.checked_json import Fields
 from ..envelope import (
     EnvelopeFit,
@@ -25,7 +23,7 @@ from ..sampling.slope_cells import SlopeLayout
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
 from .baked_table import SAMPLERS, BakedTable, Layout
-from .common import AlbedoRecord, ImageRecord, RenderingRecord, SourceRecord, check_size, images_of
+from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size
 from .grids import is_anisotropic
 from .parts import (
     AlphaSearchRecord,
@@ -34,36 +32,33 @@ from .parts import (
     ErrorsRecord,
     PreviewRecord,
     ResidualRecord,
-    SettingsRecord,
     StoredTableRecord,
     TableRecord,
     candidates_of,
     sampler_of,
+    settings_of,
 )
+from .settings import BakeSettings
 
 
 @dataclass(frozen=True)
-class BrdfRecord:
-    """All that is known of a baked BRDF; pixels are loaded by the methods only.
+class BrdfRecord(BundleRecord):
+    """All that is known of a baked BRDF.
 
     Attributes
     ----------
-    where : the place that errors name
+    settings : to bake the same again with
     table, residual : the stored tables; no residual where no envelope was fitted
     sampler : sizes of the alias tables of both
     rms_by_filter : RMS in 1/sr with the filter of the bake and with every simpler one; empty in older bundles
     search : of a Bezier shape, where one was searched for
     candidates : grids that were tried, best first; none in older bundles
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
-    images : by the names of `bake.bundle.bundle.IMAGES`
-    packed, rendering : of a material's own copy: whether its textures lie in the .blend, and how it was built
-    document : as it was read, to be written again
-    bundle : that holds the images; None for a material's own copy, which has no files
     """
 
-    where: str | Path
-    source: SourceRecord
-    settings: SettingsRecord
+    kind, kind_words = "brdf", "a BRDF"
+
+    settings: BakeSettings
     table: TableRecord
     sampler: Layout
     errors: ErrorsRecord
@@ -75,54 +70,25 @@ class BrdfRecord:
     envelope: EnvelopeRecord | None
     residual: ResidualRecord | None
     preview: PreviewRecord | None
-    images: Mapping[str, ImageRecord]
-    packed: bool
-    rendering: RenderingRecord
-    document: Mapping[str, Any] = field(repr=False, compare=False)
-    bundle: Bundle | None = field(repr=False, compare=False)
 
     @classmethod
-    def read(cls, bundle: Bundle) -> BrdfRecord:
-        """Read the record of a bundle. Raises BakeError where it is of another kind, or an entry is missing or
-        wrong."""
-        return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
-
-    @classmethod
-    def of(cls, source: Bundle | BrdfRecord) -> BrdfRecord:
-        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
-        return source if isinstance(source, BrdfRecord) else cls.read(source)
-
-    @classmethod
-    def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> BrdfRecord:
-        """Read a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
-        fields = Fields(document, where)
-        if (kind := fields.text("kind")) != "brdf":
-            raise BakeError(where, f"kind {kind!r:.40} is not a BRDF", "update the extension")
-        images = images_of(fields)
+    def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
         table = _table_of(fields, images)
         anisotropic = is_anisotropic(table.grid)
-        residual = _residual_of(fields, images, table)
-        return cls(
-            where=where,
-            source=SourceRecord.parse(fields.part("source")),
-            settings=SettingsRecord.parse(fields.part("settings")),
-            table=table,
-            sampler=_sampler_of(fields, images, anisotropic),
-            errors=ErrorsRecord.parse(fields.part("errors")),
-            albedo=AlbedoRecord.parse(fields, "albedo"),
-            table_albedo=AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
-            rms_by_filter=_numbers_of(fields, "rms_by_filter"),
-            search=_search_of(fields),
-            candidates=candidates_of(fields),
-            envelope=EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,
-            residual=residual,
-            preview=PreviewRecord.parse(fields.part("preview"), anisotropic) if fields.has("preview") else None,
-            images=images,
-            packed=document.get("packed") is True,
-            rendering=RenderingRecord.parse(document.get("rendering")),
-            document=document,
-            bundle=bundle,
-        )
+        return {
+            "table": table,
+            "residual": _residual_of(fields, images, table),
+            "settings": settings_of(fields.part("settings")),
+            "sampler": _sampler_of(fields, images, anisotropic),
+            "errors": ErrorsRecord.parse(fields.part("errors")),
+            "albedo": AlbedoRecord.parse(fields, "albedo"),
+            "table_albedo": AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
+            "rms_by_filter": _numbers_of(fields, "rms_by_filter"),
+            "search": _search_of(fields),
+            "candidates": candidates_of(fields),
+            "envelope": EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,
+            "preview": PreviewRecord.parse(fields.part("preview"), anisotropic) if fields.has("preview") else None,
+        }
 
     @property
     def anisotropic(self) -> bool:
@@ -130,24 +96,16 @@ class BrdfRecord:
         return is_anisotropic(self.table.grid)
 
     @property
-    def name(self) -> str:
-        """Name of what was measured."""
-        return self.source.name
-
-    @property
     def share_layout(self) -> ShareLayout | SlopeShareLayout:
         """Where the image "residual_share" has what: of an anisotropic table as its sampler has it."""
         return SlopeShareLayout.of(self.sampler) if isinstance(self.sampler, SlopeLayout) else ShareLayout()
 
-    def has(self, image: str) -> bool:
-        """Whether there is an image of this name."""
-        return image in self.images
-
-    def files(self) -> Bundle:
-        """The bundle with the images. Raises BakeError where this record is of a document alone."""
-        if self.bundle is None:
-            raise BakeError(self.where, "has no images of its own", "give the bundle")
-        return self.bundle
+    def check_filter(self, name: str, mode: str) -> None:
+        """Raise BakeError where a mode of `bake.brdf.modes.MODES` would interpolate fitted coefficients as if they were
+        values; the residual, of which other modes are built, holds values."""
+        if mode == "reference" and self.table.spline == "fitted" and name != "bspline":
+            cause = f"holds fitted spline coefficients, which {name} would take for values of the table"
+            raise BakeError(self.where, cause, "leave the filter as baked, or bake it again with another")
 
     def stored(self, part: str) -> StoredTableRecord:
         """How the "table" or the "residual" is stored. Raises BakeError where there is none."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from ..envelope import (
 from ..sampling.cell_sampler import build_sampler
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.slope_cells import SlopeLayout
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts
 from ..tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..tables.bspline_fit import sample_spline
 from ..tables.grids.anisotropic_grids import AnisotropicHalfGrid
@@ -35,8 +34,6 @@ from ..tables.table import Table
 from ..tables.treated_source import TreatedSource
 from .settings import BakeSettings
 
-# Nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth.
-ViewerCounts = tuple[int, int]
 Share = Callable[[float], None]
 
 _DEGREES = (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88)
@@ -60,10 +57,6 @@ class Reflection(ABC):
     def __init__(self, treated: TreatedSource) -> None:
         self._treated = treated
 
-    def settings(self) -> dict[str, Any]:
-        """Settings that only sources of this kind have, JSON-ready."""
-        return {}
-
     def cells(self, table: Table, progress: Share) -> Array:
         """Texels of alias tables that follow a table."""
         return build_sampler(table, self.layout, progress).texels
@@ -85,11 +78,11 @@ class Reflection(ABC):
         """The closures of mode Preview, given the envelope where there is one."""
 
     @abstractmethod
-    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> Facts:
         """As `bake.tables.albedo.albedo_facts`."""
 
     @abstractmethod
-    def table_albedo(self, table: Table) -> dict[str, Any]:
+    def table_albedo(self, table: Table) -> Facts:
         """The same of a table, by fewer directions."""
 
     @abstractmethod
@@ -116,11 +109,11 @@ class IsotropicReflection(Reflection):
         """Closures of their own, fitted to the source."""
         return fit_preview(self._treated)
 
-    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> Facts:
         """By elevation."""
         return albedo_facts(source)
 
-    def table_albedo(self, table: Table) -> dict[str, Any]:
+    def table_albedo(self, table: Table) -> Facts:
         """By elevation."""
         return albedo_facts(table, n=48)
 
@@ -140,17 +133,11 @@ class AnisotropicReflection(Reflection):
 
     layout: SlopeLayout
 
-    def __init__(
-        self, treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
-    ) -> None:
+    def __init__(self, treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings) -> None:
         super().__init__(treated)
-        self._counts = counts
+        self._counts = settings.viewers
         widths = (grid.width_x, grid.width_y) if isinstance(grid, AnisotropicHalfGrid) else _USUAL_WIDTHS
         self.layout = slope_layout(settings.sampler, widths, choice.half_turn)
-
-    def settings(self) -> dict[str, Any]:
-        """Numbers of the nodes."""
-        return {"viewers": list(self._counts)}
 
     def nodes(self) -> ViewerGrid:
         """Elevations and azimuths."""
@@ -161,17 +148,17 @@ class AnisotropicReflection(Reflection):
         """The envelope's closures, with weights of their own."""
         return fit_preview(self._treated, self.nodes(), envelope.closures if envelope else None)
 
-    def albedo(self, source: BrdfSource) -> dict[str, Any]:
+    def albedo(self, source: BrdfSource) -> Facts:
         """By elevation the mean over the viewer's azimuth; "largest" and "above_one_deg" are those of any."""
         return self._albedo(source, 48)
 
-    def table_albedo(self, table: Table) -> dict[str, Any]:
+    def table_albedo(self, table: Table) -> Facts:
         """As `albedo`. Of a spline, whose 256 taps would take minutes, that of its values at the nodes."""
         if table.filter == "bspline":
             table = replace(table, values=sample_spline(table.grid, table.values), filter="trilinear")
         return self._albedo(table, 24)
 
-    def _albedo(self, source: BrdfSource, n: int) -> dict[str, Any]:
+    def _albedo(self, source: BrdfSource, n: int) -> Facts:
         azimuths = np.arange(_AZIMUTHS) * (2 * np.pi / _AZIMUTHS) + 0.1
         rows = np.array([directional_albedo(source, np.radians(_DEGREES), n, float(phi)) for phi in azimuths])
         degrees = np.array(_DEGREES)
@@ -192,13 +179,11 @@ class AnisotropicReflection(Reflection):
         return {"residual_share": lamp_shares(fit, residual, SlopeShareLayout.of(self.layout))}
 
 
-def reflection_of(
-    treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings, counts: ViewerCounts
-) -> Reflection:
+def reflection_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings) -> Reflection:
     """Reflection of an isotropic or an anisotropic source."""
     if treated.isotropic:
         return IsotropicReflection(treated, settings)
-    return AnisotropicReflection(treated, grid, choice, settings, counts)
+    return AnisotropicReflection(treated, grid, choice, settings)
 
 
 def slope_layout(wanted: SamplerLayout, widths: tuple[float, float], half_turn: bool) -> SlopeLayout:

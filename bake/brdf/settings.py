@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from ..errors import BakeError
+from ..envelope.viewers import MOST_EACH_WAY
+from ..errors import check_choice, check_setting
 from ..images.storage import TABLE_STORAGES, Storage
 from ..sampling.half_vector_cells import SamplerLayout
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
@@ -15,6 +16,7 @@ from ..tables.table import FILTERS, Filter
 
 AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
+_MOST_VIEWERS = MOST_EACH_WAY // 2
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class BakeSettings:
     sampler : sizes of the alias tables
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
+    viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     """
 
     resolution: int = 64
@@ -46,26 +49,31 @@ class BakeSettings:
     sampler: SamplerLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
     basis: Basis | Literal["auto"] = "auto"
+    viewers: tuple[int, int] = (24, 8)
 
     def __post_init__(self) -> None:
-        _check(
+        check_setting(
             "resolution",
             4 <= self.resolution <= MAX_RESOLUTION,
             f"from 4 to {MAX_RESOLUTION}",
             self.resolution,
         )
-        _check_choice("basis", self.basis, (*BASES, "auto"))
-        _check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
-        _check_choice("filter", self.filter, FILTERS)
-        _check_choice("spline", self.spline, get_args(SplineFit))
-        _check_choice("storage", str(self.storage), TABLE_STORAGES)
+        check_choice("basis", self.basis, (*BASES, "auto"))
+        check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
+        check_choice("filter", self.filter, FILTERS)
+        check_choice("spline", self.spline, get_args(SplineFit))
+        check_choice("storage", str(self.storage), TABLE_STORAGES)
         object.__setattr__(self, "storage", Storage(self.storage))
         if isinstance(self.alpha, str):
-            _check_choice("alpha", self.alpha, get_args(AlphaChoice))
+            check_choice("alpha", self.alpha, get_args(AlphaChoice))
         else:
-            _check("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+            check_setting("alpha", all(0 <= a <= 1 for a in self.alpha), "two numbers in [0, 1]", self.alpha)
+        few = len(self.viewers) == 2 and all(2 <= count <= _MOST_VIEWERS for count in self.viewers)
+        check_setting("viewers", few, f"two numbers from 2 to {_MOST_VIEWERS}", self.viewers)
         if self.alpha != "error":
-            _check("alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis")
+            check_setting(
+                "alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis"
+            )
 
     @property
     def bases(self) -> tuple[str, ...]:
@@ -78,12 +86,3 @@ class BakeSettings:
     def spacing(self) -> Parameterization | Literal["auto"]:
         """The parameterisation, or "auto" where it is to be chosen."""
         return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
-
-
-def _check(name: str, ok: bool, wanted: str, given: object) -> None:
-    if not ok:
-        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")
-
-
-def _check_choice(name: str, given: str, choices: tuple[str, ...]) -> None:
-    _check(name, given in choices, " or ".join(choices), given)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from ..source import Facts
 
 # Called with the name of a stage and its share done.
 Progress = Callable[[str, float], None]
@@ -16,5 +17,5 @@ class BakeResult:
     """Result of a bake: the bundle's folder, the facts written into it, and the time it took in seconds."""
 
     path: Path
-    facts: dict[str, Any]
+    facts: Facts
     seconds: float

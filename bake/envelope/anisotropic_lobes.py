@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ..source import Array
+from ..source import Array, Facts
 from ..sources.analytic import ggx_lobe
 from .closures import NARROWEST
 
@@ -51,7 +50,7 @@ class AnisotropicLobe:
             return float(1 - (self.alpha_x / self.alpha_y) ** 0.5)
         return float((self.alpha_y / self.alpha_x) ** 0.5 - 1)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready; `bake.brdf.closures` reads it back."""
         widths = {} if self.name == "lambert" else {"alpha_x": self.alpha_x, "alpha_y": self.alpha_y}
         return {"name": self.name, **widths}

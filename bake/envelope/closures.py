@@ -14,13 +14,13 @@ part of a graph. Neither is in the basis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import BakeError
 from ..lobes.lobes import PARAMETERS, Lobe
-from ..source import Array
+from ..source import Array, Facts
 
 
 class Closure(Protocol):
@@ -35,7 +35,7 @@ class Closure(Protocol):
         """BRDF (...) in 1/sr without the cosine."""
         ...
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """Name and parameters, JSON-ready."""
         ...
 

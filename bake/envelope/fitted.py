@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..source import Array
+from ..source import Array, Facts
 from .closures import closure_sum
 from .viewers import Viewers
 
@@ -37,7 +37,7 @@ class ClosureFit:
         wi, wo = np.broadcast_arrays(np.asarray(wi, np.float64), np.asarray(wo, np.float64))
         return closure_sum(self.closures, self.weights_at(wo), wi, wo)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready; `texture.fit_from_image` reads it back."""
         return {"closures": [lobe.facts() for lobe in self.closures], **self.viewers.facts()}
 
@@ -55,7 +55,7 @@ class EnvelopeFit(ClosureFit):
     residual_share: NDArray[np.float32]
     measured: dict[str, Any]
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready."""
         return {**super().facts(), **self.measured}
 
@@ -66,6 +66,6 @@ class PreviewFit(ClosureFit):
 
     error: float
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready."""
         return {**super().facts(), "error": round(self.error, 6)}

@@ -6,11 +6,9 @@ free of the table's interpolation error wherever E carries the light, and one st
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ..source import Array
+from ..source import Array, Facts
 from ..tables.accuracy import DirectionPairs, Reconstructed
 from ..tables.table import Filter
 from .fitted import EnvelopeFit
@@ -24,7 +22,7 @@ class ResidualSource:
         self.source, self.fit = fit.viewers.treated(source), fit
         self.name = f"{source.name} residual"
         self.isotropic = self.bilateral = isinstance(fit.viewers, Elevations)
-        self.facts: dict[str, Any] = {}
+        self.facts: Facts = {}
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF (..., 3) >= 0 in 1/sr, finite up to the horizon."""
@@ -40,7 +38,7 @@ def reconstruction_errors(
     whole: Reconstructed,
     pairs: DirectionPairs,
     filter: Filter = "trilinear",
-) -> dict[str, Any]:
+) -> Facts:
     """Errors of E + interp(R) and of interp(f) at directions that no table holds; JSON-ready.
 
     Where highlights carry the light the former is closer: on metals by half, since E needs no table. On felts, whose

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from ..source import Array
+from ..source import Array, Facts
 from .closures import Closure, closure_values
 from .linear_program import feasible_share
 from .viewers import Source, Viewers
@@ -83,7 +82,7 @@ def residual_shares(source: Source, closures: Sequence[Closure], viewers: Viewer
     return share.reshape(viewers.shape)
 
 
-def measured(source: Source, closures: Sequence[Closure], viewers: Viewers, weights: Array) -> dict[str, Any]:
+def measured(source: Source, closures: Sequence[Closure], viewers: Viewers, weights: Array) -> Facts:
     """Share of the energy that E carries, and its overshoot, on directions used nowhere else; JSON-ready.
 
     Energies of an elevation are means over the viewer's azimuth.

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts
 from ..tables.treated_source import TreatedSource
 from .anisotropic_lobes import ANISOTROPIC_BASIS, AnisotropicLobe
 from .closures import BASIS, Closure, neighbours
@@ -115,7 +115,7 @@ class Viewers(Protocol):
     def views(self, source: Source, chords: Array, phi: Array, sizes: Sizes) -> Views: ...
     def treated(self, source: Source) -> Source: ...
     def neighbours(self, lobe: Any, ratio: float) -> Sequence[Closure]: ...
-    def facts(self) -> dict[str, Any]: ...
+    def facts(self) -> Facts: ...
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class Elevations:
         """Of one width."""
         return neighbours(lobe, ratio)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready."""
         return {"nodes": self.count}
 
@@ -269,6 +269,6 @@ class ViewerGrid:
         """Of one width or both."""
         return lobe.neighbours(ratio)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready."""
         return {"n_theta": self.n_theta, "n_phi": self.n_phi, "folded": self.folded}

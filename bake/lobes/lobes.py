@@ -31,7 +31,7 @@ import numpy as np
 
 from .. import xp_numpy
 from ..errors import BakeError
-from ..source import Array
+from ..source import Array, Facts
 from .cosine_lobes import COSINE_LOBES, cosine_lobe, half_chord_square, lobe_norm, steepest
 
 
@@ -95,7 +95,7 @@ class Lobe:
         """Part of the lobe that its closure carries; of Phong's, Lambert's."""
         return self.p2 if self.name in PHONG else 1.0
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready: name and parameters; `bake.brdf.closures` reads it back."""
         values = (self.p1, self.p2)
         return {"name": self.name, **{p.name: values[k] for k, p in enumerate(PARAMETERS[self.name])}}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 from .folder import list_names
 from .photograph import Exposure, PhotoInfo
 
@@ -135,7 +135,7 @@ def merge(
     return merged
 
 
-def report(paths: list[Path], groups: list[list[int]], exposures: Exposures, infos: list[PhotoInfo]) -> dict[str, Any]:
+def report(paths: list[Path], groups: list[list[int]], exposures: Exposures, infos: list[PhotoInfo]) -> Facts:
     """JSON-ready facts about exposures and merges."""
     noted = [
         {"seconds": info.exposure.seconds, "f_number": info.exposure.f_number, "iso": info.exposure.iso}

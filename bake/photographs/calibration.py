@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 
 _DARK = 0.05
 
@@ -38,7 +39,7 @@ def calibrate_by_card(
     cards: NDArray[np.float64],
     cosines: NDArray[np.float64] | None,
     reflectance: float,
-) -> dict[str, Any]:
+) -> Facts:
     """Bring (n, H, W, 3) images to 1/sr in place, given the card's mean (n, 3) in each.
 
     Without the lights' cosines (n,) the brightest card stands for all: its lamp is taken to stand overhead, and the
@@ -61,9 +62,7 @@ def calibrate_by_card(
     return {"by": "white card", "how": how, "reflectance": reflectance}
 
 
-def calibrate_by_albedo(
-    images: NDArray[np.float32], cosines: NDArray[np.float64] | None, albedo: float
-) -> dict[str, Any]:
+def calibrate_by_albedo(images: NDArray[np.float32], cosines: NDArray[np.float64] | None, albedo: float) -> Facts:
     """Scale (n, H, W, 3) images in place so that their averages follow (albedo / pi) cos(theta_i).
 
     That is a Lambertian estimate: least squares of the averages where the elevations are known, else the brightest

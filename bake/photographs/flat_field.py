@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 from .calibration import flat_gain
 from .development import Development
 from .encoding import choose_encoding
@@ -37,7 +37,7 @@ class FlatField:
             self._by_stem = {name_key(path.stem): path for path in paths}
         self._source = source
         self._cached: tuple[Gain, NDArray[np.float64] | None] | None = None
-        self.facts: dict[str, Any] = {"source": source.name, "per_photograph": self._by_stem is not None}
+        self.facts: Facts = {"source": source.name, "per_photograph": self._by_stem is not None}
 
     def gains(
         self, names: list[Path], placement: Placement, card: Rectangle | None

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 from .brackets import Exposures, find_exposures, group_by_light, report
 from .encoding import Encoding, choose_encoding
 from .folder import list_names
@@ -127,7 +128,7 @@ def _said_of(paths: list[Path], encodings: list[Encoding]) -> list[str]:
     return [warning.format(list_names(concerned)) for warning, concerned in names.items()]
 
 
-def _decoding_facts(infos: list[PhotoInfo], chosen: list[Encoding], rule: str) -> dict[str, Any]:
+def _decoding_facts(infos: list[PhotoInfo], chosen: list[Encoding], rule: str) -> Facts:
     used = Counter((encoding.name, encoding.why, encoding.space) for encoding in chosen)
     matrices = {encoding.space: encoding.matrix for encoding in chosen if encoding.matrix is not None}
     facts: dict[str, Any] = {"asked": rule, "used": []}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 from . import shifts
 from .calibration import calibrate_by_albedo, calibrate_by_card
 from .development import Counts, Development
@@ -48,6 +49,18 @@ class PhotoStack:
     calibrated: bool
     warnings: tuple[str, ...]
     facts: dict[str, Any] = field(default_factory=dict)
+
+    def in_order(self, averages: NDArray[np.float64], order: NDArray[np.intp]) -> Facts:
+        """Names, elevations in degrees where known, and averages of the photographs in this order; JSON-ready."""
+        elevations = None
+        if self.directions is not None:
+            sines = np.clip(self.directions[order, 2], -1, 1)
+            elevations = [round(float(e), 3) for e in np.degrees(np.arcsin(sines))]
+        return {
+            "photographs": [self.names[k] for k in order],
+            "elevations_deg": elevations,
+            "before": averages[order].tolist(),
+        }
 
 
 def read_stack(
@@ -119,7 +132,7 @@ def read_stack(
 
 def _read_images(
     plan: Plan, settings: StackSettings, decoder: Decoder | None, warnings: list[str], say: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.float64] | None, list[Counts], dict[str, Any] | None]:
+) -> tuple[NDArray[np.float32], NDArray[np.float64] | None, list[Counts], Facts | None]:
     """Images (n, H, W, 3), card means (n, 3), counts, facts of the flat field."""
     placement, card = plan.placement, settings.white_card
     flat = None
@@ -162,7 +175,7 @@ def _calibrate(
     cards: NDArray[np.float64] | None,
     directions: NDArray[np.float64] | None,
     settings: StackSettings,
-) -> dict[str, Any]:
+) -> Facts:
     cosines = None if directions is None else directions[:, 2]
     if cards is not None:
         facts = calibrate_by_card(names, images, cards, cosines, settings.white_reflectance)
@@ -183,7 +196,7 @@ def _turned(directions: NDArray[np.float64], turn: float) -> NDArray[np.float64]
 
 def _frame_facts(
     plan: Plan, settings: StackSettings, images: NDArray[np.float32], border: tuple[int, int, int, int]
-) -> dict[str, Any]:
+) -> Facts:
     placement: Placement = plan.placement
     return {
         "photograph": list(plan.size),

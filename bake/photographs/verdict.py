@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..source import Facts
 from .development import Counts
 from .folder import list_names
 from .shifts import Shifts
@@ -76,7 +77,7 @@ def judge_elevations(images: NDArray[np.float32], directions: NDArray[np.float64
     ]
 
 
-def shift_report(names: list[str], found: Shifts, corrects: bool, warnings: list[str]) -> dict[str, Any]:
+def shift_report(names: list[str], found: Shifts, corrects: bool, warnings: list[str]) -> Facts:
     """Facts about the camera's movement, texels; what moved is reported in a warning."""
     near = found.moved & ~found.too_far
     if near.any():

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import platform
-from typing import Any
 
 import numpy as np
 
 from .. import VERSION
+from ..source import Facts
 
 
-def machine_facts() -> dict[str, Any]:
+def machine_facts() -> Facts:
     """Processor, versions; JSON-ready."""
     return {
         "measured_materials": VERSION,

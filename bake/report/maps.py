@@ -16,6 +16,7 @@ from ..shading_maps import power_law, slice_basis
 from ..shading_maps.shading_map import ShadingMap, at_level, averages_of, linearise
 from ..shading_maps.slice_atlas import SliceLayout, unpack_slices
 from ..shading_maps.store import Compression, check_storage, store_map
+from ..source import Facts
 from .chart import SAME_TIME, Chart, Point
 from .journal import Journal
 from .page import Section, Table
@@ -128,7 +129,7 @@ def timed(settings: Sequence[MapSetting], times: Mapping[MapKey, float]) -> list
     return [replace(s, sample_ns=times.get(s.key)) for s in settings]
 
 
-def _measured(images: Images, model: Model, slices: int, storage: Storage, parts: int) -> dict[str, Any]:
+def _measured(images: Images, model: Model, slices: int, storage: Storage, parts: int) -> Facts:
     averages = averages_of(images)
     order = np.argsort(averages, kind="stable")
     # The darkest and the brightest stay: without them a map would have to guess beyond what it knows.

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import xp_numpy
 from ..lobes.lobes import Lobe, lobe_peak, lobe_value
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts
 from ..tables.albedo import albedo_facts
 from .render_settings import UNCALIBRATED_SIGMA, RenderSettings
 from .shading_map import ShadingMap
@@ -31,7 +31,7 @@ class LobeSource:
         return self.lobe.name
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """Parameters of the lobe, JSON-ready."""
         return self.lobe.facts()
 
@@ -51,7 +51,7 @@ class _Average:
         self.means = shading_map.slices.mean(axis=(1, 2), dtype=np.float64)
         self.levels, self.f_r, self.above = shading_map.levels, f_r, above
         self.sigma, self.a_max = scale
-        self.facts: dict[str, Any] = {}
+        self.facts: Facts = {}
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF (..., 3) in 1/sr of the swatch's mean."""
@@ -98,7 +98,7 @@ def peak_of(render: RenderSettings, f_r: BrdfSource | None = None) -> float:
 
 def map_albedo_facts(
     shading_map: ShadingMap, render: RenderSettings, calibrated: float | None, f_r: BrdfSource | None = None
-) -> dict[str, Any]:
+) -> Facts:
     """`albedo.albedo_facts` of the swatch's average, with the sigma and a_max that it holds for."""
     sigma, a_max = resolved_scale(render, calibrated, f_r)
     source: Any = f_r if f_r is not None else LobeSource(_lobe(render))

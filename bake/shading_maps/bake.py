@@ -17,10 +17,10 @@ from ..brdf.record import BrdfRecord
 from ..bundle.bundle import StoredImage, read_bundle, write_bundle
 from ..bundle.origin import photographs_origin
 from ..bundle.result import BakeResult
-from ..errors import BakeError
+from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
-from ..source import BrdfSource
+from ..source import BrdfSource, Facts
 from ..tables.albedo import directional_albedo
 from ..tiling.tileable import TileSettings, make_tileable
 from .albedo import map_albedo_facts
@@ -72,8 +72,7 @@ class ArcSettings:
 
     def __post_init__(self) -> None:
         for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", IMAGE_STORAGES)):
-            if str(getattr(self, name)) not in choices:
-                raise BakeError(name, f"cannot be {getattr(self, name)}", f"choose {' or '.join(choices)}")
+            check_choice(name, str(getattr(self, name)), choices)
         object.__setattr__(self, "storage", Storage(self.storage))
         if not 2 <= self.slices <= 64:
             raise BakeError("slices", f"cannot be {self.slices}", "choose 2 to 64")
@@ -144,7 +143,7 @@ def bake_stack(
     images, map_facts, stored = store_map(shading_map, settings.compression, settings.storage, settings.rank)
     calibrated = a_max if stack.calibrated else None
     say("measuring", 0.0)
-    facts = {
+    facts: Facts = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": name, **(origin or {}), "facts": {"format": "photographs on a light arc", **stack.facts}},
         "warnings": [*stack.warnings, *_slice_warnings(made), *_tiling_warnings(tiling)],
@@ -159,7 +158,11 @@ def bake_stack(
             "a_max": calibrated,
             "level_by_cosine": level_by_cosine(stack.directions, made.averages / made.a_max),
         },
-        "averages": _averages(stack, made.averages, made.order, shading_map),
+        # For the plot of the linearisation (Kautz et al. 2004).
+        "averages": {
+            **stack.in_order(made.averages, made.order),
+            "after": averages_of(shading_map.slices).tolist(),
+        },
         "errors": _errors(held_out, shading_map, stored),
         "tiling": tiling,
         "lobe_fit": fit,
@@ -199,7 +202,7 @@ def _measured_brdf(path: Path | None) -> tuple[BrdfRecord | None, BrdfSource | N
     return record, record.load_table()
 
 
-def _f_r_facts(record: BrdfRecord | None, f_r: BrdfSource | None) -> dict[str, Any]:
+def _f_r_facts(record: BrdfRecord | None, f_r: BrdfSource | None) -> Facts:
     """What the copied table and sampler need to be read, and the BRDF's own albedo at the normal, a grey."""
     if record is None or f_r is None:
         return {}
@@ -214,7 +217,7 @@ def _copied(record: BrdfRecord, name: str) -> StoredImage:
 
 def _chosen_render(
     stack: PhotoStack, averages: NDArray[np.float64], settings: ArcSettings
-) -> tuple[RenderSettings, dict[str, Any] | None]:
+) -> tuple[RenderSettings, Facts | None]:
     if settings.brdf:
         return replace(settings.render, lobe=None), None
     if stack.directions is None:
@@ -246,23 +249,7 @@ def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
     return [f"seams remain visible where the swatch repeats ({after:.1f} times as strong as its own structure)"]
 
 
-def _averages(
-    stack: PhotoStack, averages: NDArray[np.float64], order: NDArray[np.intp], shading_map: ShadingMap
-) -> dict[str, Any]:
-    """Averages for the plot of the linearisation (Kautz et al. 2004): photographs as sorted, and slices."""
-    elevations = None
-    if stack.directions is not None:
-        sines = np.clip(stack.directions[order, 2], -1, 1)
-        elevations = [round(float(e), 3) for e in np.degrees(np.arcsin(sines))]
-    return {
-        "photographs": [stack.names[k] for k in order],
-        "elevations_deg": elevations,
-        "before": averages[order].tolist(),
-        "after": averages_of(shading_map.slices).tolist(),
-    }
-
-
-def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: ShadingMap) -> dict[str, Any]:
+def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: ShadingMap) -> Facts:
     difference = stored.slices[1:] - shading_map.slices[1:]
     return {
         "storage_rms": float(np.sqrt(np.square(difference).mean(dtype=np.float64))),

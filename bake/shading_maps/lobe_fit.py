@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BakeError
 from ..lobes.lobes import PARAMETERS, Lobe
+from ..source import Facts
 
 # A lobe must come this much closer, in parts of the root mean square of the averages, to be preferred to one of fewer
 # parameters: what photographs of a swatch repeat at best.
@@ -54,7 +54,7 @@ class LobeFit:
     residual: float
     candidates: dict[str, Candidate]
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready."""
         tried = {n: {**c.lobe.facts(), "scale": c.scale, "residual": c.residual} for n, c in self.candidates.items()}
         return {"lobe": self.lobe.facts(), "scale": self.scale, "residual": self.residual, "candidates": tried}

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..brdf.baked_table import BakedTable
-from ..brdf.common import ImageRecord, RenderingRecord, SourceRecord, check_size, images_of, kind_of
+from ..brdf.common import BundleRecord, ImageRecord, check_size, kind_of
 from ..brdf.grids import is_anisotropic
 from ..brdf.parts import TableRecord, sampler_of
 from ..brdf.record import BrdfRecord
@@ -51,22 +51,20 @@ class MeasuredLobeRecord:
 
 
 @dataclass(frozen=True)
-class ShadingMapRecord:
-    """All that is known of a baked shading map; pixels are loaded by the methods only.
+class ShadingMapRecord(BundleRecord):
+    """All that is known of a baked shading map.
 
     Attributes
     ----------
-    where : the place that errors name
     map : the stored map
     render : how it is lit
     albedo : under that light
     tiling, lobe_fit : None where the swatch was not made to tile, and where no lobe was fitted
     f_r : the measured BRDF that the bundle holds, if any
-    images, packed, rendering, document, bundle : as of `bake.brdf.record.BrdfRecord`
     """
 
-    where: str | Path
-    source: SourceRecord
+    kind, kind_words = "shading_map", "a shading map"
+
     photographs: PhotographsRecord
     map: MapRecord
     render: RenderSettings
@@ -75,66 +73,23 @@ class ShadingMapRecord:
     tiling: TilingRecord | None
     lobe_fit: LobeFitRecord | None
     f_r: MeasuredLobeRecord | None
-    images: Mapping[str, ImageRecord]
-    packed: bool
-    rendering: RenderingRecord
-    document: Mapping[str, Any] = field(repr=False, compare=False)
-    bundle: Bundle | None = field(repr=False, compare=False)
 
     @classmethod
-    def read(cls, bundle: Bundle) -> ShadingMapRecord:
-        """Read the record of a bundle. Raises BakeError where it is of another kind, or an entry is missing or
-        wrong."""
-        return cls.parse(bundle.material, bundle.path / MATERIAL, bundle)
-
-    @classmethod
-    def of(cls, source: Bundle | ShadingMapRecord) -> ShadingMapRecord:
-        """The record of a bundle, or the one that was read already. Raises BakeError as `read`."""
-        return source if isinstance(source, ShadingMapRecord) else cls.read(source)
-
-    @classmethod
-    def parse(cls, document: Mapping[str, Any], where: str | Path, bundle: Bundle | None = None) -> ShadingMapRecord:
-        """Read a document from anywhere, named `where` in errors. Raises BakeError as `read`."""
-        fields = Fields(document, where)
-        if (kind := fields.text("kind")) != "shading_map":
-            raise BakeError(where, f"kind {kind!r:.40} is not a shading map", "update the extension")
-        images = images_of(fields)
+    def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
         stored = MapRecord.parse(fields.part("map"))
         sizes = {name: (image.width, image.height, image.channels) for name, image in images.items()}
-        check_images_hold(stored, sizes, where)
-        tiling, fit = (isinstance(document.get(key), dict) for key in ("tiling", "lobe_fit"))
-        return cls(
-            where=where,
-            source=SourceRecord.parse(fields.part("source")),
-            photographs=PhotographsRecord.parse(fields),
-            map=stored,
-            render=render_settings_of(fields.part("render")),
-            albedo=LitAlbedoRecord.parse(fields, "albedo"),
-            errors=MapErrorsRecord.parse(fields.part("errors")),
-            tiling=TilingRecord.parse(fields.part("tiling")) if tiling else None,
-            lobe_fit=LobeFitRecord.parse(fields.part("lobe_fit")) if fit else None,
-            f_r=_measured_lobe_of(fields, images),
-            images=images,
-            packed=document.get("packed") is True,
-            rendering=RenderingRecord.parse(document.get("rendering")),
-            document=document,
-            bundle=bundle,
-        )
-
-    @property
-    def name(self) -> str:
-        """Name of the swatch."""
-        return self.source.name
-
-    def has(self, image: str) -> bool:
-        """Whether there is an image of this name."""
-        return image in self.images
-
-    def files(self) -> Bundle:
-        """The bundle with the images. Raises BakeError where this record is of a document alone."""
-        if self.bundle is None:
-            raise BakeError(self.where, "has no images of its own", "give the bundle")
-        return self.bundle
+        check_images_hold(stored, sizes, fields.where)
+        tiling, fit = (isinstance(fields.entries.get(key), dict) for key in ("tiling", "lobe_fit"))
+        return {
+            "map": stored,
+            "photographs": PhotographsRecord.parse(fields),
+            "render": render_settings_of(fields.part("render")),
+            "albedo": LitAlbedoRecord.parse(fields, "albedo"),
+            "errors": MapErrorsRecord.parse(fields.part("errors")),
+            "tiling": TilingRecord.parse(fields.part("tiling")) if tiling else None,
+            "lobe_fit": LobeFitRecord.parse(fields.part("lobe_fit")) if fit else None,
+            "f_r": _measured_lobe_of(fields, images),
+        }
 
     def measured_lobe(self) -> MeasuredLobeRecord:
         """The measured f_r. Raises BakeError where the bundle holds none."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from ..brdf.modes import MODES, Mode
-from ..errors import BakeError
+from ..errors import check_choice, check_setting
 from ..lobes.lobes import Lobe
+from ..source import Facts
 from .shading_map import ABOVE, Above
 
 Technique = Literal["lookup", "lit_texture", "angular", "final_radiance"]
@@ -49,18 +50,13 @@ class RenderSettings:
     a_max: float | None = None
 
     def __post_init__(self) -> None:
-        _check("sigma", self.sigma is None or 1e-6 <= self.sigma <= 1e6, "a number above 0", self.sigma)
-        _check("a_max", self.a_max is None or 1e-9 <= self.a_max <= 1e9, "a number above 0", self.a_max)
+        check_setting("sigma", self.sigma is None or 1e-6 <= self.sigma <= 1e6, "a number above 0", self.sigma)
+        check_setting("a_max", self.a_max is None or 1e-9 <= self.a_max <= 1e9, "a number above 0", self.a_max)
         for name, choices in (("above", ABOVE), ("technique", TECHNIQUES), ("mode", MODES), ("tiling", TILINGS)):
-            _check(name, getattr(self, name) in choices, " or ".join(choices), getattr(self, name))
+            check_choice(name, getattr(self, name), choices)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready; `record_parts.render_settings_of` reads it back."""
         names = ("sigma", "above", "technique", "mode", "tiling", "a_max")
         lobe = None if self.lobe is None else self.lobe.facts()
         return {"lobe": lobe, **{name: getattr(self, name) for name in names}}
-
-
-def _check(name: str, ok: bool, wanted: str, given: object) -> None:
-    if not ok:
-        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..bundle.bundle import StoredImage
 from ..errors import BakeError
 from ..images.storage import HALF_LARGEST, Storage, quantize, scale_for
+from ..source import Facts
 from . import power_law, slice_basis
 from .envelope_split import EnvelopeSplit, split
 from .shading_map import ShadingMap
@@ -16,7 +18,7 @@ from .slice_atlas import pack_slices
 
 Compression = Literal["none", "power", "basis"]
 COMPRESSIONS: tuple[str, ...] = get_args(Compression)
-Stored = tuple[dict[str, StoredImage], dict[str, Any], ShadingMap]
+Stored = tuple[dict[str, StoredImage], Mapping[str, Any], ShadingMap]
 
 
 def store_map(shading_map: ShadingMap, compression: Compression, storage: Storage, rank: int = 2) -> Stored:
@@ -55,7 +57,7 @@ def _store_slices(shading_map: ShadingMap, storage: Storage) -> Stored:
     return images, _split_facts("slices", stored, residual_scale, envelope_scale), stored.map()
 
 
-def _split_facts(model: str, parts: EnvelopeSplit, scale: float, envelope_scale: float) -> dict[str, Any]:
+def _split_facts(model: str, parts: EnvelopeSplit, scale: float, envelope_scale: float) -> Facts:
     return {
         "model": model,
         "scale": scale,

@@ -21,7 +21,7 @@ from .. import xp_numpy
 from ..errors import BakeError
 from ..lobes.cosine_lobes import COSINE_LOBES, cosine_lobe, half_vector_norm, lobe_norm
 from ..lobes.metallic_paint import metallic_paint
-from ..source import Array
+from ..source import Array, Facts
 
 Rgb = tuple[float, float, float]
 _HORIZON = 1e-12  # cosines below this count as none: 1 / (cos_i cos_o)^2 stays finite
@@ -41,7 +41,7 @@ class Analytic(ABC):
     name: str
     isotropic: bool
     bilateral: bool
-    facts: dict[str, Any]
+    facts: Facts
     LABEL = ""
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..directions import spherical
 from ..errors import BakeError
-from ..source import Array, Reader
+from ..source import Array, Facts, Reader
 from ..spectrum import xyz_to_rec709, xyz_weights
 from .scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
 
@@ -59,7 +59,7 @@ class CornellSource:
         self.name = path.stem
         self._fit = _fit(path, samples, np.arange(len(samples.values)))
         rgb = _xyz(path, samples) @ xyz_to_rec709().T
-        self.facts: dict[str, Any] = {
+        self.facts: Facts = {
             "format": "Cornell goniometer",
             "comments": samples.comments,
             "samples": len(samples.values),

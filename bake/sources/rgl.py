@@ -19,13 +19,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..directions import normalize, polar_angle, spherical
 from ..errors import BakeError
-from ..source import Array, Reader
+from ..source import Array, Facts, Reader
 from .grid_warp import Grid, Slices, WarpInverse, bracket
 from .tensor_file import MAGIC, read_tensor_file
 
@@ -97,7 +96,7 @@ class RglSource:
         self._ndf, self._sigma = Grid(tables.ndf[None]), Grid(tables.sigma[None])
         self._warp = WarpInverse(tables.vndf.reshape(-1, height, width))
         self._rgb = Grid(np.moveaxis(tables.rgb.reshape(-1, *tables.rgb.shape[2:]), 1, -1))
-        self.facts: dict[str, Any] = {
+        self.facts: Facts = {
             "format": "RGL tensor file",
             "description": tables.description,
             "incident_directions": [tables.phi_i.size, size],

@@ -27,7 +27,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..source import Array
+from ..source import Array, Facts
 from .scattered_invariants import Invariants, invariants
 from .scattered_lobes import Lobes, fit_lobes
 
@@ -201,7 +201,7 @@ class ScatteredBrdf:
     """
 
     method: str
-    facts: dict[str, Any]
+    facts: Facts
     scale: float
     peak_width: float
     least_cosine: float

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class Reconstructed(Protocol):
         ...
 
 
-def table_errors(table: Reconstructed, filter: Filter, pairs: DirectionPairs, truth: Array) -> dict[str, Any]:
+def table_errors(table: Reconstructed, filter: Filter, pairs: DirectionPairs, truth: Array) -> Mapping[str, float]:
     """Cosine-weighted RMS in 1/sr and energy-relative error at directions the table was not built from."""
     difference = table.evaluate(pairs.wi, pairs.wo, filter) - truth
     return {

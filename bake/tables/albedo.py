@@ -9,13 +9,12 @@ meets the horizon, so that no edge falls between them.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from ..directions import spherical
 from ..quadrature import gauss_legendre
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts
 
 _PEAK = 1e-4  # theta_h in radians below which the nodes are spaced evenly
 _GRAZING = math.radians(89.9)  # a viewer in the surface itself sees nothing; the limit is taken here
@@ -51,7 +50,7 @@ def white_sky_albedo(source: BrdfSource, n: int = 64) -> Array:
     return mean
 
 
-def albedo_facts(source: BrdfSource, n: int = 64) -> dict[str, Any]:
+def albedo_facts(source: BrdfSource, n: int = 64) -> Facts:
     """Albedo as JSON-ready numbers for reports, with a plain statement where more light leaves than arrives.
 
     Returns

@@ -23,7 +23,7 @@ import numpy as np
 from .. import xp_numpy
 from ..errors import BakeError
 from ..images.storage import BYTE_STEP
-from ..source import Array
+from ..source import Array, Facts
 
 Triple = tuple[float, float, float]
 
@@ -78,7 +78,7 @@ class LogCodes:
         back: Array = self.decode(xp_numpy, self.encode(values).astype(np.float64)).astype(np.float32)
         return back
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready."""
         return {"range": list(self.ranges), "gain": list(self.gains)}
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..bundle.bundle import StoredImage
 from ..images.storage import Storage, as_stored, offset_for, raised, scale_for
-from ..source import Array
+from ..source import Array, Facts
 from .accuracy import DirectionPairs
 from .atlas import pack
 from .log_codes import LogCodes, fit_codes
@@ -31,7 +30,7 @@ class StoredTable:
         texels = raised(atlas, self.scale, self.storage) if self.table.log is None else self.table.log.encode(atlas)
         return StoredImage(texels, self.storage.image)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready: how values come back from texels."""
         log = {} if self.table.log is None else {"log": self.table.log.facts()}
         return {"scale": self.scale, "offset": offset_for(self.storage), **log}

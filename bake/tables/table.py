@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 
 from .. import xp_numpy
-from ..source import Array, BrdfSource
+from ..source import Array, BrdfSource, Facts
 from .grids.grid import Grid
 from .log_codes import LogCodes
 from .padding import GUTTER, pad_slices
@@ -54,7 +54,7 @@ class Table:
         return self.isotropic
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """Nothing: what is known of a table stands in its bundle."""
         return {}
 

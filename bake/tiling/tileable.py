@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ..errors import BakeError
-from ..source import Array
+from ..errors import BakeError, check_choice, check_setting
+from ..source import Array, Facts
 from .offset import OffsetPlan, plan_offset
 from .quilt import QuiltPlan, patch_count, plan_quilt
 from .seams import shrink, stack_features
@@ -61,12 +61,14 @@ class TileSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _check("method", self.method in get_args(Method), " or ".join(get_args(Method)), self.method)
-        _check("keep", _is_number(self.keep) and 0.5 <= self.keep <= 0.9, "from 0.5 to 0.9", self.keep)
-        _check("feather", _is_whole(self.feather) and 0 <= self.feather <= 32, "from 0 to 32 texels", self.feather)
+        check_choice("method", self.method, get_args(Method))
+        check_setting("keep", _is_number(self.keep) and 0.5 <= self.keep <= 0.9, "from 0.5 to 0.9", self.keep)
+        check_setting(
+            "feather", _is_whole(self.feather) and 0 <= self.feather <= 32, "from 0 to 32 texels", self.feather
+        )
         patch_ok = self.patch is None or (_is_whole(self.patch) and 8 <= self.patch <= LARGEST_SIDE)
-        _check("patch", patch_ok, f"from 8 to {LARGEST_SIDE} texels, or none", self.patch)
-        _check("seed", _is_whole(self.seed) and self.seed >= 0, "a whole number from 0", self.seed)
+        check_setting("patch", patch_ok, f"from 8 to {LARGEST_SIDE} texels, or none", self.patch)
+        check_setting("seed", _is_whole(self.seed) and self.seed >= 0, "a whole number from 0", self.seed)
 
 
 @dataclass(frozen=True)
@@ -229,7 +231,7 @@ def _places(height: int, width: int) -> Array:
     return np.moveaxis(np.indices((height, width), dtype=np.int32), 0, 2)
 
 
-def _mean_facts(before: Array, after: Array) -> dict[str, Any]:
+def _mean_facts(before: Array, after: Array) -> Facts:
     ratios = _mean_ratios(before, after)
     return {"means": [round(r, 5) for r in ratios], "means_spread": round(max(ratios) / max(min(ratios), 1e-30) - 1, 5)}
 
@@ -279,11 +281,6 @@ def _checked(slices: Array) -> Array:
     if not (slices.min() >= 0 and slices.max() <= _BRIGHTEST):
         raise BakeError(_NAME, "hold values that are negative or not finite", "fix the photographs")
     return np.ascontiguousarray(slices, np.float32)
-
-
-def _check(name: str, ok: bool, wanted: str, given: object) -> None:
-    if not ok:
-        raise BakeError(name, f"cannot be {given}", f"choose {wanted}")
 
 
 def _is_number(value: object) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
 import tempfile
@@ -14,6 +13,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from csv_rows import write_rows
 from materials import SHARED
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
@@ -44,10 +44,7 @@ def run(out: Path, quick: bool) -> None:
             print("SKIPPED canvas: it needs the photographs beside the repository, and OpenImageIO")
         rows = [row for name, bundle in bundles.items() for row in noise(name, bundle, quick)]
     _print_noise(rows)
-    with (out / "arc_noise.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "arc_noise.csv", rows)
 
 
 # --- time of the bake -----------------------------------------------------------------------------------
@@ -124,20 +121,10 @@ def materials(bundle: Bundle) -> dict[str, Make]:
             )
     made["lit texture"] = lambda: build_shading_map(bundle, settings=replace(usual, technique="lit_texture"))
     albedo = tuple(bundle.material["albedo"]["directional"][0])
-    made["Diffuse BSDF"] = lambda: _plain("ShaderNodeBsdfDiffuse", {"Color": (*albedo, 1)})
+    made["Diffuse BSDF"] = lambda: compat.shader_material("plain", "ShaderNodeBsdfDiffuse", {"Color": (*albedo, 1)})
     cloth = {"Base Color": (*albedo, 1), "Roughness": 0.8, "Sheen Weight": 0.3}
-    made["Principled BSDF, sheen"] = lambda: _plain("ShaderNodeBsdfPrincipled", cloth)
+    made["Principled BSDF, sheen"] = lambda: compat.shader_material("plain", "ShaderNodeBsdfPrincipled", cloth)
     return made
-
-
-def _plain(kind: str, values: dict[str, Any]) -> bpy.types.Material:
-    material = compat.new_material("plain")
-    tree = material.node_tree
-    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    for name, value in values.items():
-        shader.inputs[name].default_value = value
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
 
 
 def noise(name: str, bundle: Bundle, quick: bool) -> list[dict[str, Any]]:

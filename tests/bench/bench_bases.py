@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import write_rows
 from materials import merl_sources, rgl_files
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
@@ -77,10 +77,7 @@ def show(title: str, rows: list[dict[str, Any]], out: Path) -> None:
     print("best column of all: " + ", ".join(f"{c} {best.count(c)}" for c in COLUMNS if c in best))
     fitted = [np.median([row[f"{b} bezier"] / row[f"{b} fitted"] for row in rows]) for b in BASES]
     print(f"fitted below Bezier in the same basis, median: normal {fitted[0]:.2f} times, half {fitted[1]:.2f} times")
-    with (out / f"bases-{title.split()[0].lower()}.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / f"bases-{title.split()[0].lower()}.csv", rows)
 
 
 def run(out: Path, quick: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from csv_rows import write_rows
 from materials import merl_sources, rgl_files
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -213,9 +213,6 @@ def run(out: Path, quick: bool) -> None:
     rows = [row for source in track(sources, "bytes") for row in size_curve(source, pairs, resolutions)]
     show(rows)
     show_storages(rows)
-    with (out / "bytes.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "bytes.csv", rows)
     plot(rows, out / "bytes.png")
     show_bundles(sources[0], quick)

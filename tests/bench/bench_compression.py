@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import statistics
 import tempfile
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import write_rows
 from materials import SHARED
 from measured_materials.bake.images.image_io import load_openimageio, read_image, write_image
 from measured_materials.bake.images.storage import Storage, scale_for
@@ -48,10 +48,7 @@ def run(out: Path, quick: bool) -> None:
         rows += _fit_table(kind, arcs)
         rows += _held_out_table(kind, arcs)
     _storage_table(linearise(arc("painted_wood", one_side=True), SLICES).map.slices)
-    with (out / "compression.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "compression.csv", rows)
 
 
 # --- time -----------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from csv_rows import write_rows
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear, render_rgba
@@ -34,6 +34,7 @@ SOURCES: dict[str, BrdfSource] = {
     "chrome": analytic.Ward(diffuse=(0, 0, 0), specular=(0.8, 0.78, 0.75), alpha=0.05),
 }
 # Of similar look, no fit.
+PRINCIPLED = "ShaderNodeBsdfPrincipled"
 STAND_INS: dict[str, dict[str, Any]] = {
     "felt": {"Base Color": (0.4, 0.09, 0.15, 1), "Roughness": 1.0, "Specular IOR Level": 0.0},
     "metallic paint": {"Base Color": (0.16, 0.28, 0.6, 1), "Metallic": 0.7, "Coat Weight": 1.0, "Coat Roughness": 0.3},
@@ -69,7 +70,7 @@ def run(out: Path, quick: bool) -> None:
             makers: dict[str, Callable[[], bpy.types.Material]] = {
                 "exact": lambda bundle=bundle: _measured(bundle, "exact"),
                 "reference": lambda bundle=bundle: _measured(bundle, "reference"),
-                "Principled": lambda name=name: _principled(STAND_INS[name]),
+                "Principled": lambda name=name: compat.shader_material("stand-in", PRINCIPLED, STAND_INS[name]),
             }
             truth = on = None
             for mode, make in makers.items():
@@ -80,10 +81,7 @@ def run(out: Path, quick: bool) -> None:
                 rows.append({"material": name, "mode": mode} | _errors(pictures, truth, on))
                 _print_row(rows[-1], heads)
                 cells += _row_of_cells(f"{name}, {mode}", pictures, truth, rows[-1])
-    with (out / "denoise.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "denoise.csv", rows)
     title = f"Denoising at {samples} samples: passes of Cycles and of the material, beside {many} samples"
     write_sheet(out / "denoise.png", cells, len(cells) // len(rows), title)
     print(f"  {out / 'denoise.png'}")
@@ -93,16 +91,6 @@ def _measured(bundle: Bundle, mode: str) -> bpy.types.Material:
     material = build_material(bundle, mode=mode, lamps=lamp_image())
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
     node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(BrdfRecord.read(bundle)))
-    return material
-
-
-def _principled(inputs: dict[str, Any]) -> bpy.types.Material:
-    material = compat.new_material("stand-in")
-    tree = material.node_tree
-    closure, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
-    for name, value in inputs.items():
-        closure.inputs[name].default_value = value
-    tree.links.new(closure.outputs[0], output.inputs["Surface"])
     return material
 
 

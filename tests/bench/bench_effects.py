@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
 import tempfile
@@ -15,6 +14,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from bench_arc import ELEVATIONS, cloth_photographs
+from csv_rows import write_rows
 from engine_scenes import lit, on_sphere, show
 from measured_materials import addon
 from measured_materials.addon.lights import light_tables
@@ -84,10 +84,7 @@ def run(out: Path, quick: bool) -> None:
             rows.append(_far_row(Path(folder)))
         refusal = _refusal(bundles["paint"])
     _print(rows, refusal)
-    with (out / "effects.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "effects.csv", rows)
 
 
 def _baked(source: object, path: Path) -> Bundle:

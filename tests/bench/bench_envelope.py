@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import write_rows
 from materials import merl_file, rgl_files
 from measured_materials.bake.directions import normalize
 from measured_materials.bake.envelope import (
@@ -56,10 +56,7 @@ def run(out: Path, quick: bool) -> None:
     for source in _sources(quick):
         rows.append(_row(source))
         _print_row(rows[-1])
-    with (out / "envelope.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "envelope.csv", rows)
     _further_closures(quick)
 
 

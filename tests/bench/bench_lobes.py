@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import time
 from functools import partial
@@ -15,6 +14,7 @@ from measured_materials.addon.report.lobe_timing import BARE_POWER
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from csv_rows import write_rows
 from measured_materials.addon.report.lobe_timing import measure_rendered
 from measured_materials.addon.report.render_timing import Effort
 from measured_materials.bake import xp_numpy
@@ -233,10 +233,7 @@ def _show_times(rows: list[dict[str, Any]]) -> None:
 
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:
-    with path.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(path, rows)
 
 
 def _plot(path: Path, rows: list[dict[str, Any]], times: list[dict[str, Any]]) -> None:

@@ -77,15 +77,9 @@ def _lookups() -> None:
 
 def principled() -> bpy.types.Material:
     """A Principled BSDF that looks about like the paint."""
-    material = compat.new_material("Principled")
-    tree = material.node_tree
-    shader, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
     values = {"Base Color": (0.1, 0.18, 0.4, 1), "Metallic": 0.8, "Roughness": 0.53}
     values |= {"Coat Weight": 1.0, "Coat Roughness": 0.14}
-    for name, value in values.items():
-        shader.inputs[name].default_value = value
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
+    return compat.shader_material("Principled", "ShaderNodeBsdfPrincipled", values)
 
 
 def _samples_per_second(quick: bool) -> None:

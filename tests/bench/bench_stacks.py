@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 from bench_compression import PAPER, STACKS, read_srgb
+from csv_rows import write_rows
 from materials import SHARED
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.addon.material.bake_photographs import set_repeat
@@ -59,10 +59,7 @@ def run(out: Path, quick: bool) -> None:
         shown = [stack for stack in baked if stack.lights == SIDES["one"]]
         write_sheet(out / "stacks.png", [_cell(stack, quick) for stack in shown], 4, _TITLE)
     for file, lines in (("stacks.csv", rows), ("stacks_held_out.csv", tests)):
-        with (out / file).open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, lines[0])
-            writer.writeheader()
-            writer.writerows(lines)
+        write_rows(out / file, lines)
 
 
 _TITLE = "Shading maps in the studio, f_r Lambertian, photographs with the light on one side; path-traced"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import write_rows
 from materials import merl_sources, rgl_files
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
@@ -68,10 +68,7 @@ def show(title: str, rows: list[dict[str, Any]], out: Path) -> None:
     print(
         f"intensity metric chose the alpha of least error: {agree} of {len(rows)}; its median RMS is {loss:.2f} times"
     )
-    with (out / f"tables-{title.split()[0].lower()}.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / f"tables-{title.split()[0].lower()}.csv", rows)
 
 
 def run(out: Path, quick: bool) -> None:

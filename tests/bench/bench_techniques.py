@@ -6,7 +6,6 @@ each technique's picture is then compared with the rendered geometry, pixel by p
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import tempfile
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import write_rows
 from measured_materials.addon.gantry import techniques
 from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.swatches import SWATCHES
@@ -54,13 +54,7 @@ OBLIQUE = ("view 30 degrees", "view 60 degrees")
 OWN_LEVEL = "own level"
 ASIDE = ("azimuth 90", "azimuth 180")
 COLUMNS = (*IN_ORDER, OWN_LEVEL)
-LABELS = {
-    "lit_texture": "lit texture",
-    "final_radiance": "final radiance",
-    "angular": "angular lookup",
-    "lookup": "lookup by r",
-    OWN_LEVEL: "r as it is",
-}
+LABELS = {**techniques.LABELS, OWN_LEVEL: "r as it is"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +90,7 @@ def run(out: Path, quick: bool) -> None:
     _print_slices(shown, size)
     _print_verdict(rows)
     write_sheet(out / "techniques.png", [cell for m in shown for cell in _cells(m, size)], 1 + len(IN_ORDER), _TITLE)
-    with (out / "techniques.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "techniques.csv", rows)
     (out / "techniques.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -158,12 +158,8 @@ def show(scene: bpy.types.Scene, material: bpy.types.Material) -> None:
 
 
 def _grey() -> bpy.types.Material:
-    material = compat.new_material("ground")
+    material = compat.shader_material("ground", "ShaderNodeBsdfDiffuse", {"Color": (0.3, 0.3, 0.3, 1)})
     material[OWNED] = True
-    tree = material.node_tree
-    matte, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
-    matte.inputs["Color"].default_value = (0.3, 0.3, 0.3, 1)
-    tree.links.new(matte.outputs[0], output.inputs["Surface"])
     return material
 
 

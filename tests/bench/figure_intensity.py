@@ -7,7 +7,6 @@ theta_o, theta_i and phi_delta, by quadrature: what a converged uniform table in
 
 from __future__ import annotations
 
-import csv
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,6 +18,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from csv_rows import write_rows
 from materials import all_sources
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.tables.accuracy import direction_pairs
@@ -45,10 +45,7 @@ def run(out: Path, quick: bool) -> None:
     rows = []
     for name, source in track(all_sources(quick), "figure 3", total=10 if quick else 82):
         rows += _measured(name, TreatedSource(source), n)
-    with (out / "figure-3.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "figure-3.csv", rows)
     _print(rows, n)
     _plot(rows, out / "figure-3.png", n)
 

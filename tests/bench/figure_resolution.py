@@ -7,7 +7,6 @@ interleaved repetitions.
 
 from __future__ import annotations
 
-import csv
 import tempfile
 import time
 from collections.abc import Iterator
@@ -21,6 +20,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from bench_anisotropic import SOURCES as ANISOTROPIC
+from csv_rows import write_rows
 from engine_materials import KINDS
 from figure_turning import grids
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
@@ -74,10 +74,7 @@ def _write(out: Path, errors: list[dict[str, Any]], times: list[dict[str, Any]])
     """What there is so far: a whole run takes an hour, and one that is stopped should leave something."""
     for stem, rows in (("figure-6", errors), ("figure-6-times", times)):
         if rows:
-            with (out / f"{stem}.csv").open("w", newline="") as stream:
-                writer = csv.DictWriter(stream, rows[0])
-                writer.writeheader()
-                writer.writerows(rows)
+            write_rows(out / f"{stem}.csv", rows)
 
 
 def _errors(name: str, source: BrdfSource, resolutions: tuple[int, ...]) -> Iterator[dict[str, Any]]:

@@ -8,7 +8,6 @@ path traced.
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +17,7 @@ from typing import Any
 import bpy
 import numpy as np
 from bench_anisotropic import SOURCES, brush_around
+from csv_rows import write_rows
 from mathutils import Matrix, Vector
 from measured_materials.addon.lights import light_tables
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
@@ -50,10 +50,7 @@ def run(out: Path, quick: bool) -> None:
     for name in names:
         scene = Scene(size, lights, tuple(np.linspace(0, 150, azimuths)))
         rows += _sheet(out / f"figure-5-{CAPTIONS[name]}.png", name, SOURCES[name], scene, n, 32 if quick else 192)
-    with (out / "figure-5.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(out / "figure-5.csv", rows)
 
 
 @dataclass(frozen=True)

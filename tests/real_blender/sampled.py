@@ -1,7 +1,7 @@
 """Run inside a real Blender by check.py: lamps that the shader samples, where a Raycast node is there to ask.
 
-A ball of measured paint under a lamp, a card half way between: the picture is that of a mirror that meets the lamp, with
-a fraction of its noise; and where the lamps' light is not known, as in a volume, the mirror is back at once.
+A ball of measured paint under a lamp, a card half way between: the picture is that of a mirror that meets the lamp,
+with a fraction of its noise; and where the lamps' light is not known, as in a volume, the mirror is back at once.
 """
 
 import sys

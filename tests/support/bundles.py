@@ -63,12 +63,18 @@ ANALYTIC: dict[str, BrdfSource] = {
 """Stand-ins of a formula for the same four."""
 
 
-def measured_source(name: str, shared_tools: Path, folder: Path) -> BrdfSource:
-    """One of `MEASURED`, through a file in MERL's layout."""
+def neural_merl(shared_tools: Path) -> Any:
+    """The tool that evaluates the published networks."""
     spec = importlib.util.spec_from_file_location("neural_merl", shared_tools / "neural_merl.py")
     assert spec and spec.loader
     tool = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tool)
+    return tool
+
+
+def measured_source(name: str, shared_tools: Path, folder: Path) -> BrdfSource:
+    """One of `MEASURED`, through a file in MERL's layout."""
+    tool = neural_merl(shared_tools)
     path = folder / f"{MEASURED[name]}.binary"
     tool.write(MEASURED[name], path)
     tool._W.close()  # its weights: a file left open is a warning wherever the collector finds it

@@ -10,8 +10,10 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def clean_blend() -> Iterator[None]:
-    """Materials, groups and images of one test do not reach the next."""
+    """No material, group or image reaches the next test, nor any lamp, world, mesh or text that this one makes."""
+    data = bpy.data
+    lasting = [(blocks, set(blocks)) for blocks in (data.lights, data.worlds, data.meshes, data.texts)]
     yield
-    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        for block in list(collection):
+    for collection, kept in [(data.materials, set()), (data.node_groups, set()), (data.images, set()), *lasting]:
+        for block in set(collection) - kept:
             collection.remove(block)

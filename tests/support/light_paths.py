@@ -46,16 +46,12 @@ def emitter(scene: TestScene, matrix: Matrix, size: float = 2.0) -> bpy.types.No
     """A square that shines to both sides; returns its material's tree."""
     mesh = bpy.data.meshes.new("emitter")
     mesh.from_pydata([(x * size / 2, y * size / 2, 0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], [], [range(4)])
-    material = compat.new_material("emitter")
-    tree = material.node_tree
-    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
-    emission.inputs["Strength"].default_value = 10
-    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    material = compat.shader_material("emitter", "ShaderNodeEmission", {"Strength": 10})
     mesh.materials.append(material)
     obj = bpy.data.objects.new("emitter", mesh)
     obj.matrix_world = matrix
     scene.scene.collection.objects.link(obj)
-    return tree
+    return material.node_tree
 
 
 def darken(tree: bpy.types.NodeTree, strength: Any, output: str, above: float) -> bpy.types.Node:

@@ -142,7 +142,7 @@ def lit_sphere(
 
 def diffuse_material(albedo: tuple[float, float, float] | float = (0.8, 0.5, 0.3)) -> bpy.types.Material:
     """Lambertian reflection."""
-    return _material("diffuse", "ShaderNodeBsdfDiffuse", Color=_rgba(albedo))
+    return compat.shader_material("diffuse", "ShaderNodeBsdfDiffuse", {"Color": _rgba(albedo)})
 
 
 def principled_material(**inputs: Any) -> bpy.types.Material:
@@ -150,17 +150,7 @@ def principled_material(**inputs: Any) -> bpy.types.Material:
     values = {name.replace("_", " "): value for name, value in inputs.items()}
     if "Base Color" in values:
         values["Base Color"] = _rgba(values["Base Color"])
-    return _material("principled", "ShaderNodeBsdfPrincipled", **values)
-
-
-def _material(name: str, node: str, **inputs: Any) -> bpy.types.Material:
-    material = compat.new_material(name)
-    tree = material.node_tree
-    closure, output = tree.nodes.new(node), tree.nodes.new("ShaderNodeOutputMaterial")
-    for key, value in inputs.items():
-        closure.inputs[key].default_value = value
-    tree.links.new(closure.outputs[0], output.inputs["Surface"])
-    return material
+    return compat.shader_material("principled", "ShaderNodeBsdfPrincipled", values)
 
 
 def _rgba(colour: tuple[float, float, float] | float) -> tuple[float, float, float, float]:
@@ -206,3 +196,16 @@ def purge_groups() -> None:
     while unused := [tree for tree in bpy.data.node_groups if not tree.users]:
         for tree in unused:
             bpy.data.node_groups.remove(tree)
+
+
+def add_lamp(scene: TestScene, kind: str, place: tuple[float, float, float], **settings: Any) -> bpy.types.Object:
+    """A lamp that looks at the origin and that mirrors meet."""
+    data = bpy.data.lights.new(kind, kind)
+    data.cycles.use_multiple_importance_sampling = True
+    for name, value in settings.items():
+        setattr(data, name, value)
+    eye = Vector(place)
+    obj = bpy.data.objects.new(kind, data)
+    obj.matrix_world = Matrix.Translation(eye) @ (-eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+    scene.scene.collection.objects.link(obj)
+    return obj

@@ -12,6 +12,7 @@ from ....bake.tables.grids.parameterization import Parameterization
 from ....bake.tables.search.grid_search import BASES
 from ....bake.tables.table import Filter
 from .enum_items import enum
+from .registration import registration
 
 _USUAL = BakeSettings()
 
@@ -177,17 +178,4 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "pack")
 
 
-classes = (MEASURED_MATERIALS_PG_bake,)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
-
-
-def register() -> None:
-    """Called by `addon.register`."""
-    _register_classes()
-    bpy.types.Material.measured_materials = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_bake)
-
-
-def unregister() -> None:
-    """Called by `addon.unregister`."""
-    del bpy.types.Material.measured_materials
-    _unregister_classes()
+register, unregister = registration(MEASURED_MATERIALS_PG_bake, "measured_materials")

@@ -12,6 +12,7 @@ from ...material.kinds import rebuild_or_say
 from ...material.lighting import MEASURED, parameter_key, uses_mode
 from .enum_items import enum
 from .quality import mode_property
+from .registration import registration
 
 _USUAL = RenderSettings()
 
@@ -129,17 +130,4 @@ def draw_lighting(
     column.prop(properties, "tiling")
 
 
-classes = (MEASURED_MATERIALS_PG_lighting,)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
-
-
-def register() -> None:
-    """Called by `addon.register`."""
-    _register_classes()
-    bpy.types.Material.measured_lighting = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_lighting)
-
-
-def unregister() -> None:
-    """Called by `addon.unregister`."""
-    del bpy.types.Material.measured_lighting
-    _unregister_classes()
+register, unregister = registration(MEASURED_MATERIALS_PG_lighting, "measured_lighting")

@@ -15,6 +15,7 @@ from ....bake.shading_maps.store import COMPRESSIONS
 from ...material.lighting import MEASURED, lighting_of, number
 from ...summary.bake_stages import USUAL_SIZE
 from .enum_items import enum
+from .registration import registration
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
 _MAP = ("slices", "storage", "compression", "rank", "tileable")
@@ -200,17 +201,4 @@ def draw_arc_settings(layout: bpy.types.UILayout, properties: Any, light: Any) -
         column.separator()
 
 
-classes = (MEASURED_MATERIALS_PG_arc,)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
-
-
-def register() -> None:
-    """Called by `addon.register`."""
-    _register_classes()
-    bpy.types.Material.measured_arc = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_arc)
-
-
-def unregister() -> None:
-    """Called by `addon.unregister`."""
-    del bpy.types.Material.measured_arc
-    _unregister_classes()
+register, unregister = registration(MEASURED_MATERIALS_PG_arc, "measured_arc")

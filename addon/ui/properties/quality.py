@@ -10,6 +10,7 @@ from ....bake.tables.table import FILTERS
 from ...material.choices import AUTO
 from ...material.kinds import rebuild_or_say
 from .enum_items import enum
+from .registration import registration
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
 _MODE_WORDS = {
@@ -108,17 +109,4 @@ def draw_quality(layout: bpy.types.UILayout, properties: Any, names: tuple[str, 
         column.prop(properties, name)
 
 
-classes = (MEASURED_MATERIALS_PG_quality,)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(classes)
-
-
-def register() -> None:
-    """Called by `addon.register`."""
-    _register_classes()
-    bpy.types.Material.measured_quality = bpy.props.PointerProperty(type=MEASURED_MATERIALS_PG_quality)
-
-
-def unregister() -> None:
-    """Called by `addon.unregister`."""
-    del bpy.types.Material.measured_quality
-    _unregister_classes()
+register, unregister = registration(MEASURED_MATERIALS_PG_quality, "measured_quality")

@@ -19,13 +19,14 @@ half    The half vector h by its slopes (x, y) = h_xy / h_z, each warped by u = 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ... import xp_numpy
-from ...source import Array
+from ...source import Array, Facts
 from .grid import HORIZON_SHARES, Boundary, Grid, around_mean, settle
 from .parameterization import LogWarp, chord_to_theta, forward, phi_nodes, shape_constants, theta_nodes
 
@@ -138,7 +139,7 @@ class AnisotropicNormalGrid:
         v = theta_nodes(self.parameterization, n, self.axis_shapes[0])
         return np.clip(v, _POLE_CHORD, np.sqrt(1 - self.horizon_share * (1 - v[1] ** 2)))
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready description."""
         shapes: dict[str, Any] = {}
         if self.parameterization == "bezier":
@@ -154,7 +155,7 @@ class AnisotropicNormalGrid:
             "horizon_share": self.horizon_share,
         }
 
-    def shader_constants(self) -> dict[str, Any]:
+    def shader_constants(self) -> Mapping[str, Any]:
         """Both elevations share a shape."""
         theta, phi = self.axis_shapes
         shapes = {"ShapeSlice": theta, "ShapeRow": theta, "ShapePhi": phi}
@@ -262,7 +263,7 @@ class AnisotropicHalfGrid:
         most = 1 - 2 * self.horizon_share / (n - 1)
         return np.asarray(slope_unwarp(xp_numpy, np.clip(u, -most, most), width))
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready description."""
         return {
             "basis": "half",
@@ -275,14 +276,14 @@ class AnisotropicHalfGrid:
             "falling": self.falling,
         }
 
-    def shader_constants(self) -> dict[str, Any]:
+    def shader_constants(self) -> Mapping[str, Any]:
         """Shapes are the widths of the slopes; either power of the cosine is a basis of its own."""
         width_x, width_y = self.axis_shapes
         constants = _shader_constants(self, self.folded, {"ShapeRow": width_y, "ShapePhi": width_x})
-        return constants if self.cosine_power == 1 else constants | {"Basis": "half squared"}
+        return constants if self.cosine_power == 1 else {**constants, "Basis": "half squared"}
 
 
-def _shader_constants(grid: Grid, folded: bool, shapes: dict[str, Any]) -> dict[str, Any]:
+def _shader_constants(grid: Grid, folded: bool, shapes: dict[str, Any]) -> Mapping[str, Any]:
     return {
         "Basis": grid.basis,
         **dict(zip(("Azimuths", "Slices", "SliceRows", "SliceColumns"), grid.shape, strict=True)),

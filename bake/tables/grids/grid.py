@@ -7,11 +7,12 @@ either, rows and columns, are those of a slice, which a texture filter reads. So
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
-from ...source import Array
+from ...source import Array, Facts
 
 # What lies beyond the two ends of an axis.
 #   "around"    the azimuth goes on from its first sample
@@ -98,11 +99,11 @@ class Grid(Protocol):
         """
         ...
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready description."""
         ...
 
-    def shader_constants(self) -> dict[str, Any]:
+    def shader_constants(self) -> Mapping[str, Any]:
         """Parameters of the OSL lookup that say where samples lie."""
         ...
 

@@ -12,13 +12,14 @@ whole box of angles a fifth to a half of all entries would lie below it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ... import xp_numpy
-from ...source import Array
+from ...source import Array, Facts
 from .grid import HORIZON_SHARES, Boundary, IsotropicGrid
 from .normal_vector_grid import lookup_constants
 from .parameterization import (
@@ -110,7 +111,7 @@ class HalfVectorGrid(IsotropicGrid):
         v = theta_nodes(kind, n, shape)
         return (1 - v) * (1 + v), v * np.sqrt(2 - v * v)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready description."""
         shapes: dict[str, Any] = {"alphas": list(self.alphas)} if self.parameterization == "bezier" else {}
         if self.parameterization == "fitted":
@@ -124,6 +125,6 @@ class HalfVectorGrid(IsotropicGrid):
             "horizon_share": self.horizon_share,
         }
 
-    def shader_constants(self) -> dict[str, Any]:
+    def shader_constants(self) -> Mapping[str, Any]:
         """Constants of each axis its own shape."""
         return lookup_constants(self.basis, self.parameterization, self.sizes, self.axis_shapes, self.reciprocal)

@@ -6,12 +6,13 @@ at the normal; sample 0 of the azimuth lies at pi and the last at 0.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ...source import Array
+from ...source import Array, Facts
 from .grid import HORIZON_SHARES, Boundary, IsotropicGrid
 from .parameterization import (
     LogWarp,
@@ -84,7 +85,7 @@ class NormalVectorGrid(IsotropicGrid):
     def _azimuths(self) -> tuple[Array, Array]:
         return phi_nodes(self.parameterization, 2 * self.n, self.axis_shapes[1])
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready description."""
         return {
             "basis": "normal",
@@ -96,7 +97,7 @@ class NormalVectorGrid(IsotropicGrid):
             **({"warps": [[w.near, w.far] for w in self.warps]} if self.parameterization == "fitted" else {}),
         }
 
-    def shader_constants(self) -> dict[str, Any]:
+    def shader_constants(self) -> Mapping[str, Any]:
         """Both elevations share a shape."""
         theta, phi = self.axis_shapes
         return lookup_constants(self.basis, self.parameterization, self.shape, (theta, theta, phi), False)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ...source import Array, BrdfSource
+from ...source import Array, BrdfSource, Facts
 from ..accuracy import DirectionPairs, direction_pairs, linear_estimate
 from ..grids.normal_vector_grid import NormalVectorGrid
 
@@ -44,7 +43,7 @@ class AlphaSearch:
         """The trial of largest total intensity (Mallett & Yuksel 2016, section 4.2)."""
         return max(self.trials, key=lambda trial: trial.intensity)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready account: both winners, and whether the paper's metric found the least error."""
         by_error, by_intensity = self.by_error, self.by_intensity
         return {

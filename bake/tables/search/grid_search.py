@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ...errors import BakeError
-from ...source import Array, BrdfSource
+from ...source import Array, BrdfSource, Facts
 from ..accuracy import DirectionPairs
 from ..grids.anisotropic_grids import AnisotropicHalfGrid
 from ..grids.grid import HORIZON_SHARES, Grid
@@ -56,7 +56,7 @@ class GridChoice:
         """Whether half a turn of the surface changes nothing."""
         return self.asymmetries.get("half_turn_error", 0.0) <= SYMMETRIC
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """JSON-ready account of all candidates, best first."""
         ranked = sorted(self.candidates, key=lambda c: c.rms)
         return {

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ...source import Array, BrdfSource
+from ...source import Array, BrdfSource, Facts
 from ..accuracy import DirectionPairs, linear_estimate
 from ..albedo import directional_albedo
 from ..grids.grid import Grid
@@ -39,7 +37,7 @@ class _Estimate:
 
     def __init__(self, source: BrdfSource, grid: Grid) -> None:
         self._source, self._grid = source, grid
-        self.facts: dict[str, Any] = {}
+        self.facts: Facts = {}
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         wi, wo = np.broadcast_arrays(wi, wo)

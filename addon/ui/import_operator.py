@@ -1,0 +1,80 @@
+"""What the import operators have in common: the files given, the object that gets the material, and the menu entry."""
+
+# No postponed annotations here: Blender reads the properties from them.
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from .context import object_under
+
+_HIDDEN = {"HIDDEN", "SKIP_SAVE"}
+_FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
+_FILEPATH = bpy.props.StringProperty(subtype="FILE_PATH", options=_HIDDEN)
+_DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options=_HIDDEN)
+_OBJECT = bpy.props.StringProperty(
+    name="Object", description="Object that gets the material; the active one by default", options=_HIDDEN
+)
+_BUNDLES = bpy.props.StringProperty(
+    name="Bundles",
+    description="Folder for the baked textures. Empty: beside the .blend file or, before it is saved, beside the "
+    "measurement or the photographs' folder",
+    subtype="DIR_PATH",
+    options={"SKIP_SAVE"},
+)
+_Draw = Callable[[Any, bpy.types.Context], None]
+
+
+class ImportProperties:
+    """Mixed into an import operator: what a file browser or a drop gives it, and where its results go."""
+
+    files: _FILES
+    filepath: _FILEPATH
+    directory: _DIRECTORY
+    object_name: _OBJECT
+    bundles: _BUNDLES
+
+    def ask(self: Any, context: bpy.types.Context, event: bpy.types.Event, title: str) -> set[str]:
+        """Ask for files or, where they were dropped and have a title, for settings only."""
+        if not title:
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        target = object_under(context, event)
+        self.object_name = target.name if target else ""
+        return context.window_manager.invoke_props_dialog(self, title=f"Import {title}", confirm_text="Bake")
+
+    def draw_results(self: Any) -> None:
+        """Draw where the results go."""
+        column = self.layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(self, "bundles")
+        if self.object_name:
+            column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
+
+    def target(self: Any, context: bpy.types.Context) -> bpy.types.Object | None:
+        """Object that gets the material."""
+        return bpy.data.objects.get(self.object_name) or context.object
+
+
+class DropTarget:
+    """Mixed into a file handler: files can be dropped on a 3D viewport or a shader editor."""
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        """Whether the area under the mouse takes an import."""
+        return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
+
+
+def registration(classes: tuple[type, ...], menu: str, draw: _Draw) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Functions that register classes and an entry of one of Blender's menus, by its name, and that take both back."""
+    register_classes, unregister_classes = bpy.utils.register_classes_factory(classes)
+
+    def register() -> None:
+        register_classes()
+        getattr(bpy.types, menu).append(draw)
+
+    def unregister() -> None:
+        getattr(bpy.types, menu).remove(draw)
+        unregister_classes()
+
+    return register, unregister
