@@ -1,4 +1,4 @@
-"""Node groups: lamps that the shader itself samples, and those that a drawn direction meets (method.md, section 11).
+"""Node groups: lamps that the shader itself samples, and those that a drawn direction meets (method.md, section 10).
 
 From Blender 5.1 on a Raycast node says whether a point of a lamp is seen. The shader then shows what the lamp's light
 gives as emission, on every sample, and need not wait for a mirror to meet the lamp.

@@ -1,4 +1,4 @@
-"""Mode Exact where the shader samples the lamps: closures, mirror and emission together (method.md, section 11)."""
+"""Mode Exact where the shader samples the lamps: closures, mirror and emission together (method.md, section 10)."""
 
 from __future__ import annotations
 

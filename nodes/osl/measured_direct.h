@@ -1,5 +1,5 @@
 // Light of the scene's lamps that a table reflects, sampled in the shader and shown as emission: twin of
-// bake/sampling/lamp_light.py (addon/docs/method.md, section 11).
+// bake/sampling/lamp_light.py (addon/docs/method.md, section 10).
 
 #ifndef MEASURED_DIRECT_H
 #define MEASURED_DIRECT_H
