@@ -8,6 +8,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
 from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
+from .checked_pixels import check_closures, check_shares
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .material_tree import build_from
@@ -69,7 +70,7 @@ def build_material(
         shares = None
         local = lamp_share and lamps is not None and envelope is not None and table is not None
         if local and record.has("residual_share"):
-            record.check_shares()
+            check_shares(record)
             shares = textures("residual_share")
         group = brdf_group(
             f"Measured {name}", mode, BrdfParts(table, envelope, preview, lamps, shares, record.anisotropic)
@@ -93,6 +94,8 @@ def usual_mode(record: BrdfRecord) -> str:
 
 
 def _closures(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
-    """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
-    fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    return WeightedClosures(fit.closures, images(part), fit.viewers)
+    """The "envelope" or the "preview_weights" of a bundle, checked before Blender loads it. Raises BakeError."""
+    check_closures(record, part)
+    described = record.envelope if part == "envelope" else record.preview
+    assert described is not None
+    return WeightedClosures(described.closures, images(part), described.viewers)

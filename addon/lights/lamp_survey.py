@@ -69,10 +69,15 @@ class LampReport:
 
 def survey_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampReport:
     """`survey` of all view layers that are rendered."""
-    layers = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
+    layers = rendered_layers(scene)
     for layer in layers:
         layer.update()
     return survey(*(layer.depsgraph for layer in layers), for_render=for_render)
+
+
+def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
+    """View layers that are rendered; the first where none is."""
+    return [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
 
 
 def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampReport:
@@ -276,11 +281,18 @@ def _strength(data: Any) -> float:
 def _lit_place(depsgraphs: Iterable[bpy.types.Depsgraph]) -> Vector:
     """Middle of the objects with measured materials, else of all that is solid."""
     chosen, others = [], []
+    known: dict[bpy.types.Material, bool] = {}
     for obj in (obj for depsgraph in depsgraphs for obj in depsgraph.objects):
         if obj.type in {"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT"}:
             middle = obj.matrix_world @ (sum((Vector(c) for c in obj.bound_box), Vector()) / 8)
             slots = [slot.material for slot in obj.material_slots if slot.material]
-            measured = any(is_measured_tree(m.node_tree) for m in slots if m.node_tree)
-            (chosen if measured else others).append(middle)
+            (chosen if any(_is_measured(material, known) for material in slots) else others).append(middle)
     places = chosen or others
     return sum(places, Vector()) / len(places) if places else Vector()
+
+
+def _is_measured(material: bpy.types.Material, known: dict[bpy.types.Material, bool]) -> bool:
+    """Whether a material holds a group of ours; of each, the nodes are looked at once."""
+    if material not in known:
+        known[material] = material.node_tree is not None and is_measured_tree(material.node_tree)
+    return known[material]

@@ -14,12 +14,12 @@ from ...nodes import compat
 from ...nodes.aimed_light_group import SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash
+from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
 from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
 from ..material.kinds import kind_of
-from ..material.texture_content import file_of
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
