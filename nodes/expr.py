@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,8 @@ def key_of(value: Value) -> Any:
     if isinstance(value, Vector) and value.constant is not None:
         return ("constant", *value.constant)
     if isinstance(value, (Scalar, Vector)):
-        return (value.socket.node.name, value.socket.identifier)
+        socket = value.socket
+        return (socket.node.name, socket.identifier)
     return float(value) if isinstance(value, (int, float, np.floating)) else value
 
 
@@ -137,11 +139,8 @@ def feed(tree: Any, socket: Any, value: Value) -> None:
 def node(kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Value]) -> Any:
     """A node of this bl_idname with properties set and inputs fed; an equal one is made only once."""
     builder = _stack[-1]
-    key = (
-        kind,
-        tuple(sorted(properties.items(), key=lambda item: item[0])),
-        tuple((i, key_of(value)) for i, value in inputs.items()),
-    )
+    settings = sorted(properties.items(), key=itemgetter(0)) if len(properties) > 1 else properties.items()
+    key = (kind, tuple(settings), tuple([(i, key_of(value)) for i, value in inputs.items()]))
     if key not in builder.made:
         if isinstance(builder.tree, Recording):
             builder.made[key] = builder.tree.add(*key)

@@ -87,8 +87,8 @@ def _recorded(inputs: Mapping[str, str], outputs: Mapping[str, str], function: C
     try:
         with expr.building(recording):
             results = function(*(_value(recording.source.outputs[s], kind) for s, kind in inputs.items()))
-    except CannotRecord:
-        return None
+    except (CannotRecord, AttributeError, TypeError):
+        return None  # what is wrong with the function itself is told when the group is made
     found = results if isinstance(results, tuple) else (results,)
     recording.results = [expr.key_of(value) for _, value in zip(outputs, found, strict=True)]
     return recording

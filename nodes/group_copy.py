@@ -41,10 +41,10 @@ def _set_as_recorded(tree: bpy.types.ShaderNodeTree, recording: Recording) -> bo
         return False
     links = len(tree.links)
     for node, recorded in zip(nodes, recording.nodes):
-        for name, value in recorded.properties.items():
+        for name, value in recorded.properties:
             if getattr(node, name) != value:
                 setattr(node, name, value)
-        for index, value in recorded.inputs.items():
+        for index, value in recorded.inputs:
             _set_constant(node.inputs[index], value)
     sink = next(node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
     for socket, value in zip(sink.inputs, recording.results):

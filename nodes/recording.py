@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import bpy
 
 # A constant triple, a socket that was recorded (node and output), a number, or a setting.
 Key = Any
-Settings = Iterable[tuple[str, Any]]
-Inputs = Iterable[tuple[int | str, Key]]
+Settings = Sequence[tuple[str, Any]]
+Inputs = Sequence[tuple[int | str, Key]]
 
 
 class CannotRecord(Exception):
@@ -38,8 +38,24 @@ class RecordedSocket:
         return True
 
 
+class RecordedNode:
+    """A node to be: its kind, settings and inputs. Whoever wants more of it has to have it made."""
+
+    __slots__ = ("inputs", "kind", "name", "properties")
+
+    def __init__(self, name: str, kind: str, properties: Settings, inputs: Inputs) -> None:
+        self.name, self.kind, self.properties, self.inputs = name, kind, properties, inputs
+
+    @property
+    def outputs(self) -> _Outputs:
+        """Its outputs, which need not be there."""
+        return _Outputs(self)
+
+
 class _Outputs:
     """Outputs of a recorded node by name or place; of a node that holds a group, in the group's order too."""
+
+    __slots__ = ("_node",)
 
     def __init__(self, node: RecordedNode) -> None:
         self._node = node
@@ -48,34 +64,15 @@ class _Outputs:
         return RecordedSocket(self._node, name)
 
     def __iter__(self) -> Iterator[RecordedSocket]:
-        group = self._node.properties.get("node_tree")
+        group = dict(self._node.properties).get("node_tree")
         if group is None:
             raise CannotRecord
         for item in group.interface.items_tree:
             if item.item_type == "SOCKET" and item.in_out == "OUTPUT":
-                kind = _KINDS.get(item.socket_type, "VECTOR")
-                yield RecordedSocket(self._node, item.identifier, kind)
+                yield RecordedSocket(self._node, item.identifier, _KINDS.get(item.socket_type, "VECTOR"))
 
 
 _KINDS = {"NodeSocketFloat": "VALUE", "NodeSocketShader": "SHADER"}
-
-
-class RecordedNode:
-    """A node to be: its kind, settings and inputs. Whoever wants more of it has to have it made."""
-
-    def __init__(self, name: str, kind: str, properties: Settings, inputs: Inputs) -> None:
-        self.__dict__.update(
-            name=name, kind=kind, properties=dict(properties), inputs=dict(inputs), outputs=_Outputs(self)
-        )
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise CannotRecord
-
-    def __setitem__(self, name: str, value: object) -> None:
-        raise CannotRecord
-
-    def __getattr__(self, name: str) -> Any:
-        raise CannotRecord
 
 
 class Recording:
@@ -106,10 +103,7 @@ class Recording:
         interface : of the group, JSON-ready
         known_by : tells groups inside from each other
         """
-        nodes = [
-            [n.kind, [[k, _plain(v, known_by)] for k, v in n.properties.items()], list(n.inputs.items())]
-            for n in self.nodes
-        ]
+        nodes = [[n.kind, [(k, _plain(v, known_by)) for k, v in n.properties], n.inputs] for n in self.nodes]
         return _hash([interface, nodes, self.results])
 
     def shape(self, interface: Any, known_by: Callable[[bpy.types.NodeTree], str]) -> str:
@@ -117,8 +111,8 @@ class Recording:
         nodes = [
             [
                 n.kind,
-                [[k, "" if isinstance(v, bpy.types.Image) else _plain(v, known_by)] for k, v in n.properties.items()],
-                [[k, _blank(v)] for k, v in n.inputs.items()],
+                [(k, "" if isinstance(v, bpy.types.Image) else _plain(v, known_by)) for k, v in n.properties],
+                [(k, _blank(v)) for k, v in n.inputs],
             ]
             for n in self.nodes
         ]
@@ -137,6 +131,8 @@ def _blank(key: Key) -> Key:
 
 
 def _plain(value: Any, known_by: Callable[[bpy.types.NodeTree], str]) -> Any:
+    if isinstance(value, (str, bool)):
+        return value
     if isinstance(value, bpy.types.NodeTree):
         return known_by(value)
     return value.name_full if isinstance(value, bpy.types.ID) else value

@@ -134,7 +134,9 @@ def _reduced(record: ShadingMapRecord, images: SliceImages, name: str, factor: i
     if None in made.values():
         pixels = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
         for (part, half), values in zip(sources.items(), pixels):
-            made[part] = made[part] or new_data_image(f"{name} {part} / {factor}", values, half=half, made_of=told[part])
+            made[part] = made[part] or new_data_image(
+                f"{name} {part} / {factor}", values, half=half, made_of=told[part]
+            )
     return replace(images, residual=made[facts.image], envelope=made["envelope"], layout=layout)
 
 

@@ -111,6 +111,13 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     return LampReport([lamp for _, lamp in named[:CAPACITY]], sky, left_out, world, len(to_come))
 
 
+def lamp_settings(obj: bpy.types.Object) -> Any:
+    """What a survey goes by of a lamp that neither is an instance nor hangs on anything but its parents' settings."""
+    data, place = obj.data, _place(obj)
+    beam = tuple(getattr(data, name, None) for name in ("type", "spot_size", "spot_blend", "spread"))
+    return obj.session_uid, _why_not(obj), _why_not_there(data, place), _lamp(data, place), beam
+
+
 def _may_shine_later(obj: bpy.types.Object) -> bool:
     """Whether a lamp that gives no light now has something animated that may change that."""
     return changes(obj, _HIDING | {"scale"}) or changes(obj.data)
