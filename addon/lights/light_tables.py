@@ -75,6 +75,8 @@ def make_ready() -> None:
     """Make the file's tables, and give the groups of versions before, which aim at what they were built for, room."""
     lamp_image()
     world_table()
+    if not any(_is_fixed(tree) for tree in bpy.data.node_groups):
+        return  # as in all files of this version: no look at every node
     own = [tree for tree in bpy.data.node_groups if tree.library is None]
     aiming = [node for tree in own for node in tree.nodes if _is_fixed(getattr(node, "node_tree", None))]
     replaced = {node.node_tree for node in aiming}

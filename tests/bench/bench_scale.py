@@ -14,11 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import measured_materials
-import numpy as np
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle.bundle import Bundle, StoredImage, read_bundle, write_bundle
-from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import MetallicPaint, Ward
@@ -28,11 +26,10 @@ from rich.table import Table
 
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
+from support.bundles import tinted
 from support.swatches import map_bundle, rough_map
 
 COUNTS, BUNDLES, EDGE = (10, 60, 240), 24, 128
-# Images whose colours a tint multiplies; samplers and shares stay.
-_TINTED = ("table", "envelope", "residual", "preview_weights")
 _TIMEOUT = 1800
 _COLUMNS = {
     "build s": lambda f: f"{f['build']:.2f}",
@@ -113,21 +110,9 @@ def _bundles(folder: Path) -> Iterator[Bundle]:
     for name, (source, settings) in sources.items():
         baked = read_bundle(bake_source(source, folder / name, settings).path)
         for k in range(BUNDLES // 3):
-            yield _tinted(baked, folder / f"{name} {k}", 1 - 0.05 * k)
+            yield tinted(baked, folder / f"{name} {k}", 1 - 0.05 * k)
     for k in range(BUNDLES // 3):
         yield map_bundle(folder / f"swatch {k}", rough_map(seed=k), RenderSettings())
-
-
-def _tinted(bundle: Bundle, path: Path, factor: float) -> Bundle:
-    """Another bundle that reflects so much of what this one does."""
-    images = {}
-    for name, entry in bundle.material["images"].items():
-        pixels = bundle.load(name).copy()
-        if name in _TINTED:
-            pixels[..., :3] *= np.float32(factor)
-        images[name] = StoredImage(pixels, Storage(entry["storage"]))
-    source = {**bundle.material["source"], "name": path.name}
-    return read_bundle(write_bundle(path, {**bundle.material, "source": source}, images))
 
 
 def _milli(seconds: list[float]) -> str:
