@@ -73,8 +73,13 @@ def keyed(scene: bpy.types.Scene) -> None:
         obj.data.keyframe_insert("energy", frame=frame)
 
 
-def moved_parent(scene: bpy.types.Scene) -> None:
-    bpy.data.objects["empty"].location.x += 2
+def driven(scene: bpy.types.Scene) -> None:
+    """By a number that is none of the scene's settings."""
+    scene.objects["plate"]["watts"] = 100.0
+    driver = lamp(scene).data.driver_add("energy").driver
+    driver.type = "SUM"
+    target = driver.variables.new().targets[0]
+    target.id, target.data_path = scene.objects["plate"], '["watts"]'
 
 
 MORE: dict[str, Callable[[bpy.types.Scene], object]] = {
@@ -89,6 +94,7 @@ MORE: dict[str, Callable[[bpy.types.Scene], object]] = {
     "keys": keyed,
     "a layer more": lambda s: s.view_layers.new("more"),
     "constraint": constrained,
+    "driver": driven,
 }
 
 
@@ -107,16 +113,19 @@ def test_after_any_edit_the_report_is_that_of_a_fresh_look(scene: bpy.types.Scen
                 break
 
 
-@pytest.mark.parametrize("hangs_on", ["parent", "constraint", "instance"])
+@pytest.mark.parametrize("hangs_on", ["parent", "constraint", "instance", "driver"])
 def test_what_carries_a_lamp_is_followed(scene: bpy.types.Scene, hangs_on: str) -> None:
-    """A parent by its settings; a target or an instancer by looking every time."""
+    """A parent by its settings; a target, an instancer or a driver by looking every time."""
     (EDITS | MORE)[hangs_on](scene)
     with surveys_kept():
-        surveyed(scene)
+        before = surveyed(scene)
+        if hangs_on == "driver":
+            scene.objects["plate"]["watts"] = 900.0
+            scene.objects["plate"].update_tag()
         for name in ("empty", "target", "instance"):
             if name in bpy.data.objects:
                 bpy.data.objects[name].location.x += 2
-        assert surveyed(scene) == survey_scene(scene, for_render=True)
+        assert before != surveyed(scene) == survey_scene(scene, for_render=True)
 
 
 def test_frames_are_other_surveys(scene: bpy.types.Scene) -> None:

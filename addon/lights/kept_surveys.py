@@ -52,10 +52,17 @@ def _state(scene: bpy.types.Scene) -> Any:
     """What lamps, world, and the objects that are lit have for settings."""
     objects = list(scene.objects)
     places = [obj.matrix_basis.copy() for obj in objects]
-    shown = [(obj.session_uid, obj.hide_render, obj.hide_viewport, obj.instance_type) for obj in objects]
-    lamps = [lamp_settings(obj) for obj in objects if obj.type == "LIGHT"]
+    shown = [
+        (obj.session_uid, obj.hide_render, obj.hide_viewport, obj.instance_type, len(obj.modifiers)) for obj in objects
+    ]
+    lamps = [(lamp_settings(obj), _is_moved(obj)) for obj in objects if obj.type == "LIGHT"]
     layers = [(layer.name, *_visibility(layer.layer_collection)) for layer in rendered_layers(scene)]
     return scene.frame_current_final, places, shown, lamps, layers, world_light(scene.world)
+
+
+def _is_moved(lamp: bpy.types.Object) -> bool:
+    """Whether animation, a driver, a constraint or physics has a say in what the lamp is."""
+    return changes(lamp) or changes(lamp.data)
 
 
 def _visibility(layer: bpy.types.LayerCollection) -> Iterator[tuple[Any, ...]]:
@@ -74,7 +81,7 @@ def _visibility(layer: bpy.types.LayerCollection) -> Iterator[tuple[Any, ...]]:
 
 def _tell_all(scene: bpy.types.Scene) -> bool:
     """Whether the lamps' own settings say all of them: none is an instance, or moved or driven by anything else."""
-    if any(changes(obj) or changes(obj.data) for obj in scene.objects if obj.type == "LIGHT"):
+    if any(_is_moved(obj) for obj in scene.objects if obj.type == "LIGHT"):
         return False
     graphs = (layer.depsgraph for layer in rendered_layers(scene))
     instances = (instance for graph in graphs for instance in graph.object_instances if instance.is_instance)
