@@ -284,6 +284,26 @@ def test_a_saved_file_is_built_on(registered: None, baked: Path, tmp_path: Path,
         bpy.ops.wm.read_homefile(use_empty=True)
 
 
+def test_undo_of_one_leaves_the_other(registered: None, baked: Path) -> None:  # noqa: F811
+    """And redo brings back one that shares with it; what came back so is built on."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    try:
+        for step in ("first", "second"):
+            imported(baked / "canvas.mmat").use_fake_user = True
+            bpy.ops.ed.undo_push(message=step)
+        before = there()
+        bpy.ops.ed.undo()
+        (first,) = bpy.data.materials
+        assert there() == before and top(first)[HASH_KEY] == content_hash(top(first))
+        assert all(min(image.size) > 1 and image.packed_files for image in textures_of(first).values())
+        bpy.ops.ed.redo()
+        assert there() == before and len({top(material) for material in bpy.data.materials}) == 1
+        imported(baked / "canvas.mmat")
+        assert there() == before and len(bpy.data.materials) == 3
+    finally:
+        bpy.ops.wm.read_factory_settings(use_empty=False)
+
+
 def test_images_of_a_library_are_not_taken(registered: None, baked: Path, tmp_path: Path) -> None:  # noqa: F811
     imported(baked / "canvas.mmat").use_fake_user = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
