@@ -169,6 +169,7 @@ def _mixture(
 
 def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:
     """A Group Output beside the first."""
+    expr.need_tree()
     made = expr.node("NodeGroupOutput", {}, dict(zip(_OUTPUTS, results)))
     made.is_active_output = False
     made[SLOTS_KEY], made[WORLD_KEY] = slots, world

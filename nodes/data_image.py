@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
+import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,11 +18,14 @@ from ..bake.bundle.bundle import Bundle
 from ..bake.bundle.image_names import common_name, title_of, unique_name
 from ..bake.errors import BakeError
 from ..bake.images.storage import Storage
+from .texture_content import content_of, file_of, image_content
 
 # A material's textures, by the names of the bundle's images.
 Images = Callable[[str], bpy.types.Image]
 # Custom properties of an image: which of the bundle's it is, and the SHA-256 of its file.
 PART_KEY, CONTENT_KEY = "measured_materials_part", "measured_materials_sha256"
+# And of one that was computed: what it was made of.
+MADE_KEY = "measured_materials_made_of"
 
 
 @dataclass(frozen=True)
@@ -47,17 +50,50 @@ class LoadedBundle(Bundle):
 
 
 def bundle_image(bundle: Bundle, name: str, label: str, *, pack: bool = False) -> bpy.types.Image:
-    """Image `name` of a bundle, loaded under this label. Raises BakeError."""
+    """Image `name` of a bundle: the one that is there already, else loaded under this label. Raises BakeError."""
     path, entry = bundle.image_path(name), bundle.material["images"][name]
-    image = load_data_image(path, label, half=entry["storage"] == Storage.HALF, pack=pack)
+    half = entry["storage"] == Storage.HALF
+    there = shared_image(path, name, entry["sha256"], half=half, pack=pack)
+    if there is not None:
+        return there
+    image = load_data_image(path, label, half=half, pack=pack)
     image[PART_KEY], image[CONTENT_KEY] = name, entry["sha256"]
     if pack:
         rename_packed(image, title_of(bundle.material, bundle.path.stem), name, entry["sha256"])
     return image
 
 
+def shared_image(path: Path, part: str, sha256: str, *, half: bool, pack: bool) -> bpy.types.Image | None:
+    """The image that an earlier build loaded of this file and that still is as it was loaded; None if there is none.
+
+    Not one of a linked library, which would be lost with the library; none that somebody has painted on, set otherwise
+    or given another file; packed and unpacked ones are not mixed, and an unpacked one reads the very file asked for.
+    """
+    for image in bpy.data.images:
+        if image.get(CONTENT_KEY) != sha256 or image.get(PART_KEY) != part or image.library is not None:
+            continue
+        as_loaded = (image.source, image.colorspace_settings.name, image.alpha_mode, image.use_half_precision)
+        if as_loaded != ("FILE", "Non-Color", "CHANNEL_PACKED", half) or image.is_dirty:
+            continue
+        if (image.packed_file is not None) != pack or not (pack or _is_same_place(file_of(image), path)):
+            continue
+        if image_content(image) == sha256:
+            return image
+    return None
+
+
+def _is_same_place(one: Path, other: Path) -> bool:
+    try:
+        return one == other or os.path.samefile(one, other)
+    except (OSError, ValueError):
+        return False
+
+
 def bundle_images(bundle: Bundle, title: str, *, pack: bool = False) -> Images:
-    """A bundle's textures: loaded when asked for, each once, and called after `title`. Asking raises BakeError."""
+    """A bundle's textures: found or loaded when asked for, called after `title`. Asking raises BakeError.
+
+    Materials of one bundle share them.
+    """
     return functools.cache(lambda name: bundle_image(bundle, name, f"{title} {name.replace('_', ' ')}", pack=pack))
 
 
@@ -79,8 +115,11 @@ def load_data_image(path: Path, name: str, *, half: bool = False, pack: bool = F
     return image
 
 
-def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False) -> bpy.types.Image:
-    """An image of these numbers (H, W, 3 or 4), top row first, packed so that the .blend keeps it."""
+def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False, made_of: str = "") -> bpy.types.Image:
+    """An image of these numbers (H, W, 3 or 4), top row first, packed so that the .blend keeps it.
+
+    By what it is `made_of`, where that is told, `made_image` finds it again.
+    """
     height, width, channels = pixels.shape
     full = np.ones((height, width, 4), np.float32)
     full[..., :channels] = pixels[::-1]
@@ -92,7 +131,19 @@ def new_data_image(name: str, pixels: NDArray[np.float32], *, half: bool = False
     image.update()
     image.pack()
     name_made(image)
+    if made_of:
+        image[MADE_KEY], image[CONTENT_KEY] = made_of, image_content(image)
     return image
+
+
+def made_image(made_of: str, *, half: bool) -> bpy.types.Image | None:
+    """The file's own image that `new_data_image` has made of this, if it still is as it was made."""
+    for image in bpy.data.images:
+        if image.get(MADE_KEY) == made_of and image.library is None and not image.is_dirty:
+            as_made = (image.colorspace_settings.name, image.alpha_mode, image.use_half_precision)
+            if as_made == ("Non-Color", "CHANNEL_PACKED", half) and image_content(image) == image.get(CONTENT_KEY):
+                return image
+    return None
 
 
 def movable_path(path: Path) -> str:
@@ -140,8 +191,3 @@ def name_made(image: bpy.types.Image) -> None:
         for packed in image.packed_files:
             packed.filepath = "//" + unique_name(image.name, "made", content_of(data), suffix)
         image.filepath_raw = image.packed_files[0].filepath
-
-
-def content_of(data: bytes) -> str:
-    """Value of `CONTENT_KEY` for a file of these bytes."""
-    return hashlib.sha256(data).hexdigest()

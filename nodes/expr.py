@@ -9,15 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
+
+from .recording import CannotRecord, Recording
 
 pi = np.pi
 
 
 class _Builder:
-    """The tree under construction and the nodes already made for an expression."""
+    """The tree under construction, or its recording, and the nodes already made for an expression."""
 
     def __init__(self, tree: Any) -> None:
         self.tree = tree
@@ -29,7 +32,7 @@ _stack: list[_Builder] = []
 
 @contextmanager
 def building(tree: Any) -> Iterator[Any]:
-    """Direct all expressions inside the block into `tree` (a bpy shader node tree)."""
+    """Direct all expressions inside the block into `tree`: a bpy shader node tree, or a `Recording` of one to be."""
     _stack.append(_Builder(tree))
     try:
         yield tree
@@ -112,11 +115,13 @@ def _is(value: Value, number: float) -> bool:
     return isinstance(value, (int, float)) and value == number
 
 
-def _key(value: Value) -> Any:
+def key_of(value: Value) -> Any:
+    """What an expression or a constant is known by: equal ones give equal keys."""
     if isinstance(value, Vector) and value.constant is not None:
         return ("constant", *value.constant)
     if isinstance(value, (Scalar, Vector)):
-        return (value.socket.node.name, value.socket.identifier)
+        socket = value.socket
+        return (socket.node.name, socket.identifier)
     return float(value) if isinstance(value, (int, float, np.floating)) else value
 
 
@@ -134,16 +139,29 @@ def feed(tree: Any, socket: Any, value: Value) -> None:
 def node(kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Value]) -> Any:
     """A node of this bl_idname with properties set and inputs fed; an equal one is made only once."""
     builder = _stack[-1]
-    key: tuple[Any, ...] = (kind, tuple(sorted(properties.items(), key=lambda item: item[0])))
-    key += tuple((i, _key(value)) for i, value in inputs.items())
+    settings = sorted(properties.items(), key=itemgetter(0)) if len(properties) > 1 else properties.items()
+    key = (kind, tuple(settings), tuple([(i, key_of(value)) for i, value in inputs.items()]))
     if key not in builder.made:
-        made = builder.tree.nodes.new(kind)
-        for name, value in properties.items():
-            setattr(made, name, value)
-        for index, value in inputs.items():
-            feed(builder.tree, made.inputs[index], value)
-        builder.made[key] = made
+        if isinstance(builder.tree, Recording):
+            builder.made[key] = builder.tree.add(*key)
+        else:
+            builder.made[key] = _made(builder.tree, kind, properties, inputs)
     return builder.made[key]
+
+
+def _made(tree: Any, kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Value]) -> Any:
+    made = tree.nodes.new(kind)
+    for name, value in properties.items():
+        setattr(made, name, value)
+    for index, value in inputs.items():
+        feed(tree, made.inputs[index], value)
+    return made
+
+
+def need_tree() -> None:
+    """Call where a function is to do more in the tree than to add nodes. Raises CannotRecord where that is recorded."""
+    if _stack and isinstance(_stack[-1].tree, Recording):
+        raise CannotRecord
 
 
 def math_node(operation: str, *operands: Value) -> Scalar:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
 from . import expr
+from .group_copy import copy_as_recorded, is_fit_to_copy
+from .recording import CannotRecord, Recording
 
 HASH_KEY = "measured_materials_hash"
+# What a group was recorded as before it was made, and the same but for numbers and images; empty where it was not.
+RECIPE_KEY, SHAPE_KEY = "measured_materials_recipe", "measured_materials_shape"
 # Groups of one family may take each other's place without a change of what they are in.
 FAMILY_KEY = "measured_materials_family"
 # Settings of a group's nodes that the extension switches while it is in use: no part of what the group is known by.
@@ -41,6 +45,8 @@ def node_group(
 ) -> bpy.types.ShaderNodeTree:
     """A group whose inputs are the function's arguments and whose outputs are its results, in order.
 
+    The function is recorded before anything is made, and may hence be called twice.
+
     Parameters
     ----------
     name : of the group, shown to artists; Blender appends a number where it is taken by other content
@@ -51,14 +57,69 @@ def node_group(
 
     Returns
     -------
-    A group of exactly this content: the existing one of this name if its content still hashes equal (an artist may
-    have edited it), otherwise a new one.
+    A group of exactly this content: an existing one of whatever name, which other materials may use too, if its content
+    still hashes equal (an artist may have edited it), otherwise a new one.
     """
+    interface = [list(inputs.items()), list(outputs.items()), list((defaults or {}).items()), switched]
+    recording = _recorded(inputs, outputs, function)
+    recipe = recording.digest(interface, _content_of) if recording is not None else ""
+    found = _unchanged(RECIPE_KEY, recipe)
+    if found is not None:
+        return found
+    tree, shape = None, ""
+    if recording is not None:
+        shape = recording.shape(interface, lambda inner: inner.get(SHAPE_KEY) or _content_of(inner))
+        donor = _unchanged(SHAPE_KEY, shape)
+        tree = copy_as_recorded(donor, recording, name) if donor is not None and is_fit_to_copy(donor) else None
+    tree = tree or _made(name, inputs, outputs, function, defaults or {}, switched)
+    digest = content_hash(tree)
+    other = _unchanged(HASH_KEY, digest, but=tree)
+    if other is not None:
+        bpy.data.node_groups.remove(tree)
+        tree = other
+    tree[HASH_KEY], tree[RECIPE_KEY], tree[SHAPE_KEY] = digest, recipe, shape
+    return tree
+
+
+def _recorded(inputs: Mapping[str, str], outputs: Mapping[str, str], function: Callable[..., Any]) -> Recording | None:
+    """What the function makes of the inputs; None where that takes a tree in Blender."""
+    recording = Recording()
+    try:
+        with expr.building(recording):
+            results = function(*(_value(recording.source.outputs[s], kind) for s, kind in inputs.items()))
+    except (CannotRecord, AttributeError, TypeError):
+        return None  # what is wrong with the function itself is told when the group is made
+    found = results if isinstance(results, tuple) else (results,)
+    recording.results = [expr.key_of(value) for _, value in zip(outputs, found, strict=True)]
+    return recording
+
+
+def _content_of(tree: bpy.types.NodeTree) -> str:
+    """What a group inside is known by; whoever uses it has just been given it by `node_group`, unchanged."""
+    return str(tree.get(FAMILY_KEY) or tree.get(HASH_KEY) or content_hash(tree))
+
+
+def _unchanged(key: str, value: str, but: bpy.types.ShaderNodeTree | None = None) -> bpy.types.ShaderNodeTree | None:
+    """The file's own group of this custom property whose content still is that with which it was made."""
+    # One of a linked library would be lost with the library.
+    own = (t for t in bpy.data.node_groups if value and t.get(key) == value and t.library is None and t != but)
+    return next((tree for tree in own if content_hash(tree) == tree.get(HASH_KEY)), None)
+
+
+def _made(
+    name: str,
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, str],
+    function: Callable[..., Any],
+    defaults: Mapping[str, Any],
+    switched: str,
+) -> bpy.types.ShaderNodeTree:
+    """A new group, node by node."""
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
     try:
         for socket, kind in inputs.items():
             made = tree.interface.new_socket(socket, in_out="INPUT", socket_type=_SOCKETS[kind])
-            if defaults and socket in defaults:
+            if socket in defaults:
                 made.default_value = defaults[socket]
         for socket, kind in outputs.items():
             tree.interface.new_socket(socket, in_out="OUTPUT", socket_type=_SOCKETS[kind])
@@ -73,13 +134,6 @@ def node_group(
         raise
     if switched:
         tree[SWITCHED_KEY] = switched
-    digest = content_hash(tree)
-    # One of a linked library would be lost with the library.
-    for other in (group for group in bpy.data.node_groups if group.library is None):
-        if other != tree and other.get(HASH_KEY) == digest and content_hash(other) == digest:
-            bpy.data.node_groups.remove(tree)
-            return other
-    tree[HASH_KEY] = digest
     arrange(tree)
     return tree
 
@@ -136,61 +190,78 @@ def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
     return list(found)
 
 
-def content_hash(tree: bpy.types.ShaderNodeTree, known: dict[bpy.types.ShaderNodeTree, str] | None = None) -> str:
-    """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks.
+_kept: dict[int, str] | None = None
 
-    `known` holds the hashes of groups that have not changed since, and takes up those of the groups inside.
-    """
-    known = {} if known is None else known
-    if tree in known:
-        return known[tree]
+
+@contextmanager
+def hashing_once() -> Iterator[None]:
+    """Inside, a tree is hashed once. For builders, which change no tree that is finished."""
+    global _kept
+    before, _kept = _kept, {} if _kept is None else _kept
+    try:
+        yield
+    finally:
+        _kept = before
+
+
+def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
+    """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks."""
+    return _content_hash(tree, {} if _kept is None else _kept)
+
+
+def _content_hash(tree: bpy.types.ShaderNodeTree, known: dict[int, str]) -> str:
+    """With the hashes of trees that were met before, by their session_uid: groups stand in several places."""
+    if tree.session_uid in known:
+        return known[tree.session_uid]
     order = {node.name: i for i, node in enumerate(tree.nodes)}
     interface = [
         (i.name, i.in_out, i.socket_type, _plain(getattr(i, "default_value", None), known))
         for i in tree.interface.items_tree
         if i.item_type == "SOCKET"
     ]
-    skipped = tree.get(SWITCHED_KEY, "").split()
-    nodes = [(n.bl_idname, _properties(n, skipped, known), _defaults(n, known)) for n in tree.nodes]
+    switched = tree.get(SWITCHED_KEY, "")
+    nodes = [(kind := n.bl_idname, _properties(n, kind, switched, known), _defaults(n, known)) for n in tree.nodes]
     links = sorted(
         (order[k.from_node.name], k.from_socket.identifier, order[k.to_node.name], k.to_socket.identifier)
         for k in tree.links
     )
     text = json.dumps([interface, nodes, links], default=str)
-    known[tree] = hashlib.sha256(text.encode()).hexdigest()
-    return known[tree]
+    known[tree.session_uid] = found = hashlib.sha256(text.encode()).hexdigest()
+    return found
 
 
-def _properties(node: Any, skipped: Sequence[str], known: dict[bpy.types.ShaderNodeTree, str]) -> dict[str, Any]:
-    return {name: _plain(getattr(node, name), known) for name in _settings_of(type(node)) if name not in skipped}
+def _properties(node: Any, kind: str, switched: str, known: dict[int, str]) -> dict[str, Any]:
+    names = _names.get((kind, switched))
+    if names is None:
+        skipped = _SKIPPED.union(switched.split())
+        found = (p for p in node.bl_rna.properties if p.type != "COLLECTION" and not p.identifier.startswith("bl_"))
+        names = _names[kind, switched] = tuple(p.identifier for p in found if p.identifier not in skipped)
+    return {name: _plain(getattr(node, name), known) for name in names}
 
 
-@cache
-def _settings_of(kind: type) -> tuple[str, ...]:
-    """Names of a kind of node's properties that count; asking RNA for them takes longer than reading them."""
-    return tuple(
-        p.identifier
-        for p in kind.bl_rna.properties  # type: ignore[attr-defined]
-        if p.identifier not in _SKIPPED and not p.identifier.startswith("bl_") and p.type != "COLLECTION"
-    )
+# Settings of nodes of a kind that count, where some are switched.
+_names: dict[tuple[str, str], tuple[str, ...]] = {}
 
 
-def _defaults(node: Any, known: dict[bpy.types.ShaderNodeTree, str]) -> list[Any]:
+def _defaults(node: Any, known: dict[int, str]) -> list[Any]:
     return [_plain(getattr(s, "default_value", None), known) for s in node.inputs if not s.is_linked]
 
 
-def _plain(value: Any, known: dict[bpy.types.ShaderNodeTree, str]) -> Any:
-    if isinstance(value, (bool, int, float, str, type(None))):
+def _plain(value: Any, known: dict[int, str]) -> Any:
+    if type(value) in _NUMBERS_AND_WORDS:
         return value
     if isinstance(value, bpy.types.NodeTree):
         # Its content now, not the hash it was built with: an image it used may be gone since.
-        return value.get(FAMILY_KEY) or content_hash(value, known)
+        return value.get(FAMILY_KEY) or _content_hash(value, known)
     if isinstance(value, bpy.types.ID):
         return value.name_full
     if isinstance(value, bpy.types.bpy_struct):
         # Settings of a sub-structure (an image user, a mapping) are never changed by us.
         return None
     return [float(x) for x in value]
+
+
+_NUMBERS_AND_WORDS = frozenset({bool, int, float, str, type(None)})
 
 
 def arrange(tree: bpy.types.ShaderNodeTree) -> None:

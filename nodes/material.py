@@ -8,6 +8,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
 from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
+from .checked_pixels import check_closures, check_shares
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .lamp_share_group import LampShares
@@ -72,7 +73,7 @@ def build_material(
         sampled = lights is not None and lamps is not None and envelope is not None and table is not None
         local = lamp_share and not sampled and lamps is not None and envelope is not None and table is not None
         if local and record.has("residual_share"):
-            record.check_shares()
+            check_shares(record)
             shares = LampShares(textures("residual_share"), record.share_layout)
         parts = BrdfParts(table, envelope, preview, lamps, shares, lights if sampled else None, record.anisotropic)
         group = brdf_group(f"Measured {name}", mode, parts)
@@ -97,6 +98,8 @@ def usual_mode(record: BrdfRecord) -> str:
 
 
 def _closures(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
-    """The "envelope" or the "preview_weights" of a bundle, read and checked before Blender loads it."""
-    fit = record.load_envelope() if part == "envelope" else record.load_preview()
-    return WeightedClosures(fit.closures, images(part), fit.viewers)
+    """The "envelope" or the "preview_weights" of a bundle, checked before Blender loads it. Raises BakeError."""
+    check_closures(record, part)
+    described = record.envelope if part == "envelope" else record.preview
+    assert described is not None
+    return WeightedClosures(described.closures, images(part), described.viewers)

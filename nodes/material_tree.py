@@ -13,7 +13,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.shading_maps.record import ShadingMapRecord
 from . import compat
-from .group import HASH_KEY, content_hash, trees_below
+from .group import HASH_KEY, content_hash, hashing_once, trees_below
 from .tangent_frame_group import surface_tangent_group
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
@@ -41,9 +41,10 @@ def build_from(
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
         raise BakeError(material.name, cause, "undo its removal, or import the measurement as a new material")
     try:
-        group = make_group(part_name(name))
-        material = bpy.data.materials.new(name) if material is None else material
-        assemble(material, group, albedo)
+        with hashing_once():
+            group = make_group(part_name(name))
+            material = bpy.data.materials.new(name) if material is None else material
+            assemble(material, group, albedo)
     except Exception:
         for block in {*bpy.data.images, *bpy.data.node_groups} - before:
             (bpy.data.images if isinstance(block, bpy.types.Image) else bpy.data.node_groups).remove(block)

@@ -69,6 +69,7 @@ def script_node(name: str, source: str, inputs: Mapping[str, Any]) -> Any:
     ------
     BakeError : this Blender has no OSL, or the shader does not compile
     """
+    expr.need_tree()
     require_osl()
     text, fresh = _text(name, source)
     # With a label of its own: `expr.node` would return an equal node, and it has no inputs to differ in yet.

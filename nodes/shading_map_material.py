@@ -15,9 +15,11 @@ from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
 from ..bake.shading_maps.record import ShadingMapRecord
 from ..bake.shading_maps.record_parts import StoredMap
-from ..bake.shading_maps.reduced_map import reduced_slices
+from ..bake.shading_maps.reduced_map import reduced_size, reduced_slices
 from ..bake.shading_maps.render_settings import RenderSettings
-from .data_image import Images, bundle_images, new_data_image
+from ..bake.shading_maps.slice_atlas import SliceLayout
+from .checked_pixels import check_image
+from .data_image import Images, bundle_images, made_image, new_data_image
 from .map_models import basis_group, power_group
 from .material_tree import build_from
 from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
@@ -56,7 +58,7 @@ def build_shading_map(
     if settings.lobe is None:
         record.measured_lobe()
     for name in {record.map.image, "envelope"} & set(record.images):
-        record.files().load(name)  # pixels are read and checked once before Blender loads them
+        check_image(record.files(), name)
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
@@ -125,12 +127,17 @@ def slice_images(record: ShadingMapRecord, textures: Images) -> SliceImages:
 def _reduced(record: ShadingMapRecord, images: SliceImages, name: str, factor: int) -> SliceImages:
     """The same map in fewer texels, kept in the .blend: they are a small part of the textures they were made of."""
     bundle, facts = record.files(), record.map
-    pixels = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
-    made = [
-        new_data_image(f"{name} {part} / {factor}", values, half=image.use_half_precision)
-        for part, values, image in zip((facts.image, "envelope"), pixels, (images.residual, images.envelope))
-    ]
-    return replace(images, residual=made[0], envelope=made[1], layout=pixels[2])
+    layout = SliceLayout(facts.layout.tiles, *reduced_size(facts.layout, factor))
+    sources = {facts.image: images.residual.use_half_precision, "envelope": images.envelope.use_half_precision}
+    told = {part: f"{record.images[part].sha256} in {facts.layout} / {factor}" for part in sources}
+    made = {part: made_image(told[part], half=half) for part, half in sources.items()}
+    if None in made.values():
+        pixels = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
+        for (part, half), values in zip(sources.items(), pixels):
+            made[part] = made[part] or new_data_image(
+                f"{name} {part} / {factor}", values, half=half, made_of=told[part]
+            )
+    return replace(images, residual=made[facts.image], envelope=made["envelope"], layout=layout)
 
 
 def map_group(name: str, facts: StoredMap, images: SliceImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:

@@ -11,6 +11,7 @@ from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
 from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
+from .checked_pixels import check_table
 from .data_image import Images
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
@@ -53,9 +54,7 @@ def table_groups(
     material room on SVM's stack: there one slice is chosen in any case.
     """
     stored, grid = table.stored, table.stored.grid
-    # Whoever shares a bundle may have changed its pixels: they are read and checked once before Blender loads them.
-    table.bundle.load(table.part)
-    table.load_sampler()
+    check_table(table)
     atlas, cells = images(table.part), images(table.sampler)
     filter = table.filter if filter is None else filter
     if is_anisotropic(grid):

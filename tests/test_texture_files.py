@@ -236,7 +236,7 @@ def test_panels_do_not_hash_at_every_redraw(tmp_path: Path) -> None:
     """Sixteen looks at a material read each file once."""
     script = """
 build(bake(), pack=True)
-from measured_materials.addon.material import texture_content
+from measured_materials.nodes import texture_content
 counted = []
 hashing = texture_content.content_of
 texture_content.content_of = lambda data: counted.append(len(data)) or hashing(data)

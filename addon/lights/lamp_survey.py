@@ -76,10 +76,15 @@ class LampReport:
 
 def survey_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampReport:
     """`survey` of all view layers that are rendered."""
-    layers = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
+    layers = rendered_layers(scene)
     for layer in layers:
         layer.update()
     return survey(*(layer.depsgraph for layer in layers), for_render=for_render)
+
+
+def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
+    """View layers that are rendered; the first where none is."""
+    return [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
 
 
 def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampReport:
@@ -119,6 +124,13 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     inexact += [f"{obj.name}: {reason}" for obj in to_come if (reason := why_not_exact(obj, obj.matrix_world))]
     unknown = inexact[0] if inexact else volume_in_file()
     return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown)
+
+
+def lamp_settings(obj: bpy.types.Object) -> Any:
+    """What a survey goes by of a lamp that neither is an instance nor hangs on anything but its parents' settings."""
+    data, place = obj.data, _place(obj)
+    beam = tuple(getattr(data, name, None) for name in ("type", "spot_size", "spot_blend", "spread"))
+    return obj.session_uid, _why_not(obj), _why_not_there(data, place), _lamp(data, place), beam
 
 
 def _may_shine_later(obj: bpy.types.Object) -> bool:
@@ -296,11 +308,18 @@ def _colour(data: Any) -> NDArray[np.float64]:
 def _lit_place(depsgraphs: Iterable[bpy.types.Depsgraph]) -> Vector:
     """Middle of the objects with measured materials, else of all that is solid."""
     chosen, others = [], []
+    known: dict[bpy.types.Material, bool] = {}
     for obj in (obj for depsgraph in depsgraphs for obj in depsgraph.objects):
         if obj.type in {"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT"}:
             middle = obj.matrix_world @ (sum((Vector(c) for c in obj.bound_box), Vector()) / 8)
             slots = [slot.material for slot in obj.material_slots if slot.material]
-            measured = any(is_measured_tree(m.node_tree) for m in slots if m.node_tree)
-            (chosen if measured else others).append(middle)
+            (chosen if any(_is_measured(material, known) for material in slots) else others).append(middle)
     places = chosen or others
     return sum(places, Vector()) / len(places) if places else Vector()
+
+
+def _is_measured(material: bpy.types.Material, known: dict[bpy.types.Material, bool]) -> bool:
+    """Whether a material holds a group of ours; of each, the nodes are looked at once."""
+    if material not in known:
+        known[material] = material.node_tree is not None and is_measured_tree(material.node_tree)
+    return known[material]

@@ -87,6 +87,8 @@ def make_ready() -> None:
     lamp_image()
     lamp_light_image()
     world_table()
+    if not any(_is_fixed(tree) for tree in bpy.data.node_groups):
+        return  # as in all files of this version: no look at every node
     own = [tree for tree in bpy.data.node_groups if tree.library is None]
     aiming = [node for tree in own for node in tree.nodes if _is_fixed(getattr(node, "node_tree", None))]
     replaced = {node.node_tree for node in aiming}

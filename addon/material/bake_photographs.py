@@ -16,6 +16,7 @@ from ...bake.shading_maps.bake import ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...nodes.shading_map_material import build_shading_map
+from ..lights.light_tables import lamp_image
 from ..photographs.blender_decoder import decode
 from ..summary.shading_map_rows import energy_rows, map_error_rows, map_rows
 from .bake_material import free_bundle, remember, target_of
@@ -78,7 +79,8 @@ def _material_from(
     bundle = read_bundle(result.path)
     fresh = material is None
     record = ShadingMapRecord.read(bundle)
-    material = build_shading_map(record, material, pack=pack)
+    # With what `build_map` will ask for where nothing is known of the material's place: the same group, made once.
+    material = build_shading_map(record, material, pack=pack, lamps=lamp_image())
     if fresh:
         set_repeat(material, 1.0, record.map.layout)
     rendering = build_map(record, material, record.render, pack=pack)

@@ -13,7 +13,7 @@ from ...nodes.data_image import Images
 from ...nodes.feature_passes import ALBEDO
 from ...nodes.material import build_material, usual_mode
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
-from ..lights.lamp_survey import survey_scene
+from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
 from .choices import Choices
 from .scene_fit import BrdfPlan, plan_brdf
@@ -44,8 +44,7 @@ def build_brdf(
     record = BrdfRecord.of(source)
     choices = choices or usual_choices(record)
     ready, scene = scene is None, scene or bpy.context.scene
-    # Only once: of scenes with many instances it takes its time.
-    report, passes = survey_scene(scene, for_render=True), asks_for_passes(scene)
+    report, passes = surveyed(scene), asks_for_passes(scene)
     targets = what_to_aim_at(report)
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling_of(report))
     material = build_material(

@@ -12,7 +12,7 @@ from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.shading_map_material import build_shading_map
 from ..lights.aim_targets import what_to_aim_at
-from ..lights.lamp_survey import survey_scene
+from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image
 from .choices import choices_of
 from .scene_fit import is_ready, plan_aim, plan_bounces, plan_detail
@@ -42,7 +42,7 @@ def build_map(
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
-    aim = plan_aim(choices, what_to_aim_at(survey_scene(scene, for_render=True)), ready=ready)
+    aim = plan_aim(choices, what_to_aim_at(surveyed(scene)), ready=ready)
     if settings.mode != "preview":
         effects += [aim, plan_bounces(settings.mode)]
     lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None

@@ -12,6 +12,7 @@ from mathutils import Vector
 from ..lights.motion import changes
 
 _IGNORED = 0.002
+_NOT_WORN = "no object of this scene wears it"
 # What a mesh that is not one is asked for.
 _KINDS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 _HIDING = frozenset({"hide_render", "hide_viewport"})
@@ -45,6 +46,8 @@ def texel_footprint(
         return _unknown("markers change the scene's camera")
     if changes(material.node_tree):
         return _unknown("its nodes are animated")
+    if not material.users:
+        return _unknown(_NOT_WORN)
     largest, shown = 0.0, set()
     for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
         layer.update()
@@ -55,7 +58,7 @@ def texel_footprint(
     for obj in scene.objects:
         if _wears(obj, material) and obj not in shown and (not obj.hide_render or changes(obj, _HIDING)):
             return _unknown(f"{obj.name} is hidden here, but may be rendered")
-    return Footprint(largest) if shown else _unknown("no object of this scene wears it")
+    return Footprint(largest) if shown else _unknown(_NOT_WORN)
 
 
 def _largest_in(

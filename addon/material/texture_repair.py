@@ -19,16 +19,14 @@ from ...bake.bundle.image_names import common_name, is_unique_name, title_of
 from ...nodes.data_image import (
     CONTENT_KEY,
     PART_KEY,
-    content_of,
     file_name,
     has_common_name,
     movable_path,
     rename_packed,
 )
+from ...nodes.texture_content import content_of, forget, is_of_content
 from ..events import listen, stop_listening
-from . import texture_content
 from .facts import facts_of, images_of, is_measured
-from .texture_content import is_of_content
 from .textures import bundle_path, textures_of
 
 
@@ -102,7 +100,7 @@ def give_names() -> None:
 
 @persistent
 def _after_loading(*_: Any) -> None:
-    texture_content.forget()
+    forget()
     give_names()
 
 

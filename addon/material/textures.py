@@ -14,8 +14,9 @@ from ...bake.bundle.image_names import title_of
 from ...bake.errors import BakeError
 from ...bake.shading_maps.record import Record, read_record
 from ...nodes.data_image import CONTENT_KEY, PART_KEY, Images, LoadedBundle, bundle_images
+from ...nodes.group import trees_below
 from ...nodes.material_tree import BUNDLE_KEY, part_name
-from .texture_content import is_of_content
+from ...nodes.texture_content import is_of_content
 
 # With the name of a bundle's image behind it: the texture.
 TEXTURE_KEY = "measured_materials_texture_"
@@ -50,12 +51,11 @@ def textures_of(material: bpy.types.Material) -> dict[str, bpy.types.Image]:
 
 
 def image_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Nodes with an image, those inside groups too."""
-    for node in tree.nodes:
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
-            yield from image_nodes(node.node_tree)
-        elif node.bl_idname == "ShaderNodeTexImage" and node.image:
-            yield node
+    """Nodes with an image, those inside groups too, each once."""
+    for inner in trees_below(tree):
+        for node in inner.nodes:
+            if node.bl_idname == "ShaderNodeTexImage" and node.image:
+                yield node
 
 
 def _is_of(bundle: Bundle, image: bpy.types.Image) -> bool:

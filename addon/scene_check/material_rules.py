@@ -13,13 +13,13 @@ import numpy as np
 from ...nodes import compat
 from ...nodes.aimed_light_group import SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
-from ...nodes.group import HASH_KEY, content_hash
+from ...nodes.group import HASH_KEY, content_hash, hashing_once
+from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
 from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
 from ..material.kinds import kind_of
-from ..material.texture_content import file_of
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -42,11 +42,14 @@ def bump_correction(subject: Subject) -> Iterator[Finding]:
 
 def changed_groups(subject: Subject) -> Iterator[Finding]:
     """An artist's work, not to be undone."""
-    known: dict[bpy.types.ShaderNodeTree, str] = {}
-    for material in subject.wearers:
-        changed = [t.name for t in measured_trees(material) if t.is_editable and t[HASH_KEY] != content_hash(t, known)]
-        if changed:
-            found = f"group {', '.join(changed)} is not as it was built"
+    with hashing_once():
+        changed = {
+            material: [t.name for t in measured_trees(material) if t.is_editable and t[HASH_KEY] != content_hash(t)]
+            for material in subject.wearers
+        }
+    for material, names in changed.items():
+        if names:
+            found = f"group {', '.join(names)} is not as it was built"
             why = "edited manually, its textures renamed, or made by another version of Blender"
             yield Finding("changed_group", NOTE, _name(material), found, "", why)
 

@@ -9,6 +9,7 @@ from ...nodes.feature_passes import denoise_by_features, drop_feature_passes, st
 from ..lights import light_tables, world_survey
 from ..material.facts import is_measured
 from ..material.kinds import kind_of
+from ..material.together import built_together
 from ..summary.text import one_line
 
 
@@ -31,12 +32,13 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
         """Rebuild; a material that cannot be rebuilt is reported and does not stop the others."""
         learn_the_world(context.scene)
         fitted = 0
-        for material in materials_in(context.scene):
-            try:
-                kind_of(material).refit(material, context.scene)
-                fitted += 1
-            except BakeError as error:
-                self.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))
+        with built_together():
+            for material in materials_in(context.scene):
+                try:
+                    kind_of(material).refit(material, context.scene)
+                    fitted += 1
+                except BakeError as error:
+                    self.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))
         self.report({"INFO"}, f"{fitted} material{'' if fitted == 1 else 's'} fitted to {context.scene.name}")
         return {"FINISHED"}
 

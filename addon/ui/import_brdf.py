@@ -9,6 +9,7 @@ import bpy
 from ...bake.errors import BakeError
 from ...bake.sources import READERS, known_formats
 from ..material.bake_material import assign, bundle_folder, error_words, import_brdf, told_place
+from ..material.together import built_together
 from ..summary.text import one_line
 from .import_operator import DropTarget, ImportProperties, registration
 from .properties.bake import BakeProperties, draw_settings, settings_of, show_settings
@@ -50,7 +51,7 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
         made = []
-        with window_progress(context, settings, len(paths)) as progress_of:
+        with window_progress(context, settings, len(paths)) as progress_of, built_together():
             for number, path in enumerate(paths):
                 try:
                     folder = bundle_folder(self.bundles, path)

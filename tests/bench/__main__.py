@@ -29,6 +29,7 @@ BENCHES = {
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "hard": "numerically hard cases: bound and worst error in numpy, nodes and OSL; unstable formulas and their digits",
     "planted": "mistakes planted into a copy of the sources, and which of them no test sees; their NAMEs may follow",
+    "scale": "10, 60 and 240 materials in one scene beside Principled: build, memory, first sample; --before COMMIT",
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
@@ -55,16 +56,19 @@ def main() -> int:
         help="keep the figures for the README; with the bench readme, write them into it",
     )
     parser.add_argument("--out", type=Path, default=Path("out") / "bench", help="folder of pictures and tables")
+    parser.add_argument("--before", default="", metavar="COMMIT", help="of bench scale: also measure that commit")
     parser.add_argument("parts", nargs="*", metavar="NAME", help="of bench planted: the mistakes, all by default")
     arguments = parser.parse_intermixed_args()
     if arguments.parts and arguments.name != "planted":
         parser.error(f"bench {arguments.name} takes no more names")
+    if arguments.before and arguments.name != "scale":
+        parser.error(f"bench {arguments.name} takes no --before")
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     if arguments.name == "readme" and arguments.record:
         importlib.import_module("bench_readme").fill(out)
-    more = [arguments.parts] if arguments.name == "planted" else []
+    more = {"planted": [arguments.parts], "scale": [arguments.before]}.get(arguments.name, [])
     status = importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick, *more)
     seconds, values = time.perf_counter() - started, record.taken()
     print(f"bench {arguments.name}: {seconds:.0f} s; files in {out}")

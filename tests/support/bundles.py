@@ -11,7 +11,8 @@ import numpy as np
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, StoredImage, read_bundle, write_bundle
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import analytic, read_source
@@ -92,3 +93,15 @@ def brdf_of(bundle: Bundle, mode: str) -> Brdf:
         return BrdfRecord.read(bundle).load_table().evaluate
     fit, residual = BrdfRecord.read(bundle).load_envelope(), BrdfRecord.read(bundle).load_table("residual")
     return lambda wi, wo: fit.evaluate(wi, wo) + residual.evaluate(wi, wo)
+
+
+def tinted(bundle: Bundle, path: Path, factor: float) -> Bundle:
+    """Another bundle that reflects so much of what this one does, without a bake; its account stays as it was."""
+    images = {}
+    for name, entry in bundle.material["images"].items():
+        pixels = bundle.load(name).copy()
+        if name in ("table", "envelope", "residual", "preview_weights"):  # of samplers and shares nothing changes
+            pixels[..., :3] *= np.float32(factor)
+        images[name] = StoredImage(pixels, Storage(entry["storage"]))
+    source = {**bundle.material["source"], "name": path.name}
+    return read_bundle(write_bundle(path, {**bundle.material, "source": source}, images))
