@@ -56,7 +56,7 @@ def aimed_light_group(
             f"{slots} lamps of {columns} texels; a lamp has {TEXELS}, at most {MAX_SLOTS} are aimed at, and a world "
             "takes a second row"
         )
-    group = _made_before(lamps, world or world_table()) or _new_group(lamps, world or world_table(), room)
+    group = made_before(_family(lamps, world or world_table())) or _new_group(lamps, world or world_table(), room)
     if slots is not None or world is not None:
         aim_by(group, slots or 0, world is not None)
     return group
@@ -87,8 +87,8 @@ def aim_by(group: bpy.types.NodeTree, slots: int, world: bool) -> None:
         group[SLOTS_KEY], group[WORLD_KEY] = slots, world
 
 
-def _made_before(lamps: bpy.types.Image, world: bpy.types.Image) -> bpy.types.ShaderNodeTree | None:
-    family = _family(lamps, world)
+def made_before(family: str) -> bpy.types.ShaderNodeTree | None:
+    """The file's own group of this family that can be switched, and that nobody has edited."""
     # One of a linked library would be lost with the library.
     own = (t for t in bpy.data.node_groups if t.library is None and t.get(FAMILY_KEY) == family and can_switch(t))
     return next((t for t in own if content_hash(t) == t[HASH_KEY]), None)

@@ -24,7 +24,7 @@ from ..bake.sampling.lamp_light import (
 )
 from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
 from . import expr
-from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by
+from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by, made_before
 from .group import FAMILY_KEY, active_output, call, node_group
 
 POINTS = 1
@@ -148,13 +148,14 @@ def _switched_group(
             made.label = f"{slots} lamp{'s' * (slots > 1)}"
         return nothing
 
+    family = f"{name} by {lamps.name_full} and {lights.name_full}"
+    if (known := made_before(family)) is not None:
+        return known
     group = node_group(name, inputs, outputs, build, switched=_SWITCHED)
-    if SLOTS_KEY not in group:
-        first = active_output(group)
-        first[SLOTS_KEY], first[WORLD_KEY], first.label = 0, False, "No lamp"
-        group[SAMPLED_KEY] = True
-        group[FAMILY_KEY] = f"{name} by {lamps.name_full} and {lights.name_full}"
-        aim_by(group, 0, False)
+    first = active_output(group)
+    first[SLOTS_KEY], first[WORLD_KEY], first.label = 0, False, "No lamp"
+    group[SAMPLED_KEY], group[FAMILY_KEY] = True, family
+    aim_by(group, 0, False)
     return group
 
 

@@ -30,6 +30,8 @@ from support.osl import header_card, skip_without_osl
 PLACE = Vector((0.6, -0.9, 1.4))
 TURNED = Matrix.Translation(PLACE) @ (-PLACE).to_track_quat("-Z", "Y").to_matrix().to_4x4()
 ASKEW = TURNED @ Matrix.Rotation(0.35, 4, "Y") @ Matrix.Rotation(0.4, 4, "Z")
+# The card lies in the soft edge of a spot's cone.
+ON_EDGE = TURNED @ Matrix.Rotation(0.4, 4, "Y")
 LAMPS: dict[str, tuple[str, dict[str, Any]]] = {
     "point": ("POINT", {"energy": 40, "shadow_soft_size": 0.4}),
     "ball": ("POINT", {"energy": 40, "shadow_soft_size": 0.4, "use_soft_falloff": False}),
@@ -79,7 +81,7 @@ def test_lamps_give_a_card_what_cycles_gives_it(room: LampRoom, kind: str, form:
     """Near, askew and in colour, so that extent, beam and falloff tell."""
     blender_kind, settings = LAMPS[kind]
     scale = Matrix.Diagonal((1.4, 1.4, 1.4, 1)) if form == "scaled" else Matrix.Identity(4)
-    room.add(blender_kind, (TURNED if "spot" in kind else ASKEW) @ scale, color=(1.0, 0.6, 0.2), **settings)
+    room.add(blender_kind, (ON_EDGE if "spot" in kind else ASKEW) @ scale, color=(1.0, 0.6, 0.2), **settings)
     report = survey_scene(room.scene, for_render=True)
     assert not report.inexact
     u = (np.arange(GRID) + 0.5) / GRID
