@@ -27,16 +27,20 @@ from engine_materials import KINDS, QUICK, Kind, bake_all, bundle_path
 from engine_plot import plot
 from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit
 from materials import SHARED
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import AUTO, NEVER, Choices
 from measured_materials.addon.report.principled_match import Principled, fit_principled
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.nodes.osl_material import build_osl_material
 from record import put
 from rich.console import Console
 from rich.table import Table
 
 PRINCIPLED, EXACT, UNAIMED_MIRROR = "Principled", "exact", "reference, not aimed"
+# As OSL, whose shaders can sample lamps in this Blender; those of nodes can from 5.1 on.
+SAMPLED = "exact, lamps sampled"
 VARIANTS = {
     "preview": Choices(mode="preview"),
     "balanced": Choices(mode="balanced", aim=AUTO),
@@ -46,6 +50,8 @@ VARIANTS = {
     "reference": Choices(mode="reference", aim=AUTO),
     UNAIMED_MIRROR: Choices(mode="reference", aim=NEVER),
 }
+SHOWN = (*VARIANTS, SAMPLED)
+WITH_LAMPS = ("small lamp", "sun and sky")
 MOST_TIME, MOST_FIREFLY, LEAST_GAIN = 1.3, 20.0, 12.0
 
 
@@ -121,6 +127,8 @@ def _in_light(bundle: Bundle, stand_in: Principled, light: str, sizes: Sizes) ->
             # Under an even sky there is nothing to aim at: both are one graph.
             if light != "sky" or choices.aim == AUTO:
                 materials[name] = build_brdf(bundle, choices=choices, scene=scene)[0]
+        if light in WITH_LAMPS:
+            materials[SAMPLED] = build_osl_material(bundle, mode="exact", lamps=lamp_image(), lights=lamp_light_image())
         found = compare(scene, materials, sizes)
     for material in materials.values():
         bpy.data.materials.remove(material)
@@ -129,7 +137,8 @@ def _in_light(bundle: Bundle, stand_in: Principled, light: str, sizes: Sizes) ->
             blocks.remove(block)
     if light == "sky":
         found |= {name: found[name.removesuffix(", not aimed")] for name in VARIANTS if name not in found}
-    return found
+    # Without lamps there is nothing to sample: what is aimed is the material.
+    return {SAMPLED: found[EXACT]} | found
 
 
 def _row(kind: Kind, residual: float, light: str, variant: str, noise: Noise, base: Noise) -> Row:
@@ -152,16 +161,16 @@ def report(rows: list[Row], sizes: Sizes) -> None:
         ),
         ("equal_time", "RMS noise at equal time, in parts of Principled's"),
     ):
-        table = Table("material", "residual", "light", "Principled", *VARIANTS, title=title)
+        table = Table("material", "residual", "light", "Principled", *SHOWN, title=title)
         for material, light in pairs:
-            found = [by_key[material, light, variant] for variant in (PRINCIPLED, *VARIANTS)]
+            found = [by_key[material, light, variant] for variant in (PRINCIPLED, *SHOWN)]
             cells = [f"{getattr(row, what):.2f}" for row in found[1:]]
             table.add_row(material, f"{found[0].residual:.0%}", light, f"{found[0].rms:.2%}", *cells)
         console.print(table)
-    table = Table("material", "light", *(f"{v}: time, firefly" for v in (PRINCIPLED, *VARIANTS)))
+    table = Table("material", "light", *(f"{v}: time, firefly" for v in (PRINCIPLED, *SHOWN)))
     table.title = f"Time of a sample in parts of Principled's; largest of {FOLD**2} samples over the mean of its pixel"
     for material, light in pairs:
-        found = [by_key[material, light, variant] for variant in (PRINCIPLED, *VARIANTS)]
+        found = [by_key[material, light, variant] for variant in (PRINCIPLED, *SHOWN)]
         table.add_row(material, light, *(f"{row.time:.2f}  {row.firefly:.0f}" for row in found))
     console.print(table)
     _print_medians(rows, console)
@@ -172,13 +181,15 @@ def _print_medians(rows: list[Row], console: Console) -> None:
     """The README's table, and the times that the panel shows before a render, `cost_estimate.MODE_TIME`."""
     lights = list(dict.fromkeys(row.light for row in rows))
     table = Table("mode", *lights, "time of a sample", title="Noise in parts of Principled's, medians; geometric mean")
-    for variant in VARIANTS:
+    for variant in SHOWN:
         own = [row for row in rows if row.variant == variant]
         medians = [statistics.median_high(row.noise for row in own if row.light == light) for light in lights]
         for light, median in zip(lights, medians):
             put(f"noise, {variant}, {light}", median)
-        put(f"time, {variant}", _geometric([row.time for row in own]))
-        table.add_row(variant, *(f"{m:.2g}" for m in medians), f"{_geometric([row.time for row in own]):.2f}")
+        times = [row.time for row in own if variant != SAMPLED or row.light in WITH_LAMPS]
+        if times:
+            put(f"time, {variant}", _geometric(times))
+            table.add_row(variant, *(f"{m:.2g}" for m in medians), f"{_geometric(times):.2f}")
     console.print(table)
     for light in lights:
         own = [row.rms for row in rows if row.variant == PRINCIPLED and row.light == light]

@@ -17,6 +17,7 @@ from measured_materials.addon.studio import studio_meshes
 from measured_materials.addon.studio.studio import OWNED, remove_studio, render_linear
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
+from measured_materials.nodes.group import trees_below
 
 # A pixel of the fireflies' picture is so many times so many, each of one sample: 256 samples a pixel, all of them kept.
 FOLD = 16
@@ -154,6 +155,10 @@ def show(scene: bpy.types.Scene, material: bpy.types.Material) -> None:
     slots = next(obj for obj in scene.objects if obj.name.startswith("sphere")).data.materials
     slots.clear()
     slots.append(material)
+    # Only what is OSL is rendered by it: it slows down nodes.
+    scene.cycles.shading_system = any(
+        node.bl_idname == "ShaderNodeScript" for tree in trees_below(material.node_tree) for node in tree.nodes
+    )
     update_scene(scene)
 
 

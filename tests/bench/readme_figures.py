@@ -158,6 +158,12 @@ STATED = (
     _engine("Exact, not aimed", "exact, not aimed"),
     _engine("Reference", "reference"),
     _engine("Reference, not aimed", "reference, not aimed"),
+    Stated(
+        "engine",
+        "Exact has {noise, exact, lamps sampled, small lamp|2s} times Principled's noise under the small lamp and "
+        "{noise, exact, lamps sampled, sun and sky|2s} under sun and sky, at {time, exact, lamps sampled|2s} times "
+        "the time of a sample",
+    ),
     Stated("engine", "little noise of its own ({Principled's own noise, small lamp|1%} %)"),
     _arc("closure + mirror, aimed (default)", "envelope + residual, aimed at lamps"),
     _arc("mirror only, aimed", "mirror only, aimed at lamps"),
