@@ -85,7 +85,6 @@ def update_scene(scene: bpy.types.Scene, *, for_render: bool = False) -> LampRep
 def make_ready() -> None:
     """Make the file's tables, and give the groups of versions before, which aim at what they were built for, room."""
     lamp_image()
-    lamp_light_image()
     world_table()
     if not any(_is_fixed(tree) for tree in bpy.data.node_groups):
         return  # as in all files of this version: no look at every node
