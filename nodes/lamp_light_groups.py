@@ -49,7 +49,7 @@ def can_raycast() -> bool:
 
 
 def lamp_points_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """(Position, Normal, three random numbers) to two points of one lamp that lie opposite of each other.
+    """(Position, Normal, three random numbers) to `POINTS` points of one lamp, the second opposite of the first.
 
     Of each the direction, the density of having drawn it, by the lamp's share of the light too, and the radiance that
     comes from there, 0 where something stands between.
@@ -95,8 +95,8 @@ def lamp_met_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types
     """(Position, Normal, wi, density of the sampler for wi) to the lamps' light along wi, and what of it is counted.
 
     Counted is the part that `lamp_points_group` gives by the balance heuristic; both are 0 where wi meets no lamp, or
-    something stands between. The third is about the radiance of what is behind the lamp, or 0 where a ray that is sent
-    there may end before it arrives and what it brings is too little to matter.
+    something stands between. Behind is about the radiance of what is seen past the lamp, or 0 where a ray that is sent
+    there may end before it arrives. Together is 1 where it should be sent even so, beside the closures.
     """
     seen_group, met_group = _seen_group(lamps, lights), _met_group()
 
@@ -110,23 +110,24 @@ def lamp_met_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types
             part, shared = call(met_group, *found, position, wi, density, expr.divide(own, total))
             every, counted = (part, shared) if every is None else (every + part, counted + shared)
         sky, _, _ = expr.components(_texel(lamps, TEXELS, 0.0, TEXELS - 1)[0])
-        return every, counted, _behind(every, sky)
+        return every, counted, *_behind(every, sky)
 
     inputs = {"Position": "vector", "Normal": "vector", "wi": "vector", "Density": "float"}
-    dark = expr.vec(0.0, 0.0, 0.0)
-    return _switched_group(
-        "MM Lamps Met", inputs, _MET | {"Behind": "float"}, results, (dark, dark, 0.0), lamps, lights
-    )
+    dark, outputs = expr.vec(0.0, 0.0, 0.0), _MET | {"Behind": "float", "Together": "float"}
+    return _switched_group("MM Lamps Met", inputs, outputs, results, (dark, dark, 0.0, 0.0), lamps, lights)
 
 
-def _behind(every: Any, sky: Any) -> Any:
-    """Expected radiance behind a lamp, or 0: Cycles ends paths at random once they have bounced or passed something
-    transparent, and then what is taken off the mirror's ray no longer cancels what it brings."""
+def _behind(every: Any, sky: Any) -> tuple[Any, Any]:
+    """Expected radiance behind a lamp, and whether its ray goes on beside the closures.
+
+    Cycles ends paths at random once they have bounced or passed something transparent, and then what is taken off the
+    mirror's ray no longer cancels what it brings: of a lamp that is not much brighter than the sky that is bearable.
+    """
     path = expr.node("ShaderNodeLightPath", {}, {}).outputs
     certain = (expr.Scalar(path["Ray Depth"]) + expr.Scalar(path["Transparent Depth"])) < 0.5
     lamp, background = expr.dot(every, expr.vec(*LUMINANCE)), sky * (1 / math.pi)
-    dim = lamp < background * _FAR_BRIGHTER
-    return (lamp * _BEHIND + background) * expr.maximum(certain, dim)
+    together = (lamp < background * _FAR_BRIGHTER) * (1 - certain)
+    return (lamp * _BEHIND + background) * certain, together
 
 
 def _switched_group(

@@ -59,10 +59,11 @@ def lit_by_emission(material: bpy.types.Material, sampled: bool) -> None:
     Of a material that did so before, and does not now, what Cycles had been told is restored.
     """
     settings = material.cycles
-    if sampled and _EMISSION_KEY not in material:
-        material[_EMISSION_KEY] = settings.emission_sampling
+    if sampled:
+        if _EMISSION_KEY not in material:
+            material[_EMISSION_KEY] = settings.emission_sampling
         settings.emission_sampling = "NONE"
-    elif not sampled and _EMISSION_KEY in material:
+    elif _EMISSION_KEY in material:
         settings.emission_sampling = material[_EMISSION_KEY]
         del material[_EMISSION_KEY]
 

@@ -83,7 +83,8 @@ def build_osl_material(
     built = build_from(
         record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
     )
-    lit_by_emission(built, lights is not None and lamps is not None and mode in ("exact", "balanced"))
+    # Cycles takes any shader that may emit for a lamp, whether it does or not.
+    lit_by_emission(built, True)
     return built
 
 
@@ -174,7 +175,7 @@ def _lights_group(lights: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTr
         return tuple(values)
 
     kinds = {name: "float" if name.startswith("Facing") else "vector" for name in _light_parameters(count)}
-    return node_group("MM OSL Lamp Light", {}, kinds, build)
+    return node_group("MM OSL Lamp Light", {}, kinds, build, switched="extension")
 
 
 def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
@@ -197,4 +198,4 @@ def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree
             values += [*vectors, expr.vec(kind, power, fourth)]
         return tuple(values)
 
-    return node_group("MM OSL Lamps", {}, dict.fromkeys(_lamp_parameters(count), "vector"), build)
+    return node_group("MM OSL Lamps", {}, dict.fromkeys(_lamp_parameters(count), "vector"), build, switched="extension")

@@ -51,12 +51,14 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     cosine = expr.maximum(expr.components(wi)[2], 0.0)
     weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)) * tint
     wi_world = to_world(wi, *frame[1:], normal)
-    every, counted, behind = call(lamp_met_group(tables.lamps, tables.lights), position, normal, wi_world, chance * pdf)
+    met = lamp_met_group(tables.lamps, tables.lights)
+    every, counted, behind, together = call(met, position, normal, wi_world, chance * pdf)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     mirrored, meets = u[5] < followed, lamp > 0
-    of_mirror = expr.where(meets, expr.divide(mirrored, followed), 1.0)
-    of_closures = expr.where(meets, expr.divide(1 - mirrored, 1 - followed), 1.0)
+    apart = meets * (1 - together)
+    of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
+    of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
     rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
     direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance)
     return add_closures(
@@ -80,13 +82,15 @@ def _direct_light(
 ) -> tuple[Any, Any]:
     """What the table reflects of a lamp's points, and 1 where any of its light arrives."""
     (_, normal), (wo, along, across) = place, frame
+    surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
     points = call(lamp_points_group(tables.lamps, tables.lights), *place, *random)
     direct: Any = None
     reached: Any = None
     for j in range(POINTS):
         world, density, light = points[3 * j : 3 * j + 3]
         local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
-        facing = expr.maximum(expr.components(local)[2], 0.0)
+        # As a mirror does, nothing reflects light that comes from below the surface proper.
+        facing = expr.maximum(expr.components(local)[2], 0.0) * (expr.dot(world, surface) > 0)
         shared = density * float(POINTS) + chance * call(table.density, local, wo)
         value = call(table.lookup, local, wo, u_slice) * expr.scale(light, expr.divide(facing, shared))
         arrives = expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0

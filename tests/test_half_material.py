@@ -72,13 +72,13 @@ def test_half_vector_material_is_the_fine_one(bundles: tuple[Bundle, Bundle], mo
     fine, half = bundles
     with lit_sphere(build(fine, "reference", "nodes"), lamp_size=0.8, resolution=32) as scene:
         scene.sphere.shadow_terminator_geometry_offset = 0
-        pictures = scene.render(80, 8)
+        pictures = scene.render(120, 8)
         material = build(half, mode, language)
         if language == "osl":
             use_osl(scene.scene)
         scene.show(material)
         # What the envelope may exceed its source by, and the two tables' own error in the mean.
-        assert_same(pictures, scene.render(80, range(30, 38)), scene.mask(), 0.002, EFFECT)
+        assert_same(pictures, scene.render(120, range(30, 38)), scene.mask(), 0.002, EFFECT)
 
 
 @pytest.mark.parametrize(

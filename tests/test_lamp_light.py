@@ -12,7 +12,7 @@ import pytest
 from mathutils import Matrix, Vector
 from measured_materials.addon.lights.aim_targets import sampling_of
 from measured_materials.addon.lights.lamp_survey import LampReport, survey_scene
-from measured_materials.addon.lights.light_tables import table_of
+from measured_materials.addon.lights.light_tables import lamp_light_image, table_of, update_scene
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.sampling.lamp_light import (
     beam_factor,
@@ -219,6 +219,45 @@ def test_what_is_not_known_is_left_to_the_mirror(room: LampRoom, change: Any) ->
     assert sampling_of(report, osl=True).impossible == report.inexact
     lamp.hide_render = True
     assert not survey_scene(room.scene, for_render=True).inexact
+
+
+def test_filter_glossy_and_light_groups_are_told(room: LampRoom) -> None:
+    """Cycles blurs a mirror by the one, and would add emission to another group than the lamp's."""
+    lamp = room.add("POINT", ASKEW, energy=10, shadow_soft_size=0.1)
+    room.scene.cycles.blur_glossy = 1.0
+    assert "Filter Glossy" in survey_scene(room.scene, for_render=True).inexact
+    room.scene.cycles.blur_glossy = 0.0
+    lamp.lightgroup = "key"
+    assert "light group key" in survey_scene(room.scene, for_render=True).inexact
+
+
+def test_the_table_of_light_follows_the_lamps(room: LampRoom) -> None:
+    """Colour, energy, beam; dark at once where something is not known, whatever the nodes are switched to."""
+    lamp = room.add("SPOT", ASKEW, energy=10, shadow_soft_size=0.1, spot_size=1.0)
+    table = lamp_light_image()
+
+    def row() -> Array:
+        values = np.empty(len(table.pixels), np.float32)
+        table.pixels.foreach_get(values)
+        return values.reshape(table.size[1], -1)[-1]
+
+    seen = []
+    for name, value in (("energy", 20.0), ("color", (1.0, 0.2, 0.1)), ("spot_size", 0.5), ("use_soft_falloff", False)):
+        setattr(lamp.data, name, value)
+        report = update_scene(room.scene, for_render=True)
+        assert row() == pytest.approx(lamp_light_table(report.lights, 1)[0].ravel(), rel=1e-6)
+        seen.append(row().tobytes())
+    assert len(set(seen)) == 4
+    lamp.data.use_shadow = False
+    assert update_scene(room.scene, for_render=True).inexact and not row()[:3].any()
+    bpy.data.images.remove(table)
+
+
+def test_from_inside_a_ball_its_far_side_is_met(room: LampRoom) -> None:
+    room.add("POINT", Matrix.Translation((0, 0, 0.2)), energy=10, shadow_soft_size=0.5, use_soft_falloff=False)
+    aim, _, _ = seen_by(survey_scene(room.scene, for_render=True), np.zeros((2, 3)))
+    wi = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    assert distance_along(xp_numpy, aim, np.zeros(2), wi) == pytest.approx([0.7, 0.3], rel=1e-6)
 
 
 def test_an_unevenly_scaled_spot_is_not_known(room: LampRoom) -> None:

@@ -52,6 +52,8 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
         return "its nodes are more than a plain Emission"
     if not data.use_shadow:
         return "it casts no shadows"
+    if obj.lightgroup:
+        return f"its light goes to light group {obj.lightgroup}"
     linking = obj.light_linking
     if linking.receiver_collection is not None or linking.blocker_collection is not None:
         return "Light Linking or Shadow Linking singles out objects"
@@ -64,6 +66,14 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
         if max(scales) - min(scales) > _EVEN_SCALE * max(scales):
             return "its cone is scaled unevenly"
     return ""
+
+
+def why_not_in(scene: bpy.types.Scene) -> str:
+    """Why no lamp of a scene may be sampled; empty if lamps themselves decide."""
+    if scene.cycles.blur_glossy > 0:
+        # Cycles blurs the mirror after a diffuse bounce, and then samples lamps for it too.
+        return "Filter Glossy of the scene is above 0"
+    return volume_in_file()
 
 
 def volume_in_file() -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 import bpy
 
-from .exact_lamps import volume_in_file, why_not_exact
+from .exact_lamps import why_not_exact, why_not_in
 from .lamp_survey import LampReport, lamp_settings, rendered_layers, survey_scene
 from .motion import changes
 from .world_survey import world_light
@@ -58,7 +58,7 @@ def _state(scene: bpy.types.Scene) -> Any:
     ]
     lamps = [(lamp_settings(obj), _is_moved(obj)) for obj in objects if obj.type == "LIGHT"]
     layers = [(layer.name, *_visibility(layer.layer_collection)) for layer in rendered_layers(scene)]
-    unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"], volume_in_file()
+    unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"], why_not_in(scene)
     return scene.frame_current_final, places, shown, lamps, layers, world_light(scene.world), unknown
 
 

@@ -18,7 +18,7 @@ from ...nodes import compat
 from ...nodes.aimed_light_group import MAX_SLOTS
 from ...nodes.group import is_measured_tree
 from . import world_survey
-from .exact_lamps import emitted_light, volume_in_file, why_not_exact
+from .exact_lamps import emitted_light, why_not_exact, why_not_in
 from .motion import changes
 from .world_survey import WorldLight
 
@@ -122,7 +122,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
     lamps, lights = ([entry[k] for entry in named[:CAPACITY]] for k in (1, 2))
     inexact += [f"{obj.name}: {reason}" for obj in to_come if (reason := why_not_exact(obj, obj.matrix_world))]
-    unknown = inexact[0] if inexact else volume_in_file()
+    unknown = inexact[0] if inexact else why_not_in(depsgraphs[0].scene)
     return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown)
 
 

@@ -22,10 +22,11 @@ from bpy.app.handlers import persistent
 from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
 from ...nodes.aimed_light_group import SLOTS_KEY, aim_by, aimed_light_group, can_switch
-from ...nodes.lamp_light_groups import SAMPLED_KEY
+from ...nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
 from ...nodes.light_images import new_table, world_table
 from ..events import listen, stop_listening
 from . import image_reload, world_survey
+from .exact_lamps import volume_in_file
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
 from .world_survey import PROBE
 
@@ -106,8 +107,21 @@ def table_of(report: LampReport) -> np.ndarray:
     return lamp_table(report.lamps, CAPACITY, report.sky, LARGEST_SHARE, world)
 
 
+def light_table_of(report: LampReport) -> np.ndarray:
+    """`bake.sampling.lamp_light.lamp_light_table` of what may be sampled; all dark where that is not known exactly.
+
+    A shader that samples lamps then leaves them to its mirror, whatever it was built for: also between the frames of a
+    render, which may change pixels and no nodes.
+    """
+    return lamp_light_table([] if report.inexact else report.lights, CAPACITY)
+
+
 def _follow_scene(scene: bpy.types.Scene, for_render: bool) -> LampReport:
     return _follow(survey_scene(scene, for_render=for_render), (scene.session_uid, for_render))
+
+
+# The volume that the last survey met, in words; a material may bring one, or take it away.
+_volumes: dict[str, str] = {}
 
 
 def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = True) -> LampReport:
@@ -118,10 +132,11 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
                 _needs.pop((scene, older), None)
         _needs[key] = (report.slots, report.world.aimed, 0 if report.inexact else report.slots)
         _fit_slots()
+    _volumes["seen"] = volume_in_file()
     changed = world_survey.write_world(report.world) if report.world.aimed else []
     table = table_of(report)
     changed += [image for image in _tables() if _write(image, table)]
-    lights = lamp_light_table(report.lights, CAPACITY)
+    lights = light_table_of(report)
     changed += [image for image in _light_tables() if _write(image, lights)]
     if viewport:
         for image in changed:
@@ -135,7 +150,7 @@ def _fit_slots() -> None:
     needs = [need for key, need in _needs.items() if key in shown]
     slots, world = max((slots for slots, _, _ in needs), default=0), any(aimed for _, aimed, _ in needs)
     # Of scenes that need lamps at all: where their light is not known in one, none is sampled in any.
-    sampled = min((exact for slots, _, exact in needs if slots), default=0) and slots
+    sampled = min((exact for slots, _, exact in needs if slots), default=0) and slots * can_raycast()
     for group in bpy.data.node_groups:
         if can_switch(group):
             if SAMPLED_KEY in group:
@@ -211,6 +226,8 @@ def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
             if not known or any(_concerns_lamps(update) for update in depsgraph.updates):
                 update_lamps(depsgraph)
             elif any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
+                if volume_in_file() != _volumes.get("seen", ""):
+                    update_lamps(depsgraph)
                 _fit_slots()
 
 
@@ -284,7 +301,9 @@ def _after_loading(*_: Any) -> None:
 
 @persistent
 def _after_importing(*_: Any) -> None:
-    # Inside of the operator that appends or links, before its undo step is closed.
+    # Inside of the operator that appends or links, before its undo step is closed. Tables that came along are those of
+    # another file until the next evaluation, which then looks at the lamps.
+    _needs.clear()
     if _in_use():
         make_ready()
 

@@ -117,6 +117,8 @@ def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
             remedy = "leave Sample Lamps to Automatic, which sends a mirror towards them instead"
             raise BakeError("Sample Lamps", f"cannot be had here: {sampling.impossible}", remedy)
         return Effect(name, True, "asked for")
+    if choices.aim != AUTO:
+        return Effect(name, False, f"Aim at Lights is {choices.aim.capitalize()}")
     if why_not := sampling.impossible or sampling.needless:
         return Effect(name, False, why_not)
     return Effect(name, True, "about a third of the noise under a lamp, for two to three times the time of a sample")

@@ -14,12 +14,14 @@ from ...nodes import compat
 from ...nodes.aimed_light_group import SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
+from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
 from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
-from ..material.kinds import kind_of
+from ..material.kinds import BRDF, kind_of
+from ..material.scene_fit import plan_sampling
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -38,6 +40,17 @@ def bump_correction(subject: Subject) -> Iterator[Finding]:
             why = "it bends the mirror where its reflection dips under the facet: +0.4 % on a coarse sphere"
             mend = setting(material.cycles, "use_bump_map_correction", False)
             yield Finding("bump_correction", WRONG, _name(material), "Bump Map Correction is on", "off", why, mend)
+
+
+def emission_sampling(subject: Subject) -> Iterator[Finding]:
+    """Set by the builder; a copied or merged material may have lost it."""
+    for material in subject.mirrors:
+        sampled = any(SAMPLED_KEY in tree for tree in measured_trees(material))
+        if sampled and material.cycles.emission_sampling != "NONE":
+            why = "Cycles takes it for a lamp, and its shader then sees no shadows (5.2)"
+            mend = setting(material.cycles, "emission_sampling", "NONE")
+            found = f"Emission Sampling is {material.cycles.emission_sampling}"
+            yield Finding("emission_sampling", WRONG, _name(material), found, "None", why, mend)
 
 
 def changed_groups(subject: Subject) -> Iterator[Finding]:
@@ -208,20 +221,20 @@ def far_away(subject: Subject) -> Iterator[Finding]:
 
 
 def lamp_tables(subject: Subject) -> Iterator[Finding]:
-    """An old table costs noise, never bias."""
-    tables = [
-        image for image, _ in _data_images(subject) if image is not None and image.name.startswith(light_tables.TABLE)
-    ]
+    """An old table costs noise; of lamps that a shader samples, after a bounce, light too."""
+    names = light_tables.TABLE, light_tables.LIGHT_TABLE
+    tables = [image for image, _ in _data_images(subject) if image is not None and image.name.startswith(names)]
     if not tables:
         return
     scene = subject.scene
     report = light_tables.survey_scene(scene, for_render=True)
-    table = light_tables.table_of(report)
+    table, lights = light_tables.table_of(report), light_tables.light_table_of(report)
     groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
-    narrow = [group for group in groups if group[SLOTS_KEY] < report.slots]
+    known = 0 if report.inexact else report.slots
+    narrow = [group for group in groups if group[SLOTS_KEY] < (known if SAMPLED_KEY in group else report.slots)]
     where = f"scene {scene.name}"
     if any(group.is_editable or can_switch(group) for group in narrow) or not all(
-        _holds(image, table) for image in tables
+        _holds(image, table if image.size[0] == table.shape[1] else lights) for image in tables
     ):
         why = "mirrors aim at lamps that have changed since; without aiming, a small lamp is found by chance only"
         found = f"table {light_tables.TABLE} is out of date"
@@ -233,6 +246,35 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
         found = f"linked group {', '.join(linked)} aims at fewer lamps than there are"
         why = "only chance finds the others; a group of another .blend cannot be built anew, but one made local can"
         yield Finding("linked_slots", SLOW, where, found, "made local, with its material", why)
+
+
+def not_sampled(subject: Subject) -> Iterator[Finding]:
+    """Fitted to a scene whose lamps were known, or were not."""
+    built = [m for m in subject.mirrors if kind_of(m) is BRDF and not _is_scripted(m)]
+    if not built:
+        return
+    sampling = aim_targets.sampling_of(light_tables.survey_scene(subject.scene, for_render=True))
+    for material in built:
+        choices = rebuild.current_choices(material)
+        sampled = any(SAMPLED_KEY in tree for tree in measured_trees(material))
+        if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
+            continue
+        if sampled == plan_sampling(choices, sampling).kept or not (sampled or residual_of(material)):
+            continue
+        mend = None
+        if not BRDF.why_not_rebuildable(material):
+            mend = editable(material, partial(BRDF.refit, material, subject.scene))
+        found = f"lamps are no longer sampled: {sampling.impossible or sampling.needless}"
+        why = "its mirror is not aimed at them, and meets a small one by chance only"
+        if not sampled:
+            found = "lamps are not sampled, though they can be"
+            why = "it was fitted when they could not; a mirror that is aimed has about three times the noise"
+        yield Finding("not_sampled", SLOW, _name(material), found, "fitted to the scene", why, mend)
+
+
+def residual_of(material: bpy.types.Material) -> bool:
+    """Whether a material was built with a mirror for its residual."""
+    return any(effect.name == "Residual by mirror" and effect.kept for effect in rebuild.effects_of(material))
 
 
 def not_aimed(subject: Subject) -> Iterator[Finding]:
@@ -273,6 +315,8 @@ RULES = (
     shadow_terminator,
     lamp_tables,
     not_aimed,
+    not_sampled,
+    emission_sampling,
     changed_groups,
     osl_files,
     far_away,

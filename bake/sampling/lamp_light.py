@@ -95,7 +95,9 @@ def distance_along(xp: Any, aim: Aim, facing: Any, wi: Any) -> Any:
     along = xp.dot(aim.to_centre, wi)
     square = xp.dot(aim.to_centre, aim.to_centre)
     inside = xp.maximum(aim.fourth * aim.fourth - square + along * along, 0.0)
-    sphere = xp.where(facing, xp.divide(square, along), along - xp.sqrt(inside))
+    # From inside a ball the ray meets its far side.
+    side = xp.where(square < aim.fourth * aim.fourth, 1.0, -1.0)
+    sphere = xp.where(facing, xp.divide(square, along), along + side * xp.sqrt(inside))
     plane = xp.divide(xp.dot(aim.normal, aim.to_centre), xp.dot(aim.normal, wi))
     near = xp.where(aim.kind > SPHERE - 0.5, sphere, plane)
     return xp.where(aim.kind > SUN - 0.5, ENDLESS, near)

@@ -37,7 +37,8 @@ float mm_distance_along(MMAim aim, vector wi, float disk)
   float along = dot(aim.to_centre, wi);
   if (disk > 0.5)
     return square / along;
-  return along - sqrt(max(aim.fourth * aim.fourth - square + along * along, 0.0));
+  float side = square < aim.fourth * aim.fourth ? 1 : -1; // from inside a ball the ray meets its far side
+  return along + side * sqrt(max(aim.fourth * aim.fourth - square + along * along, 0.0));
 }
 
 // lamp_light.py: beam
@@ -94,7 +95,7 @@ color mm_lamp_light(
       vector local = mm_to_local(frame, wi);
       float density = mm_density_towards(aim, wi, 1);
       float beam = mm_beam(lamps[k], wi);
-      if (local[2] <= 0 || density <= 0 || beam <= 0 || !mm_visible(lamps[k], aim, position, wi))
+      if (local[2] <= 0 || dot(wi, Ng) <= 0 || density <= 0 || beam <= 0 || !mm_visible(lamps[k], aim, position, wi))
         continue;
       float shared = points * density + chance * mm_density(sampler, local, frame.wo);
       sum += mm_lookup(table, grid, local, frame.wo, slice) * color(lamps[k].radiance) * (local[2] * beam / shared);
@@ -123,7 +124,8 @@ color mm_met_light(
 }
 
 // nodes/sampled_closure.py: how often the mirror's ray is followed past a lamp, for what is seen behind it. Cycles ends
-// paths at random once they have bounced or passed something transparent; then only where the sky behind matters.
+// paths at random once they have bounced or passed something transparent: then never, or, past a lamp that is not much
+// brighter than the sky, always and beside the closures, for which -1 stands.
 float mm_followed(color lamp, float sky)
 {
   int depth = 0;
@@ -132,8 +134,8 @@ float mm_followed(color lamp, float sky)
   getattribute("path:transparent_depth", transparent);
   float bright = luminance(lamp);
   float background = sky / M_PI;
-  if (depth + transparent > 0 && bright >= background * MM_FAR_BRIGHTER)
-    return 0;
+  if (depth + transparent > 0)
+    return bright < background * MM_FAR_BRIGHTER ? -1 : 0;
   float behind = bright * MM_BEHIND + background;
   return max(behind / (behind + bright), MM_LEAST_FOLLOWED);
 }

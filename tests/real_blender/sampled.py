@@ -71,10 +71,10 @@ else:
         ratio, error, left = compared(scene, material, 1)
         told = f"{shape} of {size} m: mean {ratio:.4f} of the mirror's, standard error {error:.4f}, variance {left:.3f}"
         print(f"sampled: {told}")
-        require(abs(ratio - 1) < 3.5 * error and error < 0.006, f"not the same picture: {told}")
+        require(abs(ratio - 1) < 3 * error, f"not the same picture: {told}")
         require(left < (0.5 if size < 1 else 1.0), f"no less noise: {told}")
-        # A planted error of 2 % has to be found by the same comparison.
-        require(abs(1.02 * ratio - 1) > 2 * error, "a planted error would not be found")
+        # A planted error of 2 % would have been found by the same comparison.
+        require(0.02 > 5 * error, f"too noisy to say so: {told}")
         world = scene.world = scene.world or bpy.data.worlds.new("world")
         ours("nodes.compat").node_tree(world)
         tree = world.node_tree
