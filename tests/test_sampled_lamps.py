@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.material.bake_material import material_from
+from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat
+from measured_materials.nodes.aimed_light_group import SLOTS_KEY
+from measured_materials.nodes.group import trees_below
+from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
@@ -154,6 +160,26 @@ def test_light_that_has_bounced_before_is_the_same(paint: Bundle, strength: floa
             show(scene, material)
             pictures.append(scene.render(64, range(8 * len(pictures), 8 * len(pictures) + 8)))
         assert_agree(compare(*pictures, outside), 0.02)
+
+
+def test_a_file_of_a_newer_blender_is_told(paint: Bundle) -> None:
+    """Its groups sample lamps, which nothing here can: they are switched to none, and the material is to be refitted."""
+    material = material_from(BakeResult(paint.path, paint.material, 0.0), pack=True)
+    with lit_sphere(material, resolution=8) as scene:
+        scene.sphere.shadow_terminator_geometry_offset = 0
+        rules = {finding.rule for finding in check_scene(scene.scene) or ()}
+        assert not rules & {"not_sampled", "emission_sampling"}
+        aims = [tree for tree in trees_below(material.node_tree) if SLOTS_KEY in tree]
+        assert aims and all(tree[SLOTS_KEY] == 1 for tree in aims)
+        for tree in aims:
+            tree[SAMPLED_KEY] = True
+        found = {finding.rule: finding for finding in check_scene(scene.scene) or ()}
+        assert {"not_sampled", "emission_sampling"} <= set(found)
+        assert "5.1 and later" in found["not_sampled"].found and found["not_sampled"].mend is not None
+        found["emission_sampling"].mend()
+        assert material.cycles.emission_sampling == "NONE"
+        update_scene(scene.scene)
+        assert can_raycast() or all(tree[SLOTS_KEY] == 0 for tree in aims)
 
 
 def test_with_balanced_the_preview_is_shown_after_a_diffuse_bounce(paint: Bundle) -> None:

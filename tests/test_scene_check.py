@@ -63,6 +63,8 @@ def test_every_rule_has_a_case() -> None:
         "pixel_jitter",
         "linked_slots",
         "not_aimed",
+        "not_sampled",
+        "emission_sampling",
         *NEWER,
     }
 

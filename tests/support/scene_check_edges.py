@@ -362,6 +362,8 @@ ELSEWHERE = {
     "no_texture": "test_scene_check.py, a texture is there or not",
     "linked_slots": "test_linked_groups_with_too_few_slots_are_told_and_left_alone",
     "not_aimed": "test_modes.py, of a material fitted to no lamps",
+    "not_sampled": "test_sampled_lamps.py, of a file of a newer Blender",
+    "emission_sampling": "test_sampled_lamps.py, of a file of a newer Blender",
     "pixel_jitter": "test_settings_of_newer_versions",
     "texture_resolution": "test_settings_of_newer_versions",
     "world_shadow": "test_settings_of_newer_versions",
