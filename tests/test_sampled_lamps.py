@@ -28,6 +28,7 @@ from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
+from test_addon import registered  # noqa: F401
 
 EFFECT = 0.01
 
@@ -162,8 +163,8 @@ def test_light_that_has_bounced_before_is_the_same(paint: Bundle, strength: floa
         assert_agree(compare(*pictures, outside), 0.02)
 
 
-def test_a_file_of_a_newer_blender_is_told(paint: Bundle) -> None:
-    """Its groups sample lamps, which nothing here can: they are switched to none, and the material is to be refitted."""
+def test_a_file_of_a_newer_blender_is_told(registered: None, paint: Bundle) -> None:  # noqa: F811
+    """Its groups sample lamps, which nothing here can: they are switched to none, and it is to be fitted again."""
     material = material_from(BakeResult(paint.path, paint.material, 0.0), pack=True)
     with lit_sphere(material, resolution=8) as scene:
         scene.sphere.shadow_terminator_geometry_offset = 0
