@@ -1,6 +1,7 @@
 """The tables of a scene's lamps and world, kept current, that measured materials aim at (method.md, section 10).
 
-They follow edits, frames and the start of a render; until then an old table costs noise, never bias.
+They follow edits, frames and the start of a render. Until then an old table costs noise; of lamps that a shader samples
+it also costs light that has bounced or passed something transparent before.
 
 What handlers change are pixels and settings of nodes. Blender has closed its undo step when it calls them: a datablock
 that they made, removed or linked to another was one that the next undo did not know of, and crashed by. Images and
