@@ -22,7 +22,7 @@ from test_addon import registered  # noqa: F401
 def test_words_of_every_mode() -> None:
     known = brdf_record()
     assert expectation(known, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
-    assert expectation(known, "reference", "trilinear").startswith("About 1.9 times")
+    assert expectation(known, "reference", "trilinear").startswith("About 2.0 times")
     assert "; 4 % of" in expectation(known, "reference", "nearest")
     assert expectation(known, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
 
