@@ -303,7 +303,7 @@ def expected():
     """What `lamps` would make of the scene if it had just been opened, by a survey of its own."""
     lamps = importlib.import_module(f"{PACKAGE}.addon.lights.light_tables")
     report = lamps.survey(bpy.context.evaluated_depsgraph_get())
-    return lamps.table_of(report), (report.slots, report.world.aimed)
+    return lamps.table_of(report), (report.slots, report.world.aimed), (0 if report.inexact else report.slots, False)
 
 
 def fault():
@@ -311,7 +311,7 @@ def fault():
     tables = [i for i in bpy.data.images if i.name.startswith("MM Lamps") and i.users and i.library is None]
     if not tables:
         return ""
-    table, wanted = expected()
+    table, aimed, sampled = expected()
     for image in tables:
         pixels = np.empty(table.size, np.float32)
         image.pixels.foreach_get(pixels)
@@ -319,6 +319,7 @@ def fault():
             return f"{image.name} is not that of a fresh start: {pixels.reshape(table.shape)[::-1].tolist()}"
     for tree in bpy.data.node_groups:
         found = (tree.get("measured_materials_lamps"), tree.get("measured_materials_world"))
+        wanted = sampled if "measured_materials_sampled" in tree else aimed
         if found[0] is not None and tree.users and found != wanted:
             return f"{tree.name} aims at {found}, a fresh start at {wanted}"
     return ""
