@@ -76,12 +76,8 @@ ASKEW = (
 
 @pytest.fixture
 def room() -> Iterator[LampRoom]:
-    kept = set(bpy.data.lights), set(bpy.data.collections)
     with LampRoom() as room:
         yield room
-    for collection, before in zip((bpy.data.lights, bpy.data.collections), kept):
-        for block in set(collection) - before:
-            collection.remove(block)
 
 
 def light_of(lamp: Lamp, place: Any = EYE) -> float:

@@ -50,12 +50,8 @@ GRID = 256
 
 @pytest.fixture
 def room() -> Iterator[LampRoom]:
-    kept = set(bpy.data.lights), set(bpy.data.collections)
     with LampRoom() as room:
         yield room
-    for collection, before in zip((bpy.data.lights, bpy.data.collections), kept):
-        for block in set(collection) - before:
-            collection.remove(block)
 
 
 def seen_by(report: LampReport, position: Array) -> tuple[Aim, Array, bool]:

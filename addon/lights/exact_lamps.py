@@ -5,13 +5,12 @@ What is not known is left to a mirror, which meets whatever there is: noisier, a
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 from mathutils import Matrix
 
 from ...bake.sampling.lamp_light import EVEN, LampLight, radiance_of, spot_beam, spread_beam
 from ...bake.sampling.lamps import Lamp
+from ...bake.source import Array, luminance
 from ...nodes import compat
 
 _BOUNCES = 1024
@@ -19,7 +18,7 @@ _LEAST_SPREAD = 0.02
 _EVEN_SCALE = 1e-3
 
 
-def emitted_light(lamp: Lamp, colour: Any, data: bpy.types.Light) -> LampLight:
+def emitted_light(lamp: Lamp, colour: Array, data: bpy.types.Light) -> LampLight:
     """What a lamp emits, by its plain settings.
 
     Parameters
@@ -27,8 +26,8 @@ def emitted_light(lamp: Lamp, colour: Any, data: bpy.types.Light) -> LampLight:
     lamp : with its power towards its axis
     colour : (3,) of luminance above 0, to which the power is in proportion
     """
-    luminance = float(0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2])
-    bright = radiance_of(lamp) / luminance if luminance > 0 else 0.0
+    whole = float(luminance(colour))
+    bright = radiance_of(lamp) / whole if whole > 0 else 0.0
     facing, beam = False, (float(EVEN), 0.0, 0.0)
     if data.type in {"POINT", "SPOT"}:
         facing = bool(getattr(data, "use_soft_falloff", False))

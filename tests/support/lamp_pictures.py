@@ -22,7 +22,8 @@ CARD = 0.02  # its edge
 
 
 class LampRoom:
-    """A dark scene with a small white card at the origin. Use it as a context manager.
+    """A dark scene with a small white card at the origin. Use it as a context manager: what lamps and collections were
+    made inside go with it.
 
     Attributes
     ----------
@@ -32,6 +33,7 @@ class LampRoom:
 
     def __init__(self) -> None:
         compat.ensure_cycles()
+        self._before = [(blocks, set(blocks)) for blocks in (bpy.data.lights, bpy.data.collections)]
         self.scene = bpy.data.scenes.new("lamps")
         camera = bpy.data.cameras.new("camera")
         self.scene.camera = self._link("camera", camera)
@@ -51,6 +53,9 @@ class LampRoom:
     def __exit__(self, *exception: object) -> None:
         studio.remove_studio(self.scene)
         bpy.data.materials.remove(self._white)
+        for blocks, before in self._before:
+            for block in set(blocks) - before:
+                blocks.remove(block)
 
     def _link(self, name: str, data: Any) -> bpy.types.Object:
         obj = bpy.data.objects.new(name, data)
