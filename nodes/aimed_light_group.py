@@ -148,11 +148,7 @@ def _mixture(
     total = sum(light[1:], start=light[0])
     sky, largest, _ = expr.components(_texel(lamps, 0.0, 4)[0])
     share = expr.minimum(expr.divide(total, total + sky), largest)
-    # Which light: how many of the running sums the number has passed.
-    threshold, passed, index = u_lamp * total, light[0], 0.0
-    for part in light[1:]:
-        index = (threshold > passed) + index
-        passed = passed + part
+    index = which_light(u_lamp * total, light)
     aimed = u_aim < share
     chosen, density = wi, 0.0
     if seen:
@@ -165,6 +161,15 @@ def _mixture(
     for k, found in enumerate(seen):
         density = call(parts.density, *found, chosen, aimed, index, float(k)) + density
     return chosen, expr.divide(density * share, total), 1 - share
+
+
+def which_light(threshold: Any, light: list[Any]) -> Any:
+    """Index of the light that a number up to their sum chooses: how many of the running sums it has passed."""
+    passed, index = light[0], 0.0
+    for part in light[1:]:
+        index = (threshold > passed) + index
+        passed = passed + part
+    return index
 
 
 def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:

@@ -24,7 +24,7 @@ from ..bake.sampling.lamp_light import (
 )
 from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
 from . import expr
-from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by, made_before
+from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by, made_before, which_light
 from .group import FAMILY_KEY, active_output, call, node_group
 
 POINTS = 1
@@ -68,11 +68,7 @@ def lamp_points_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.ty
         target, share = seen[0], 1.0
         if slots > 1:
             total = sum(light[1:], start=light[0])
-            threshold, passed, index = u_lamp * total, light[0], 0.0
-            for part in light[1:]:
-                index = (threshold > passed) + index
-                passed = passed + part
-            target = call(seen_group, index, position, normal)
+            target = call(seen_group, which_light(u_lamp * total, light), position, normal)
             share = expr.divide(target[len(_AIM)], total)
         points: list[Any] = []
         for j in range(POINTS):
