@@ -24,11 +24,22 @@ def emission_outputs(tree: bpy.types.NodeTree) -> Outputs:
     return _Walk().light(output.inputs["Surface"], ())[1] if output is not None else _NONE
 
 
+def volume_outputs(tree: bpy.types.NodeTree) -> Outputs:
+    """Names of Light Path outputs that reach the volume of a world or a material by way of any node."""
+    output = tree.get_output_node("CYCLES")
+    found = "Volume" in output.inputs if output is not None else False
+    return _Walk().values(output.inputs["Volume"]) if found else _NONE
+
+
 class _Walk:
     """Upstream, each node once in each place where its group stands."""
 
     def __init__(self) -> None:
         self._values: dict[tuple[bpy.types.Node, _Groups], Outputs] = {}
+
+    def values(self, socket: bpy.types.NodeSocket) -> Outputs:
+        """The outputs on which anything that reaches a socket of the outermost tree depends."""
+        return self._inputs((socket,), ())
 
     def light(self, socket: bpy.types.NodeSocket, groups: _Groups) -> tuple[bool, Outputs]:
         """Whether a shader socket's input emits, and the outputs that this depends on."""

@@ -10,14 +10,20 @@ from ...nodes import compat
 from ...nodes.group import trees_below
 from ..lights.exact_lamps import has_volume
 from .findings import WRONG, Finding, Subject, setting
-from .light_node_rules import emission_outputs
+from .light_node_rules import emission_outputs, volume_outputs
 
 # Native closures sample light by rays of no kind, and the mirror by reflected ones. Of the outputs not named here,
 # those of camera, shadow, transmission and volume rays, of lengths and of refractions say the same for both.
 _KINDS = frozenset({"Is Diffuse Ray", "Is Glossy Ray", "Is Singular Ray", "Is Reflection Ray"})
 _BOUNCES = frozenset({"Diffuse Depth", "Glossy Depth"})
 # A ray that ends in the world or in a lamp counts one bounce more than one that is aimed there.
-_TELLING = {"world": _KINDS | _BOUNCES | {"Ray Depth"}, "lamp": _BOUNCES | {"Ray Depth"}, "emission": _KINDS | _BOUNCES}
+_TELLING = {
+    "world": _KINDS | _BOUNCES | {"Ray Depth"},
+    "lamp": _BOUNCES | {"Ray Depth"},
+    "emission": _KINDS | _BOUNCES,
+    # What dims light on its way knows the rays that sample it, too.
+    "volume": _KINDS | _BOUNCES | {"Is Shadow Ray"},
+}
 # What lies on the way to a light is passed by the rays of the mirror, and not where light is sampled.
 _PASSED = "Transparent Depth"
 # Cycles' largest, and above any number of bounces.
@@ -29,12 +35,14 @@ def light_paths(subject: Subject) -> Iterator[Finding]:
     scene = subject.scene
     if scene.world is not None and compat.uses_nodes(scene.world):
         yield from _told(subject, "world", f"world {scene.world.name}", scene.world.node_tree)
+        yield from _dimmed(f"world {scene.world.name}", scene.world.node_tree)
     for data in dict.fromkeys(obj.data for obj in subject.lamps):
         if compat.uses_nodes(data):
             yield from _told(subject, "lamp", f"lamp {data.name}", data.node_tree)
     for material in subject.materials:
         if compat.uses_nodes(material):
             yield from _told(subject, "emission", f"material {material.name}", material.node_tree)
+            yield from _dimmed(f"material {material.name}", material.node_tree)
 
 
 _WHY = {
@@ -53,6 +61,14 @@ def _told(subject: Subject, kind: str, where: str, tree: bpy.types.NodeTree) -> 
         found = f"Light Path, {', '.join(telling)} changes its light by kind of ray"
         why = f"native closures and the mirror see it as different rays do; {_WHY[kind]}"
         yield Finding(f"{kind}_light_path", WRONG, where, found, "the same light for all but camera rays", why)
+
+
+def _dimmed(where: str, tree: bpy.types.NodeTree) -> Iterator[Finding]:
+    """A volume that lets pass, scatters or emits otherwise by kind of ray."""
+    if telling := sorted(volume_outputs(tree) & _TELLING["volume"]):
+        found = f"Light Path, {', '.join(telling)} changes its volume by kind of ray"
+        why = "of one material's light the closures' is dimmed by it as shadow rays are, the mirror's as reflected ones"
+        yield Finding("volume_light_path", WRONG, where, found, "the same volume for all but camera rays", why)
 
 
 def _may_be_transparent(material: bpy.types.Material) -> bool:

@@ -96,6 +96,20 @@ def sphere_seen_by(glossy: bool, diffuse: bool) -> Change:
     return apply
 
 
+def haze(output: str) -> Change:
+    """A volume in the world that is there where an output of Light Path is not above 0.5."""
+
+    def apply(scene: TestScene) -> None:
+        tree = scene.scene.world.node_tree
+        volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+        tree.links.new(volume.outputs[0], tree.get_output_node("CYCLES").inputs["Volume"])
+        darken(tree, volume.inputs["Density"], output, 0.5)
+        scene.scene.cycles.min_light_bounces = 1024
+        update_scene(scene.scene)
+
+    return apply
+
+
 def adaptive(least: int, samples: int, threshold: float = 0.01) -> Change:
     return both(
         cycles("use_adaptive_sampling", True),
@@ -349,6 +363,7 @@ EDGES = [
     ),
     Edge("added_mirror", added(True), added(False), anew=True),
     Edge("volume_roulette", volume(1), volume(0)),
+    Edge("volume_light_path", haze("Is Shadow Ray"), haze("Is Camera Ray"), anew=True),
     Edge("world_light_path", world_nodes("Ray Depth"), world_nodes("Is Camera Ray"), anew=True),
     Edge("lamp_light_path", lamp_nodes("Ray Depth"), lamp_nodes("Is Glossy Ray"), anew=True),
     Edge("emission_light_path", ground_emits("Is Glossy Ray"), ground_emits("Ray Depth"), anew=True),
