@@ -73,3 +73,19 @@ def darken(tree: bpy.types.NodeTree, strength: Any, output: str, above: float) -
     ):
         tree.links.new(source, target)
     return path
+
+
+def world_volume(scene: TestScene) -> None:
+    """A thin absorbing volume fills the scene."""
+    tree = scene.scene.world.node_tree
+    output = tree.get_output_node("CYCLES") or tree.nodes.new("ShaderNodeOutputWorld")
+    volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    volume.inputs["Density"].default_value = 0.05
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+
+
+def volume_in_a_material(scene: TestScene) -> None:
+    """The emitter's material scatters within."""
+    tree = emitter(scene, lamp_of(scene).matrix_world)
+    volume = tree.nodes.new("ShaderNodeVolumeScatter")
+    tree.links.new(volume.outputs[0], tree.get_output_node("CYCLES").inputs["Volume"])
