@@ -1,12 +1,14 @@
 """A bundle as a Cycles material of one OSL shader: the twin of `nodes.material`, on the CPU.
 
-Its textures are files of the bundle, named by their whole path, for OSL cannot read what is packed into a .blend: a
-bundle that is moved must be built again. The table of lamps alone comes through image nodes. It lives in the .blend and
+Its textures are files, named by their whole path, for OSL cannot read what is packed into a .blend: where they are
+moved the material must be built again. The table of lamps alone comes through image nodes. It lives in the .blend and
 changes with every edit and frame; OSL's texture system would show a file as it was when first read.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -23,6 +25,7 @@ from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
 from . import expr
 from .aimed_light_group import MAX_SLOTS
+from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import call, node_group
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
@@ -30,6 +33,8 @@ from .osl_parameters import cell_constants, grid_constants, share_constants, tex
 from .osl_script import output, script_node, shader_source
 
 SHADER = "measured_material.osl"
+# Where the images of a bundle are as files, by their names.
+Files = Callable[[str], Path]
 _TEXELS = ("Centre", "U", "V", "Axis")
 
 
@@ -43,6 +48,8 @@ def build_osl_material(
     points: int = 1,
     filter: str | None = None,
     stochastic: bool = True,
+    files: Files | None = None,
+    features: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle, as `nodes.material.build_material` does, of OSL.
 
@@ -59,6 +66,8 @@ def build_osl_material(
     points : of each lamp that are sampled
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
+    files : where OSL is to read the bundle's images; by default the bundle's own
+    features : also write the passes of `feature_passes`, for the denoiser
 
     Raises
     ------
@@ -71,7 +80,7 @@ def build_osl_material(
     mode = mode or usual_mode(record)
     if mode not in MODES:
         raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
-    constants = shader_constants(record, mode, filter, stochastic)
+    constants = shader_constants(record, mode, filter, stochastic, files)
     interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if record.anisotropic else {})
 
     def build(*values: Any) -> Any:
@@ -80,41 +89,46 @@ def build_osl_material(
             inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
-    built = build_from(
-        record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
-    )
+    def make(name: str) -> bpy.types.ShaderNodeTree:
+        group = node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
+        return with_feature_outputs(group, albedo_polynomial(record)) if features else group
+
+    built = build_from(record, material, make)
     # Cycles takes any shader that may emit for a lamp, whether it does or not.
     lit_by_emission(built, True)
     return built
 
 
 def shader_constants(
-    record: BrdfRecord, mode: str, filter: str | None = None, stochastic: bool = True
+    record: BrdfRecord, mode: str, filter: str | None = None, stochastic: bool = True, files: Files | None = None
 ) -> dict[str, Any]:
     """Parameters of the shader that describe the bundle, its pixels read and checked. Raises BakeError."""
+    files = files or record.files().image_path
     constants: dict[str, Any] = {"Mode": mode, "Anisotropic": int(record.anisotropic)}
     if mode != "preview":
         table = record.baked("table" if mode == "reference" else "residual")
-        constants |= table_constants(table, filter, stochastic) | sampler_constants(table)
+        constants |= table_constants(table, filter, stochastic, files) | sampler_constants(table, files)
     if mode in ("exact", "balanced"):
-        constants |= _closure_constants(record, "Envelope", "envelope")
+        constants |= _closure_constants(record, "Envelope", "envelope", files)
         if record.has("residual_share"):
             record.check_shares()
-            constants["Shares"] = texture_file(record.files(), "residual_share")
+            constants["Shares"] = texture_file(files("residual_share"))
             constants |= share_constants(record.share_layout)
     if mode in ("preview", "balanced"):
-        constants |= _closure_constants(record, "Preview", "preview_weights")
+        constants |= _closure_constants(record, "Preview", "preview_weights", files)
     return constants
 
 
-def table_constants(table: BakedTable, filter: str | None = None, stochastic: bool = True) -> dict[str, Any]:
+def table_constants(
+    table: BakedTable, filter: str | None = None, stochastic: bool = True, files: Files | None = None
+) -> dict[str, Any]:
     """Those of `measured_lookup.osl`. Raises BakeError."""
     table.bundle.load(table.part)
     chosen = table.filter if filter is None else filter
     if chosen not in FILTERS:
         raise BakeError(table.bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {
-        "Table": texture_file(table.bundle, table.part),
+        "Table": texture_file((files or table.bundle.image_path)(table.part)),
         **texel_constants(table.stored),
         **grid_constants(table.stored.grid),
         "Filter": chosen,
@@ -122,16 +136,16 @@ def table_constants(table: BakedTable, filter: str | None = None, stochastic: bo
     }
 
 
-def sampler_constants(table: BakedTable) -> dict[str, Any]:
+def sampler_constants(table: BakedTable, files: Files | None = None) -> dict[str, Any]:
     """Those of `measured_sampler.osl`. Raises BakeError."""
     table.load_sampler()
-    return {"Sampler": texture_file(table.bundle, table.sampler), **cell_constants(table.layout)}
+    return {"Sampler": texture_file((files or table.bundle.image_path)(table.sampler)), **cell_constants(table.layout)}
 
 
-def _closure_constants(record: BrdfRecord, name: str, image: str) -> dict[str, Any]:
+def _closure_constants(record: BrdfRecord, name: str, image: str, files: Files) -> dict[str, Any]:
     """Of the closures of one texture of weights: names, widths, and at which viewers weights are known."""
     fit = record.load_envelope() if image == "envelope" else record.load_preview()
-    constants = {name: texture_file(record.files(), image)}
+    constants = {name: texture_file(files(image))}
     if isinstance(fit.viewers, ViewerGrid):
         widths = [(lobe.name, lobe.alpha_x, lobe.alpha_y) for lobe in fit.closures]
         azimuths, half_turn = fit.viewers.n_phi, fit.viewers.folded

@@ -7,7 +7,6 @@ from typing import Any
 
 from ..bake.brdf.baked_table import Layout
 from ..bake.brdf.parts import StoredTableRecord
-from ..bake.bundle.bundle import Bundle
 from ..bake.envelope import ShareLayout, SlopeShareLayout
 from ..bake.errors import BakeError
 from ..bake.sampling.half_vector_cells import SamplerLayout
@@ -16,9 +15,9 @@ from ..bake.tables.grids.grid import Grid
 from ..bake.tables.log_codes import LogCodes
 
 
-def texture_file(bundle: Bundle, name: str) -> str:
-    """Whole path of a bundle's image, for OSL to read. Raises BakeError."""
-    path = Path(bundle.image_path(name)).resolve()
+def texture_file(file: Path) -> str:
+    """Whole path of an image, for OSL to read. Raises BakeError."""
+    path = file.resolve()
     # OpenImageIO, which reads textures for OSL, takes these for patterns and options.
     if odd := sorted(set("?%<#") & set(str(path))):
         raise BakeError(path, f"OSL cannot read a texture whose path holds {odd[0]!r}", "rename the folder")

@@ -26,6 +26,7 @@ import bpy
 from ..bake.errors import BakeError
 from ..bake.images.image_io import load_openimageio
 from . import compat, expr
+from .group import trees_below
 
 SHADERS = Path(__file__).parent / "osl"
 _numbers = itertools.count()
@@ -93,6 +94,12 @@ def output(node: Any, name: str) -> Any:
     """An output of a Script node as an expression, by the shader's name of it."""
     socket = next(s for s in node.outputs if s.identifier == name)
     return expr.Vector(socket) if socket.type in ("VECTOR", "RGBA") else expr.Scalar(socket)
+
+
+def is_scripted(material: bpy.types.Material) -> bool:
+    """Whether anything in the material is a Script node, which needs OSL."""
+    trees = trees_below(material.node_tree) if material.node_tree is not None else ()
+    return any(node.bl_idname == "ShaderNodeScript" for tree in trees for node in tree.nodes)
 
 
 def require_osl() -> None:

@@ -181,12 +181,12 @@ def _render(
     import bpy
 
     from ...bake.images.image_io import write_png
-    from ...nodes.osl_material import build_osl_material
     from ...nodes.osl_script import use_osl
     from ...nodes.shading_map_material import build_shading_map
     from ..lights.light_tables import lamp_image
     from ..material.bake_photographs import set_repeat
     from ..material.build_brdf import build_brdf, usual_choices
+    from ..material.choices import OSL
     from ..rendering.contact_sheet import to_display
     from ..studio.studio import build_studio, remove_studio, render_linear
 
@@ -200,18 +200,13 @@ def _render(
             environment=options.environment,
         )
         try:
-            if settings is None and options.osl:
-                mode = usual_choices(record, options.mode).mode
-                record.check_filter(options.filter or record.table.filter, mode)
-                use_osl(scene)
-                lamps, lights = _osl_tables(scene, options, mode)
-                build_osl_material(record, material, mode=mode, filter=options.filter, lamps=lamps, lights=lights)
-            elif settings is None:
-                filter = {} if options.filter is None else {"filter": options.filter}
-                choices = replace(
-                    usual_choices(record, options.mode), aim=options.aim, sample=options.sample_lamps, **filter
-                )
-                build_brdf(record, material, choices=choices, scene=scene)
+            if settings is None:
+                given = {"aim": options.aim, "sample": options.sample_lamps}
+                given |= {} if options.filter is None else {"filter": options.filter}
+                given |= {"shader": OSL} if options.osl else {}
+                choices = replace(usual_choices(record, options.mode), **given)
+                if build_brdf(record, material, choices=choices, scene=scene)[1].osl:
+                    use_osl(scene)
             else:
                 lamps = None if options.aim == "never" else lamp_image()
                 build_shading_map(record, material, settings=settings, lamps=lamps)
@@ -228,17 +223,3 @@ def _render(
     progress("writing", 0.0)
     write_png(out, to_display(linear), mark)
     return linear.mean((0, 1))
-
-
-def _osl_tables(scene: Any, options: argparse.Namespace, mode: str) -> tuple[Any, Any]:
-    """Tables of the lamps that an OSL material aims at and, where it can sample them, of what they emit."""
-    from ..lights.aim_targets import sampling_of
-    from ..lights.lamp_survey import survey_scene
-    from ..lights.light_tables import lamp_image, lamp_light_image
-    from ..material.choices import NEVER, Choices
-    from ..material.scene_fit import plan_sampling
-
-    sampling = sampling_of(survey_scene(scene, for_render=True), osl=True)
-    choices = Choices(mode, sample=options.sample_lamps)
-    sampled = plan_sampling(choices, sampling).kept
-    return lamp_image() if sampled or options.aim != NEVER else None, lamp_light_image() if sampled else None

@@ -22,10 +22,15 @@ class Sampling:
 UNKNOWN = Sampling("nothing is known of its lamps")
 
 
-def what_to_aim_at(report: LampReport) -> str:
+def what_to_aim_at(report: LampReport, *, osl: bool = False) -> str:
     """Describe what is aimed at and why it pays; empty if there is nothing. The report is `survey_scene`'s for a
-    render."""
-    if not report.slots and not report.world.aimed:
+    render.
+
+    Parameters
+    ----------
+    osl : by an OSL shader, which does not aim at worlds
+    """
+    if not report.slots and (osl or not report.world.aimed):
         return ""
     words = report.words()[0]
     return words[:1].lower() + words[1:]
@@ -34,12 +39,12 @@ def what_to_aim_at(report: LampReport) -> str:
 def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
     """Whether a shader can, and should, sample the scene's lamps itself; one of nodes, or of OSL."""
     if not osl and not can_raycast():
-        return Sampling("this Blender's shaders cannot ask what a ray meets; those of 5.1 and later can")
+        return Sampling("nodes cannot ask what a ray meets before Blender 5.1; OSL can, on the CPU")
     if report.inexact:
         return Sampling(report.inexact)
     if not report.slots:
         return Sampling(needless="no lamp that can be sampled")
-    if report.world.aimed:
+    if report.world.aimed and not osl:  # whose shader does not aim at worlds
         return Sampling(needless="aiming at the world is worth more")
     return Sampling()
 

@@ -12,10 +12,12 @@ from ...bake.bundle.bundle import Bundle
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import ALBEDO
 from ...nodes.material import build_material, usual_mode
+from ...nodes.osl_material import build_osl_material
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
-from .choices import Choices
+from .choices import OSL, Choices
+from .osl_textures import texture_files
 from .scene_fit import BrdfPlan, plan_brdf
 
 
@@ -45,16 +47,31 @@ def build_brdf(
     choices = choices or usual_choices(record)
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
-    targets = what_to_aim_at(report)
-    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling_of(report))
+    osl = choices.shader == OSL
+    targets = what_to_aim_at(report, osl=osl)
+    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling_of(report, osl=osl))
+    lamps = lamp_image() if plan.aim or plan.sample else None
+    lights = lamp_light_image() if plan.sample else None
+    if plan.osl:
+        material = build_osl_material(
+            record,
+            material,
+            mode=plan.mode,
+            filter=plan.filter,
+            lamps=lamps,
+            lights=lights,
+            files=texture_files(record),
+            features=plan.features,
+        )
+        return material, plan
     material = build_material(
         record,
         material,
         filter=plan.filter,
         images=images,
         pack=pack,
-        lamps=lamp_image() if plan.aim or plan.sample else None,
-        lights=lamp_light_image() if plan.sample else None,
+        lamps=lamps,
+        lights=lights,
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
@@ -76,12 +93,12 @@ def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     """Choices and their effects as kept with the material; JSON-ready."""
     return {
-        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "sample", "residual", "filter")},
+        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "sample", "residual", "filter", "shader")},
         "effects": [effect.facts() for effect in plan.effects],
     }
 
 
 def choices_from(known: Mapping[str, str]) -> Choices:
     """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
-    names = ("mode", "aim", "sample", "residual", "filter", "detail")
+    names = ("mode", "aim", "sample", "residual", "filter", "detail", "shader")
     return Choices(**{key: known[key] for key in names if key in known})

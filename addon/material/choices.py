@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"
+NODES, OSL = "nodes", "osl"
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class Choices:
     mode : of `bake.brdf.modes.MODES`; of a shading map, `RenderSettings.mode` counts
     aim, sample, residual, detail : "auto", "always" or "never"
     filter : "auto" or one of `bake.tables.table.FILTERS`
+    shader : of a BRDF, "nodes" or "osl": what it is built of
     """
 
     mode: str = "exact"
@@ -27,6 +29,7 @@ class Choices:
     residual: str = AUTO
     filter: str = AUTO
     detail: str = AUTO
+    shader: str = NODES
 
 
 _quiet = False
@@ -57,11 +60,12 @@ def choices_of(properties: Any) -> Choices:
         residual=properties.residual,
         filter=properties.filter,
         detail=properties.detail,
+        shader=properties.shader,
     )
 
 
 def show_choices(properties: Any, choices: Choices) -> None:
     """Set the properties to how a material is built; nothing is rebuilt."""
     with without_rebuilding():
-        for name in ("mode", "aim", "sample", "residual", "filter", "detail"):
+        for name in ("mode", "aim", "sample", "residual", "filter", "detail", "shader"):
             setattr(properties, name, getattr(choices, name))

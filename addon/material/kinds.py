@@ -134,7 +134,7 @@ class _Brdf(Kind):
         mode = material.measured_quality.mode
         if mode == "preview":
             return ("mode",)
-        return ("mode", "aim", *(("sample", "residual") if mode != "reference" else ()), "filter")
+        return ("mode", "aim", *(("sample", "residual") if mode != "reference" else ()), "filter", "shader")
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):

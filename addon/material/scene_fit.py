@@ -13,8 +13,9 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.errors import BakeError
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
-from .choices import ALWAYS, AUTO, NEVER, Choices
+from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
+SAMPLED_EFFECT = "Lamps sampled in the shader"
 # Light that may be left out unasked: as much as the envelope's own stated bias.
 _NEGLIGIBLE = 1e-3
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
@@ -49,6 +50,7 @@ class BrdfPlan:
     features: bool
     effects: tuple[Effect, ...]
     sample: bool = False
+    osl: bool = False
 
 
 def plan_brdf(
@@ -76,9 +78,9 @@ def plan_brdf(
     """
     if choices.mode == "preview":
         account = Effect("Mirror", False, "mode Preview: native closures fitted to the measurement, biased")
-        return BrdfPlan("preview", record.table.filter, False, False, False, (account,))
+        return BrdfPlan("preview", record.table.filter, False, False, False, (account, *_language(choices, False)))
     filter, residual = record.table.filter, True
-    effects = []
+    effects: list[Effect] = []
     if choices.mode != "reference":
         effect = plan_residual(record, choices)
         residual = effect.kept
@@ -97,7 +99,17 @@ def plan_brdf(
     if residual:
         why = "a view layer asks for them" if features else "no view layer asks for them"
         effects.append(Effect("Denoiser's passes", features, why))
-    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample)
+    effects += _language(choices, residual)
+    osl = residual and choices.shader == OSL
+    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl)
+
+
+def _language(choices: Choices, mirror: bool) -> list[Effect]:
+    """Of a material that is to be a script: whether it is, which takes a mirror."""
+    if choices.shader != OSL:
+        return []
+    why = "asked for; Cycles on the CPU alone renders it" if mirror else "native closures alone are as good of nodes"
+    return [Effect("Open Shading Language", mirror, why)]
 
 
 def is_ready(choices: Choices, ready: bool) -> bool:
@@ -107,7 +119,7 @@ def is_ready(choices: Choices, ready: bool) -> bool:
 
 def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
     """Whether the shader samples lamps itself. Raises BakeError where that is asked for and would bias the picture."""
-    name = "Lamps sampled in the shader"
+    name = SAMPLED_EFFECT
     if choices.mode == "reference":
         return Effect(name, False, "mode Reference: all of it by the mirror")
     if choices.sample == NEVER:

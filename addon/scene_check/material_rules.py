@@ -15,13 +15,14 @@ from ...nodes.aimed_light_group import SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
 from ...nodes.lamp_light_groups import SAMPLED_KEY
+from ...nodes.osl_script import is_scripted
 from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
 from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
 from ..material.kinds import BRDF, kind_of
-from ..material.scene_fit import plan_sampling
+from ..material.scene_fit import SAMPLED_EFFECT, plan_sampling
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -250,13 +251,13 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
 
 def not_sampled(subject: Subject) -> Iterator[Finding]:
     """Fitted to a scene whose lamps were known, or were not."""
-    built = [m for m in subject.mirrors if kind_of(m) is BRDF and not _is_scripted(m)]
+    built = [m for m in subject.mirrors if kind_of(m) is BRDF]
     if not built:
         return
-    sampling = aim_targets.sampling_of(light_tables.survey_scene(subject.scene, for_render=True))
+    report = light_tables.survey_scene(subject.scene, for_render=True)
     for material in built:
-        choices = rebuild.current_choices(material)
-        sampled = any(SAMPLED_KEY in tree for tree in measured_trees(material))
+        choices, sampled = rebuild.current_choices(material), _samples(material)
+        sampling = aim_targets.sampling_of(report, osl=is_scripted(material))
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
         if sampled == plan_sampling(choices, sampling).kept or not (sampled or residual_of(material)):
@@ -279,10 +280,11 @@ def residual_of(material: bpy.types.Material) -> bool:
 
 def not_aimed(subject: Subject) -> Iterator[Finding]:
     """Fitted to a scene that had no lamps yet."""
-    unaimed = [m for m in subject.mirrors if is_measured(m) and not any(SLOTS_KEY in t for t in measured_trees(m))]
-    targets = aim_targets.what_to_aim_at(light_tables.survey_scene(subject.scene, for_render=True)) if unaimed else ""
-    for material in unaimed if targets else ():
-        if rebuild.current_choices(material).aim != AUTO or _is_scripted(material):
+    unaimed = [m for m in subject.mirrors if is_measured(m) and not _aims(m)]
+    report = light_tables.survey_scene(subject.scene, for_render=True) if unaimed else None
+    for material in unaimed:
+        targets = aim_targets.what_to_aim_at(report, osl=is_scripted(material))
+        if rebuild.current_choices(material).aim != AUTO or not targets:
             continue
         kind, mend = kind_of(material), None
         if kind is not None and not kind.why_not_rebuildable(material):
@@ -291,8 +293,19 @@ def not_aimed(subject: Subject) -> Iterator[Finding]:
         yield Finding("not_aimed", SLOW, _name(material), "aims at nothing", "fitted to the scene", why, mend)
 
 
-def _is_scripted(material: bpy.types.Material) -> bool:
-    return any(n.bl_idname == "ShaderNodeScript" for tree in measured_trees(material) for n in tree.nodes)
+def _samples(material: bpy.types.Material) -> bool:
+    """Whether its shader samples lamps."""
+    if is_scripted(material):
+        return any(e.name == SAMPLED_EFFECT and e.kept for e in rebuild.effects_of(material))
+    return any(SAMPLED_KEY in tree for tree in measured_trees(material))
+
+
+def _aims(material: bpy.types.Material) -> bool:
+    """Whether it knows of lamps; a script's only images are the tables of these."""
+    trees = measured_trees(material)
+    if is_scripted(material):
+        return any(node.bl_idname == "ShaderNodeTexImage" for tree in trees for node in tree.nodes)
+    return any(SLOTS_KEY in tree for tree in trees)
 
 
 def _holds(image: bpy.types.Image, table: Any) -> bool:

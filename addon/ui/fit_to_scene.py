@@ -1,15 +1,23 @@
-"""Operators: fit every measured material to the scene that it is in, and denoise by what the materials know."""
+"""Operators: fit every measured material to the scene that it is in, shade by OSL, and denoise by what the materials
+know."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
 
 import bpy
 
 from ...bake.errors import BakeError
 from ...nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
+from ...nodes.osl_script import is_scripted, require_osl, use_osl
 from ..lights import light_tables, world_survey
+from ..material.choices import NODES, OSL, show_choices
 from ..material.facts import is_measured
-from ..material.kinds import kind_of
+from ..material.kinds import BRDF, kind_of
+from ..material.rebuild import current_choices, rebuild_brdf
 from ..material.together import built_together
+from ..scene_check.check import check_scene, mend
 from ..summary.text import one_line
 
 
@@ -30,16 +38,46 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Rebuild; a material that cannot be rebuilt is reported and does not stop the others."""
-        learn_the_world(context.scene)
-        fitted = 0
-        with built_together():
-            for material in materials_in(context.scene):
-                try:
-                    kind_of(material).refit(material, context.scene)
-                    fitted += 1
-                except BakeError as error:
-                    self.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))
-        self.report({"INFO"}, f"{fitted} material{'' if fitted == 1 else 's'} fitted to {context.scene.name}")
+        scene = context.scene
+        learn_the_world(scene)
+        fitted = _each(self, materials_in(scene), lambda material: kind_of(material).refit(material, scene))
+        self.report({"INFO"}, f"{_counted(fitted)} fitted to {scene.name}")
+        return {"FINISHED"}
+
+
+class MEASURED_MATERIALS_OT_use_osl(bpy.types.Operator):
+    """Build this scene's measured BRDFs as OSL scripts, which sample lamps themselves, and render on the CPU"""
+
+    bl_idname = "measured_materials.use_osl"
+    bl_label = "Shade by OSL"
+    bl_options = {"UNDO"}
+
+    nodes: bpy.props.BoolProperty(name="Nodes", description="Build them of nodes again", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether the engine is Cycles and there is anything to build."""
+        return MEASURED_MATERIALS_OT_denoise.poll.__func__(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Rebuild, and set the scene; a material that cannot be rebuilt is reported and does not stop the others."""
+        scene, shader = context.scene, NODES if self.nodes else OSL
+        if not self.nodes:
+            try:
+                require_osl()
+            except BakeError as error:
+                self.report({"ERROR"}, one_line(f"{error.file} {error.cause}; {error.remedy}"))
+                return {"CANCELLED"}
+            use_osl(scene)
+        learn_the_world(scene)
+        materials = [material for material in materials_in(scene) if kind_of(material) is BRDF]
+        built = _each(self, materials, lambda material: _shade_by(material, shader, scene))
+        # Whatever stays of nodes: OSL would read its files at random.
+        mend(found for found in check_scene(scene) or () if found.rule == "osl_files")
+        if self.nodes and not any(is_scripted(material) for material in bpy.data.materials):
+            scene.cycles.shading_system = False
+        by = "nodes" if self.nodes else "OSL scripts, which render on the CPU"
+        self.report({"INFO"}, f"{_counted(built)} built as {by}")
         return {"FINISHED"}
 
 
@@ -72,6 +110,31 @@ class MEASURED_MATERIALS_OT_denoise(bpy.types.Operator):
         return bpy.ops.measured_materials.fit_to_scene()
 
 
+def _shade_by(material: bpy.types.Material, shader: str, scene: bpy.types.Scene) -> None:
+    choices = replace(current_choices(material), shader=shader)
+    rebuild_brdf(material, choices, scene)
+    show_choices(material.measured_quality, choices)
+
+
+def _each(
+    operator: bpy.types.Operator, materials: list[bpy.types.Material], build: Callable[[bpy.types.Material], None]
+) -> int:
+    """Call `build` with each and return how many it could build; the operator reports the others."""
+    built = 0
+    with built_together():
+        for material in materials:
+            try:
+                build(material)
+                built += 1
+            except BakeError as error:
+                operator.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))
+    return built
+
+
+def _counted(materials: int) -> str:
+    return f"{materials} material{'' if materials == 1 else 's'}"
+
+
 def learn_the_world(scene: bpy.types.Scene) -> None:
     """Look at a world whose nodes do not say what it shows, such as a sky texture, by rendering it small."""
     if "measure the world" in world_survey.world_light(scene.world).why_not:
@@ -85,5 +148,5 @@ def materials_in(scene: bpy.types.Scene) -> list[bpy.types.Material]:
     return [material for material in found if is_measured(material) and material.is_editable]
 
 
-classes = (MEASURED_MATERIALS_OT_fit_to_scene, MEASURED_MATERIALS_OT_denoise)
+classes = (MEASURED_MATERIALS_OT_fit_to_scene, MEASURED_MATERIALS_OT_use_osl, MEASURED_MATERIALS_OT_denoise)
 register, unregister = bpy.utils.register_classes_factory(classes)

@@ -8,6 +8,7 @@ import bpy
 
 from ...bake.errors import BakeError
 from ..material.build_brdf import asks_for_passes
+from ..material.choices import OSL
 from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import effects_of
@@ -15,7 +16,11 @@ from ..material.texture_repair import wrong_textures
 from ..summary.parts import parts_of
 from .bake_again import MEASURED_MATERIALS_OT_bake_again
 from .context import ForMeasured, shown_material
-from .fit_to_scene import MEASURED_MATERIALS_OT_denoise, MEASURED_MATERIALS_OT_fit_to_scene
+from .fit_to_scene import (
+    MEASURED_MATERIALS_OT_denoise,
+    MEASURED_MATERIALS_OT_fit_to_scene,
+    MEASURED_MATERIALS_OT_use_osl,
+)
 from .import_brdf import MEASURED_MATERIALS_OT_import_brdf
 from .import_photographs import MEASURED_MATERIALS_OT_import_arc
 from .kind_forms import form_of
@@ -79,6 +84,10 @@ class _QualityPanel(ForMeasured):
             layout.label(text=f"{effect.name}: {effect.why}", icon="CHECKMARK" if effect.kept else "REMOVE")
         row = layout.row(align=True)
         row.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
+        if kind is not SHADING_MAP:
+            scripted = properties.shader == OSL
+            words = {"text": "Shade by Nodes"} if scripted else {}
+            row.operator(MEASURED_MATERIALS_OT_use_osl.bl_idname, icon="FILE_SCRIPT", **words).nodes = scripted
         if kind.writes_passes:
             denoised = asks_for_passes(context.scene)
             words = {"text": "Stop Denoising"} if denoised else {}

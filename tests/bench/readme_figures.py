@@ -277,7 +277,7 @@ NO_FIGURES = (
     "| 5.0 |",
     "| 5.2 |",
     "From Blender 5.1 on",
-    "OSL material of 4.5",
+    "in the same bench on 4.5",
     "Python 3.11",
     "3 GB of disk",
     "at most 0.1 % of the light is too much",

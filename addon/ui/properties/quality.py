@@ -7,7 +7,7 @@ import bpy
 
 from ....bake.brdf.modes import MODES
 from ....bake.tables.table import FILTERS
-from ...material.choices import AUTO
+from ...material.choices import AUTO, NODES, OSL
 from ...material.kinds import rebuild_or_say
 from .enum_items import enum
 from .registration import registration
@@ -75,6 +75,17 @@ _FILTER = bpy.props.EnumProperty(
     options=set(),
     update=rebuild_or_say,
 )
+_SHADER = bpy.props.EnumProperty(
+    name="Shader",
+    description="What the material is built of",
+    items=[
+        (NODES, "Nodes", "Renders on every device, and in EEVEE"),
+        (OSL, "OSL", "One script, for Cycles on the CPU alone: samples lamps itself, before Blender 5.1 too"),
+    ],
+    default=NODES,
+    options=set(),
+    update=rebuild_or_say,
+)
 _DETAIL = bpy.props.EnumProperty(
     name="Detail",
     description="The swatch's texels",
@@ -98,6 +109,7 @@ class MEASURED_MATERIALS_PG_quality(bpy.types.PropertyGroup):
     residual: _RESIDUAL
     filter: _FILTER
     detail: _DETAIL
+    shader: _SHADER
     problem: bpy.props.StringProperty(description="Why the last change had no effect", options={"HIDDEN", "SKIP_SAVE"})
 
 
