@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.summary.cost_estimate import MODE_TIME, expectation
+from measured_materials.addon.summary.cost_estimate import MODE_TIME, SAMPLED_TIME, expectation
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -35,6 +35,7 @@ def test_times_are_those_of_the_bench() -> None:
     file = Path(__file__).parent / "bench" / "recorded" / "engine.json"
     figures = json.loads(file.read_text(encoding="utf-8"))["values"]
     assert {mode: round(figures[f"time, {mode}"], 1) for mode in MODE_TIME} == MODE_TIME
+    assert round(figures["time, exact, lamps sampled"], 1) == SAMPLED_TIME
 
 
 @pytest.mark.parametrize("mode", ("preview", "balanced", "exact"))

@@ -13,6 +13,7 @@ from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_
 from measured_materials.addon.material import osl_textures
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import current_choices, effects_of, rebuild_brdf
 from measured_materials.addon.material.textures import image_nodes, textures_of
 from measured_materials.addon.scene_check.check import check_scene, mend
@@ -99,6 +100,7 @@ def test_one_switch_builds_materials_and_sets_the_scene(scene: TestScene, bundle
     found = kept(material)
     assert found["Open Shading Language"] and found["Lamps sampled in the shader"]
     assert not rules(scene) - {"lamp_table"}
+    assert BRDF.cost(material).startswith("About 3.6 times")
     scripted = scene.render(16, 3)
     twin = build_osl_material(bundle, lamps=lamp_image(), lights=lamp_light_image())
     scene.show(twin)

@@ -26,8 +26,8 @@ from .bake_photographs import bake_arc_again, map_words
 from .choices import choices_of, is_rebuilding, show_choices, without_rebuilding
 from .facts import facts_of, is_measured, record_of, source_file
 from .lighting import lighting_of, show_lighting, uses_mode
-from .rebuild import current_choices, current_lighting, images_of_brdf, images_of_map, rebuild_brdf, relight
-from .scene_fit import plan_filter
+from .rebuild import current_choices, current_lighting, effects_of, images_of_brdf, images_of_map, rebuild_brdf, relight
+from .scene_fit import SAMPLED_EFFECT, plan_filter
 from .textures import bundle_path, missing_texture
 
 Source = Path | Sequence[Path] | None
@@ -144,7 +144,8 @@ class _Brdf(Kind):
     def cost(self, material: bpy.types.Material) -> str:
         try:
             record, choices = record_of(material), choices_of(material.measured_quality)
-            return expectation(record, choices.mode, plan_filter(record, choices)[0])
+            sampled = any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material))
+            return expectation(record, choices.mode, plan_filter(record, choices)[0], sampled=sampled)
         except BakeError:
             return ""
 

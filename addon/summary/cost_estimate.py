@@ -7,10 +7,12 @@ from ...bake.brdf.record import BrdfRecord
 # Processor time of a camera sample, Principled BSDF = 1: median over 12 materials in 4 lightings
 # (`./run bench engine`), and of the filters beside trilinear (`./run bench speed`).
 MODE_TIME = {"preview": 1.1, "balanced": 1.4, "exact": 1.4, "reference": 2.0}
+# Of modes that sample lamps in the shader, in the same bench as OSL; of nodes on 5.2 about as much.
+SAMPLED_TIME = 3.6
 FILTER_TIME = {"nearest": 0.98, "trilinear": 1.0, "bspline": 1.1}
 
 
-def expectation(record: BrdfRecord, mode: str, filter: str) -> str:
+def expectation(record: BrdfRecord, mode: str, filter: str, *, sampled: bool = False) -> str:
     """Time and error of a measured BRDF's material in words; without the error where the bundle does not state it.
 
     Parameters
@@ -18,9 +20,10 @@ def expectation(record: BrdfRecord, mode: str, filter: str) -> str:
     record : the bundle's, or of what a material keeps of it
     mode : of `bake.brdf.modes.MODES`
     filter : of `bake.tables.table.FILTERS`
+    sampled : the shader samples lamps itself
     """
     traced = mode != "preview"
-    factor = MODE_TIME.get(mode, 1.0) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)
+    factor = (SAMPLED_TIME if sampled else MODE_TIME.get(mode, 1.0)) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)
     words = f"About {factor:.1f} times the render time of a Principled BSDF"
     error = _error(record, mode, filter)
     if error is None:
