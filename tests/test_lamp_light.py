@@ -14,6 +14,7 @@ from measured_materials.addon.lights.aim_targets import sampling_of
 from measured_materials.addon.lights.lamp_survey import LampReport, survey_scene
 from measured_materials.addon.lights.light_tables import lamp_light_image, table_of, update_scene
 from measured_materials.bake import xp_numpy
+from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.lamp_light import (
     beam_factor,
     distance_along,
@@ -24,6 +25,7 @@ from measured_materials.bake.sampling.lamp_light import (
 from measured_materials.bake.sampling.lamps import SUN, Aim, aim_numpy, density_towards, draw_towards
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
+from scipy import stats
 from support.lamp_pictures import LUMINANCE, LampRoom
 from support.osl import header_card, skip_without_osl
 
@@ -111,6 +113,46 @@ def test_points_lie_on_the_lamp(room: LampRoom, kind: str) -> None:
         assert (np.linalg.norm(from_centre, axis=-1) < 1.001 * settings["shadow_soft_size"]).all()
     else:
         assert np.linalg.norm(from_centre, axis=-1) == pytest.approx(settings["shadow_soft_size"], rel=1e-4)
+
+
+DRAWS, BINS, FINER = 1_000_000, (80, 160), 8
+# From here each is seen askew; from the last the ball is all around.
+SEEN_FROM = {
+    "square": (0.2, 0.1, 0.0),
+    "ellipse": (0.0, 0.0, 0.0),
+    "narrow spread": (0.3, -0.2, 0.1),
+    "point": (0.1, 0.0, 0.0),
+    "ball": (0.0, 0.1, 0.0),
+    "sun": (0.0, 0.0, 0.0),
+    "ball from within": (0.55, -0.8, 1.3),
+}
+
+
+@pytest.mark.parametrize("place", SEEN_FROM)
+def test_points_are_drawn_by_their_density(room: LampRoom, place: str) -> None:
+    """Chi-square over a cone around the lamp, the density by quadrature; Sidak over the cases, 1 % in all."""
+    kind, settings = LAMPS[place.removesuffix(" from within")]
+    room.add(kind, ASKEW, **settings)
+    aim, _, _ = seen_by(survey_scene(room.scene, for_render=True), np.array([SEEN_FROM[place]]))
+    wi = draw_towards(xp_numpy, aim, *np.random.default_rng(5).uniform(size=(2, DRAWS)))
+    turn = np.array(Vector(wi.mean(0)).to_track_quat("Z", "Y").to_matrix())
+    local = wi @ turn
+    leaning = np.maximum(1 - local[:, 2], 0)
+    widest = min(1.001 * float(leaning.max()), 2.0)
+    cells = leaning / widest, np.arctan2(local[:, 1], local[:, 0]) / (2 * np.pi) % 1
+    seen = np.histogram2d(*cells, bins=BINS, range=((0, 1), (0, 1)))[0]
+    assert seen.sum() == DRAWS
+    lean, around = np.meshgrid(*((np.arange(n * FINER) + 0.5) / (n * FINER) for n in BINS), indexing="ij")
+    nodes = spherical(np.arccos(1 - widest * lean), 2 * np.pi * around).reshape(-1, 3) @ turn.T
+    density = density_towards(xp_numpy, aim, nodes, 0.0).reshape(BINS[0], FINER, BINS[1], FINER)
+    expected = density.mean((1, 3)) * (2 * np.pi * widest / (BINS[0] * BINS[1])) * DRAWS
+    # Bins across the edge of a lamp are known to a few parts in a thousand of a full one.
+    assert expected.sum() == pytest.approx(DRAWS, rel=1e-3)
+    often = expected > 20
+    assert often.sum() > 1000
+    counts, chances = (np.append(n[often], n[~often].sum()) for n in (seen, expected))
+    statistic = float(((counts - chances) ** 2 / np.maximum(chances, 20)).sum())
+    assert stats.chi2.sf(statistic, len(counts) - 1) > 1 - 0.99 ** (1 / len(SEEN_FROM))
 
 
 @pytest.mark.parametrize("kind", ["square", "ellipse", "sun", "ball"])
