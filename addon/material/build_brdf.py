@@ -15,7 +15,7 @@ from ...nodes.material import build_material, usual_mode
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
-from .choices import Choices
+from .choices import NAMES, OF_BRDF, Choices
 from .scene_fit import BrdfPlan, plan_brdf
 
 
@@ -76,12 +76,11 @@ def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     """Choices and their effects as kept with the material; JSON-ready."""
     return {
-        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "sample", "residual", "filter")},
+        "choices": {name: getattr(choices, name) for name in OF_BRDF},
         "effects": [effect.facts() for effect in plan.effects],
     }
 
 
 def choices_from(known: Mapping[str, str]) -> Choices:
     """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
-    names = ("mode", "aim", "sample", "residual", "filter", "detail")
-    return Choices(**{key: known[key] for key in names if key in known})
+    return Choices(**{name: known[name] for name in NAMES if name in known})
