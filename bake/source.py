@@ -71,6 +71,10 @@ class Reader:
     read: Callable[[Path], BrdfSource]
 
 
+# Of linear Rec.709's channels (ITU-R BT.709, section 3.2).
+LUMINANCE = 0.2126, 0.7152, 0.0722
+
+
 def luminance(rgb: Array) -> Array:
     """Relative luminance of linear Rec.709, (..., 3) -> (...)."""
-    return rgb @ np.array([0.2126, 0.7152, 0.0722], dtype=rgb.dtype)
+    return rgb @ np.array(LUMINANCE, dtype=rgb.dtype)

@@ -18,7 +18,7 @@ from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_tow
 from ..bake.sampling.world import choose_cell, draw_in_world, expected_world_light, world_coordinates
 from . import expr
 from .group import FAMILY_KEY, HASH_KEY, SWITCHED_KEY, active_output, call, content_hash, node_group, nodes_before
-from .light_images import WORLD, world_table
+from .light_images import WORLD, texel, world_table
 
 NAME = "MM Aim"
 # Custom properties of the group and of its outputs: how many lamps they aim at, and whether at the world.
@@ -144,9 +144,9 @@ def _mixture(
     (position, normal, wi), (u_lamp, u_aim, u1, u2) = ray, numbers
     slots, light = len(seen), [found[-1] for found in seen]
     if with_world:
-        light.append(expected_world_light(expr, *_texel(lamps, 1.0, 4), normal))
+        light.append(expected_world_light(expr, *texel(lamps, 1.0, 4), normal))
     total = sum(light[1:], start=light[0])
-    sky, largest, _ = expr.components(_texel(lamps, 0.0, 4)[0])
+    sky, largest, _ = expr.components(texel(lamps, 0.0, 4)[0])
     share = expr.minimum(expr.divide(total, total + sky), largest)
     index = which_light(u_lamp * total, light)
     aimed = u_aim < share
@@ -186,7 +186,7 @@ def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """(Row, Position, Normal) to what `Aim` holds of a lamp, and about the irradiance that it brings there."""
 
     def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
-        (centre, kind), (u, power), (v, _), (axis, fourth) = (_texel(lamps, row, k) for k in range(4))
+        (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(lamps, row, k) for k in range(4))
         aim = aim_at(expr, position, centre, kind, u, v, axis, fourth)
         return *(getattr(aim, name) for name in _AIM), expected_light(expr, aim, normal, power)
 
@@ -239,11 +239,6 @@ def _world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
         return expr.components(_world_texel(world, expr.vec(u, v, 0.0))[0])[2]
 
     return node_group("MM Density Towards World", {"wi": "vector"}, {"Density": "float"}, build, switched=_SWITCHED)
-
-
-def _texel(lamps: bpy.types.Image, row: Any, column: int) -> tuple[Any, Any]:
-    v = 1 - (row + 0.5) * (1 / lamps.size[1])
-    return expr.image_tap(lamps, (column + 0.5) / TEXELS, v, "Closest")
 
 
 def _world_texel(world: bpy.types.Image, at: Any) -> tuple[Any, Any]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 import bpy
 
 from . import expr
 from .group_copy import copy_as_recorded, is_fit_to_copy
+from .keeping import Keeping
 from .recording import CannotRecord, Recording
 
 HASH_KEY = "measured_materials_hash"
@@ -190,23 +191,18 @@ def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
     return list(found)
 
 
-_kept: dict[int, str] | None = None
+# Hashes of trees, by their session_uid.
+_hashes: Keeping[int, str] = Keeping()
 
 
-@contextmanager
-def hashing_once() -> Iterator[None]:
+def hashing_once() -> AbstractContextManager[None]:
     """Inside, a tree is hashed once. For builders, which change no tree that is finished."""
-    global _kept
-    before, _kept = _kept, {} if _kept is None else _kept
-    try:
-        yield
-    finally:
-        _kept = before
+    return _hashes.kept()
 
 
 def content_hash(tree: bpy.types.ShaderNodeTree) -> str:
     """Hash of what a group computes: interface, nodes, their settings, unlinked inputs, links; not its looks."""
-    return _content_hash(tree, {} if _kept is None else _kept)
+    return _content_hash(tree, {} if _hashes.found is None else _hashes.found)
 
 
 def _content_hash(tree: bpy.types.ShaderNodeTree, known: dict[int, str]) -> str:

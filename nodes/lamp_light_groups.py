@@ -15,7 +15,6 @@ from typing import Any
 import bpy
 
 from ..bake.sampling.lamp_light import (
-    LIGHT_TEXELS,
     SHORT,
     beam_factor,
     distance_along,
@@ -23,14 +22,15 @@ from ..bake.sampling.lamp_light import (
     opposite,
 )
 from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
+from ..bake.source import LUMINANCE
 from . import expr
 from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by, made_before, which_light
 from .group import FAMILY_KEY, active_output, call, node_group
+from .light_images import texel
 
 POINTS = 1
 # Custom property of a group that samples lamps, which has to know their light, rather than aims at them.
 SAMPLED_KEY = "measured_materials_sampled"
-LUMINANCE = 0.2126, 0.7152, 0.0722
 # Of a lamp's radiance: what may stand behind it, which its surroundings throw back.
 _BEHIND = 0.01
 # Of radiances: a lamp's over the sky's from which on less than a hundredth of its light is lost with what is behind.
@@ -105,7 +105,7 @@ def lamp_met_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types
         for found, own in zip(seen, light):
             part, shared = call(met_group, *found, position, wi, density, expr.divide(own, total))
             every, counted = (part, shared) if every is None else (every + part, counted + shared)
-        sky, _, _ = expr.components(_texel(lamps, TEXELS, 0.0, TEXELS - 1)[0])
+        sky, _, _ = expr.components(texel(lamps, 0.0, TEXELS - 1)[0])
         return every, counted, *_behind(every, sky)
 
     inputs = {"Position": "vector", "Normal": "vector", "wi": "vector", "Density": "float"}
@@ -160,8 +160,8 @@ def _seen_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.Sh
     """(Row, Position, Normal) to what `Aim` holds of a lamp, about the irradiance it brings, and what it emits."""
 
     def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
-        (centre, kind), (u, power), (v, _), (axis, fourth) = (_texel(lamps, TEXELS, row, k) for k in range(4))
-        (radiance, facing), (beam, _) = (_texel(lights, LIGHT_TEXELS, row, k) for k in range(2))
+        (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(lamps, row, k) for k in range(4))
+        (radiance, facing), (beam, _) = (texel(lights, row, k) for k in range(2))
         aim = facing_aim(expr, aim_at(expr, position, centre, kind, u, v, axis, fourth), facing)
         light = expected_light(expr, aim, normal, power)
         return *(getattr(aim, name) for name in _AIM), light, radiance, beam, facing
@@ -205,8 +205,3 @@ def _visible(aim: Aim, facing: Any, position: Any, wi: Any, wanted: Any) -> Any:
     length = distance_along(expr, aim, facing, wi) * SHORT
     made = expr.node("ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length * wanted})
     return wanted * (1 - expr.Scalar(made.outputs["Is Hit"]))
-
-
-def _texel(image: bpy.types.Image, columns: int, row: Any, column: int) -> tuple[Any, Any]:
-    v = 1 - (row + 0.5) * (1 / image.size[1])
-    return expr.image_tap(image, (column + 0.5) / columns, v, "Closest")

@@ -12,6 +12,7 @@ from ..bake.sampling.lamps import TEXELS
 from . import expr
 from .drawn_direction import frame_of
 from .group import node_group
+from .light_images import texel
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,7 @@ def lamp_probability(
     tangent: Any = None,
 ) -> Any:
     """The group's content, for a position and viewer."""
-    first_row = 1 - 0.5 / lamps.size[1]
-    (centre, _), (scene, strength) = (
-        expr.image_tap(lamps, (k + 0.5) / TEXELS, first_row, "Closest") for k in (0, TEXELS - 1)
-    )
+    (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
     sky, _, count = expr.components(scene)
     to_centre = centre - position
     u, v = _place(shares.layout, expr.normalize(to_centre), incoming, normal, wo, tangent)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ..bake.sampling.world import COLUMNS, ROWS
+from . import expr
 
 WORLD = "MM World"
 
@@ -16,6 +19,12 @@ def new_table(name: str, columns: int, rows: int) -> bpy.types.Image:
     image.alpha_mode = "CHANNEL_PACKED"
     image.use_half_precision = False
     return image
+
+
+def texel(table: bpy.types.Image, row: Any, column: int) -> tuple[Any, Any]:
+    """Colour and alpha of a texel of a table, in nodes; rows are counted from the top."""
+    columns, rows = table.size
+    return expr.image_tap(table, (column + 0.5) / columns, 1 - (row + 0.5) * (1 / rows), "Closest")
 
 
 def world_tables() -> list[bpy.types.Image]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
 from ..bake.errors import BakeError
@@ -63,7 +64,7 @@ def build_material(
         textures = images or bundle_images(record.files(), name, pack=pack)
         table = None
         if mode == "reference" or (mode != "preview" and residual):
-            part = "table" if mode == "reference" else "residual"
+            part = TABLE_OF[mode]
             # A residual's ridges lie elsewhere in the next slice, and few samples pay for blending.
             chosen = stochastic and part == "table"
             table = table_groups(record.baked(part), name, textures, filter, chosen, aimed=lamps is not None)

@@ -10,6 +10,7 @@ import bpy
 
 from ..bake.lobes.lobes import Lobe
 from ..bake.shading_maps.render_settings import PREVIEW_LEVEL, RenderSettings
+from ..bake.source import LUMINANCE
 from . import expr
 from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection, drawn_direction
@@ -22,7 +23,6 @@ from .table_groups import TableGroups
 
 # Share of draws that go to the mirror where there is nothing left of the residual, and to the closure where it is all.
 MIN_CHOICE = 0.04
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, 
     irradiance that the scene's key light stands for.
     """
     radiance = expr.Vector(_sum_shader_to_rgb(lighting, normal))
-    luminance = expr.dot(radiance, expr.vec(*_LUMINANCE))
+    luminance = expr.dot(radiance, expr.vec(*LUMINANCE))
     scale = light_level * (lighting.a_max / lighting.sigma)
     x = expr.divide(luminance, scale)
     texel = call(slices, uv, 1.0 if lighting.settings.technique == "lit_texture" else x, 1.0, 1.0)[0]

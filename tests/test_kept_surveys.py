@@ -192,4 +192,4 @@ def test_nothing_is_kept_after_an_error(scene: bpy.types.Scene, looks: list[int]
     with pytest.raises(RuntimeError):
         fail()
     surveyed(scene)
-    assert len(looks) == 2 and kept_surveys._kept is None
+    assert len(looks) == 2 and kept_surveys._reports.found is None

@@ -20,6 +20,8 @@ from measured_materials.addon.material.textures import textures_of
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.modes import MODES
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
@@ -27,6 +29,7 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import brdf_group, compat, expr
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
+from measured_materials.nodes.data_image import bundle_images
 from measured_materials.nodes.material import build_material
 from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
@@ -176,6 +179,48 @@ def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Mate
 
 def images_of_preview(names: set[str]) -> set[str]:
     return {name for name in names if name.endswith("preview weights")}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_a_mode_is_built_of_is_known(bundle: Bundle, mode: str) -> None:
+    """Before it is: the builder asks for these images and no others, where the scene calls for all there is."""
+    record, load = BrdfRecord.read(bundle), bundle_images(bundle, "paint")
+    asked = set()
+
+    def noted(name: str) -> bpy.types.Image:
+        asked.add(name)
+        return load(name)
+
+    build_material(record, mode=mode, images=noted, lamps=lamp_image(), lamp_share=True)
+    assert asked == set(record.images_of(mode))
+
+
+@pytest.mark.parametrize("name", ["residual", "residual_share"])
+def test_a_lost_texture_is_read_again(
+    registered: None,  # noqa: F811
+    no_lamps: None,
+    folder: Path,
+    late_lamp: Callable[[], bpy.types.Object],
+    name: str,
+) -> None:
+    """Of the bundle that is there still, also one that only a scene of lamps alone calls for."""
+    path, scene = folder / "paint.mmat", bpy.context.scene
+    made = bake_material.material_from(bake_material.BakeResult(path, read_bundle(path).material, 0.0), pack=True)
+    bpy.data.images.remove(textures_of(made)[name])
+    late_lamp()
+    world, scene.world = scene.world, None
+    try:
+        rebuild.rebuild_brdf(made, scene=scene)
+    finally:
+        scene.world = world
+    assert name in textures_of(made)
+    assert any(tree.name.startswith("MM Mirror Probability") for tree in measured_trees(made))
+    path.rename(away := folder / "away")
+    try:
+        bpy.data.images.remove(textures_of(made)[name])
+        assert name in BRDF.why_not_rebuildable(made)
+    finally:
+        away.rename(path)
 
 
 def test_the_account_says_what_was_left_out(material: bpy.types.Material) -> None:

@@ -27,6 +27,7 @@ from ...bake.shading_maps.lobe_fit import fit_lobe
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import TECHNIQUES, RenderSettings
 from ...bake.shading_maps.shading_map import Above, ShadingMap
+from ...bake.source import luminance
 
 Array = NDArray[Any]
 Angles = tuple[float, float]
@@ -39,7 +40,6 @@ LABELS = {
     "lookup": "lookup by r",
 }
 IN_ORDER = tuple(LABELS)
-_LUMINANCE = np.array((0.2126, 0.7152, 0.0722))
 _DARKEST_LEVEL = 1e-4  # of "angular", as in the nodes
 _MIDDLE_GREY = 0.18
 
@@ -114,9 +114,9 @@ def shade(
     lit = [(float(light.wi[2]), _f_cos(swatch.lobe, light, wo), np.asarray(light.irradiance)) for light in lights]
     if technique == "final_radiance":
         radiance = sum((f_cos * irradiance * np.ones(3) for _, f_cos, irradiance in lit), np.zeros(3))
-        luminance = float(radiance @ _LUMINANCE)
-        texel = swatch.map.evaluate(uv, _level(uv, luminance * swatch.gain / light_level), "scale")
-        return texel * radiance * (light_level * swatch.a_max / max(luminance, 1e-30))
+        brightness = float(luminance(radiance))
+        texel = swatch.map.evaluate(uv, _level(uv, brightness * swatch.gain / light_level), "scale")
+        return texel * radiance * (light_level * swatch.a_max / max(brightness, 1e-30))
     total = np.zeros((*np.shape(uv)[:-1], 3))
     for cosine, f_cos, irradiance in lit:
         total += irradiance * _reflected(technique, swatch, cosine, f_cos, uv)

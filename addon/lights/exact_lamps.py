@@ -67,12 +67,12 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
     return ""
 
 
-def why_not_in(scene: bpy.types.Scene) -> str:
-    """Why no lamp of a scene may be sampled; empty if lamps themselves decide."""
+def why_not_in(scene: bpy.types.Scene, volume: str) -> str:
+    """Why no lamp of a scene may be sampled; empty if lamps themselves decide. `volume` is `volume_in_file`'s."""
     if scene.cycles.blur_glossy > 0:
         # Cycles blurs the mirror after a diffuse bounce, and then samples lamps for it too.
         return "Filter Glossy of the scene is above 0"
-    return volume_in_file()
+    return volume
 
 
 def volume_in_file() -> str:

@@ -9,43 +9,39 @@ of any new material that the scene has changed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 import bpy
 
-from .exact_lamps import why_not_exact, why_not_in
+from ...nodes.keeping import Keeping
+from .exact_lamps import volume_in_file, why_not_exact, why_not_in
 from .lamp_survey import LampReport, lamp_settings, rendered_layers, survey_scene
 from .motion import changes
 from .world_survey import world_light
 
-# By scene: what a report hung on, and the report; None where none is kept.
-_kept: dict[int, tuple[Any, LampReport]] | None = None
+# By scene: what a report hung on, and the report.
+_reports: Keeping[int, tuple[Any, LampReport]] = Keeping()
 
 
-@contextmanager
-def surveys_kept() -> Iterator[None]:
+def surveys_kept() -> AbstractContextManager[None]:
     """Inside, `surveyed` looks at a scene once, and again after an edit of its lamps, world, objects or collections."""
-    global _kept
-    before, _kept = _kept, {} if _kept is None else _kept
-    try:
-        yield
-    finally:
-        _kept = before
+    return _reports.kept()
 
 
 def surveyed(scene: bpy.types.Scene) -> LampReport:
     """`survey_scene` for a render, or its report of before where nothing has changed since."""
-    if _kept is None:
+    reports = _reports.found
+    if reports is None:
         return survey_scene(scene, for_render=True)
     state = _state(scene)
-    known = _kept.get(scene.session_uid)
+    known = reports.get(scene.session_uid)
     if known is not None and known[0] == state:
         return known[1]
     report = survey_scene(scene, for_render=True)
-    _kept.pop(scene.session_uid, None)
+    reports.pop(scene.session_uid, None)
     if _tell_all(scene):
-        _kept[scene.session_uid] = state, report
+        reports[scene.session_uid] = state, report
     return report
 
 
@@ -58,7 +54,9 @@ def _state(scene: bpy.types.Scene) -> Any:
     ]
     lamps = [(lamp_settings(obj), _is_moved(obj)) for obj in objects if obj.type == "LIGHT"]
     layers = [(layer.name, *_visibility(layer.layer_collection)) for layer in rendered_layers(scene)]
-    unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"], why_not_in(scene)
+    volume = volume_in_file()
+    unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"]
+    unknown += why_not_in(scene, volume), volume
     return scene.frame_current_final, places, shown, lamps, layers, world_light(scene.world), unknown
 
 

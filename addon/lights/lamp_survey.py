@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from ...bake.sampling.lamp_light import LampLight
 from ...bake.sampling.lamps import ELLIPSE, RECTANGLE, SPHERE, SUN, Lamp
+from ...bake.source import luminance
 from ...nodes import compat
 from ...nodes.aimed_light_group import MAX_SLOTS
 from ...nodes.group import is_measured_tree
 from . import world_survey
-from .exact_lamps import emitted_light, why_not_exact, why_not_in
+from .exact_lamps import emitted_light, volume_in_file, why_not_exact, why_not_in
 from .motion import changes
 from .world_survey import WorldLight
 
 # Rows of the table. Only the strongest lamps are aimed at; the others are hit by chance, as without the table.
 CAPACITY = MAX_SLOTS
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _DARK = 0.05
 _NOTHING = 1e-6
 _HIDING = frozenset({"hide_render", "hide_viewport", "visible_glossy"})
@@ -39,6 +39,7 @@ class LampReport:
     to_come : lamps that give no light, but may do so in another frame
     lights : what each lamp aimed at emits
     inexact : why that is not known exactly enough for a shader to sample it, in words; empty if it is
+    volume : the file's first volume, in words; empty if there is none
     """
 
     lamps: list[Lamp]
@@ -48,6 +49,7 @@ class LampReport:
     to_come: int = 0
     lights: list[LampLight] = field(default_factory=list)
     inexact: str = ""
+    volume: str = ""
 
     @property
     def slots(self) -> int:
@@ -122,8 +124,9 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
     lamps, lights = ([entry[k] for entry in named[:CAPACITY]] for k in (1, 2))
     inexact += [f"{obj.name}: {reason}" for obj in to_come if (reason := why_not_exact(obj, obj.matrix_world))]
-    unknown = inexact[0] if inexact else why_not_in(depsgraphs[0].scene)
-    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown)
+    volume = volume_in_file()
+    unknown = inexact[0] if inexact else why_not_in(depsgraphs[0].scene, volume)
+    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown, volume)
 
 
 def lamp_settings(obj: bpy.types.Object) -> Any:
@@ -284,7 +287,7 @@ def _unless_normalized(data: Any, size: float) -> float:
 
 def _strength(data: Any) -> float:
     """Luminance of what `_colour` finds."""
-    return float(_colour(data) @ _LUMINANCE)
+    return float(luminance(_colour(data)))
 
 
 def _colour(data: Any) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -36,9 +36,19 @@ TABLE, LIGHT_TABLE = "MM Lamps", "MM Lamp Light"
 LARGEST_SHARE = 0.9
 # Seconds until writes that Blender has refused are tried again.
 _PATIENCE = 0.3
-# By scene, and its view layer in a window or whether it is rendered: lamps to aim at, whether at the world, and lamps
-# that a shader may sample.
-_needs: dict[tuple[int, Any], tuple[int, bool, int]] = {}
+
+
+class _Need(NamedTuple):
+    """Lamps to aim at, whether at the world, lamps that a shader may sample, and the volume that was met, in words."""
+
+    slots: int
+    world: bool
+    sampled: int
+    volume: str
+
+
+# By scene, and its view layer in a window or whether it is rendered.
+_needs: dict[tuple[int, Any], _Need] = {}
 
 
 def lamp_image() -> bpy.types.Image:
@@ -121,19 +131,15 @@ def _follow_scene(scene: bpy.types.Scene, for_render: bool) -> LampReport:
     return _follow(survey_scene(scene, for_render=for_render), (scene.session_uid, for_render))
 
 
-# The volume that the last survey met, in words; a material may bring one, or take it away.
-_volumes: dict[str, str] = {}
-
-
 def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = True) -> LampReport:
     if key is not None:
         scene, which = key
         if isinstance(which, str):  # edited since a file was opened or rendered, which looked at all layers together
             for older in (False, True):
                 _needs.pop((scene, older), None)
-        _needs[key] = (report.slots, report.world.aimed, 0 if report.inexact else report.slots)
+        sampled = 0 if report.inexact else report.slots
+        _needs[key] = _Need(report.slots, report.world.aimed, sampled, report.volume)
         _fit_slots()
-    _volumes["seen"] = volume_in_file()
     changed = world_survey.write_world(report.world) if report.world.aimed else []
     table = table_of(report)
     changed += [image for image in _tables() if _write(image, table)]
@@ -149,9 +155,9 @@ def _fit_slots() -> None:
     """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
     shown = {(s.session_uid, which) for s in bpy.data.scenes for which in (False, True, *s.view_layers.keys())}
     needs = [need for key, need in _needs.items() if key in shown]
-    slots, world = max((slots for slots, _, _ in needs), default=0), any(aimed for _, aimed, _ in needs)
+    slots, world = max((need.slots for need in needs), default=0), any(need.world for need in needs)
     # Of scenes that need lamps at all: where their light is not known in one, none is sampled in any.
-    sampled = min((exact for slots, _, exact in needs if slots), default=0) and slots * can_raycast()
+    sampled = min((need.sampled for need in needs if need.slots), default=0) and slots * can_raycast()
     for group in bpy.data.node_groups:
         if can_switch(group):
             if SAMPLED_KEY in group:
@@ -222,12 +228,13 @@ def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
     if not _in_use():
         _needs.clear()  # nobody looks at the lamps until then
     elif PROBE not in depsgraph.scene:
-        known = (depsgraph.scene.session_uid, depsgraph.view_layer.name) in _needs
+        known = _needs.get((depsgraph.scene.session_uid, depsgraph.view_layer.name))
         with _tried_again_where_locked():
-            if not known or any(_concerns_lamps(update) for update in depsgraph.updates):
+            if known is None or any(_concerns_lamps(update) for update in depsgraph.updates):
                 update_lamps(depsgraph)
             elif any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
-                if volume_in_file() != _volumes.get("seen", ""):
+                # A material may bring a volume, or take it away.
+                if volume_in_file() != known.volume:
                     update_lamps(depsgraph)
                 _fit_slots()
 

@@ -21,7 +21,7 @@ import numpy as np
 from mathutils import Euler, Matrix
 
 from ...bake.sampling.world import COLUMNS, ROWS, WorldStructure, cell_light, world_structure, world_texels
-from ...bake.source import Array
+from ...bake.source import Array, luminance
 from ...nodes import compat
 from ...nodes.group import content_hash
 from ...nodes.light_images import WORLD as IMAGE
@@ -31,7 +31,6 @@ from ..rendering.renderer import render_pixels, set_unbiased
 # Custom property of a scene that exists to be measured by: tables do not follow it.
 PROBE = "measured_materials_probe"
 _KEY, _FACTS, _SUM = "measured_materials_key", "measured_materials_facts", "measured_materials_sum"
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _REMEMBERED = 4
 # An image as large as 8192 x 4096 takes 512 MB to be read; a larger one is rendered.
 _LARGEST = 1 << 25
@@ -322,7 +321,7 @@ def _radiance(image: bpy.types.Image) -> Array:
 
 
 def _luminance(colour: Any) -> float:
-    return max(float(np.array(colour[:3]) @ _LUMINANCE), 0.0)
+    return max(float(luminance(np.array(colour[:3], float))), 0.0)
 
 
 def _guess(world: bpy.types.World) -> float:

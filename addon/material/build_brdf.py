@@ -16,7 +16,7 @@ from ...nodes.osl_material import build_osl_material
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
-from .choices import OSL, Choices
+from .choices import NAMES, OF_BRDF, OSL, Choices
 from .osl_textures import texture_files
 from .scene_fit import BrdfPlan, plan_brdf
 
@@ -93,12 +93,11 @@ def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     """Choices and their effects as kept with the material; JSON-ready."""
     return {
-        "choices": {key: getattr(choices, key) for key in ("mode", "aim", "sample", "residual", "filter", "shader")},
+        "choices": {name: getattr(choices, name) for name in OF_BRDF},
         "effects": [effect.facts() for effect in plan.effects],
     }
 
 
 def choices_from(known: Mapping[str, str]) -> Choices:
     """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
-    names = ("mode", "aim", "sample", "residual", "filter", "detail", "shader")
-    return Choices(**{key: known[key] for key in names if key in known})
+    return Choices(**{name: known[name] for name in NAMES if name in known})

@@ -14,7 +14,7 @@ from ...nodes.shading_map_material import build_shading_map
 from ..lights.aim_targets import what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image
-from .choices import choices_of
+from .choices import OF_MAP, choices_of
 from .scene_fit import is_ready, plan_aim, plan_bounces, plan_detail
 from .texel_footprint import texel_footprint
 
@@ -47,7 +47,7 @@ def build_map(
         effects += [aim, plan_bounces(settings.mode)]
     lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None
     build_shading_map(record, material, settings=settings, images=images, pack=pack, lamps=lamps, reduce=reduce)
-    kept = {key: getattr(choices, key) for key in ("aim", "detail")}
+    kept = {name: getattr(choices, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"
@@ -32,6 +32,12 @@ class Choices:
     shader: str = NODES
 
 
+NAMES = tuple(choice.name for choice in fields(Choices))
+# Those that are of consequence for a measured BRDF, and for a shading map, and are kept with it.
+OF_BRDF = tuple(name for name in NAMES if name != "detail")
+OF_MAP = ("aim", "detail")
+
+
 _quiet = False
 
 
@@ -53,19 +59,11 @@ def is_rebuilding() -> bool:
 
 def choices_of(properties: Any) -> Choices:
     """The properties as choices."""
-    return Choices(
-        mode=properties.mode,
-        aim=properties.aim,
-        sample=properties.sample,
-        residual=properties.residual,
-        filter=properties.filter,
-        detail=properties.detail,
-        shader=properties.shader,
-    )
+    return Choices(**{name: getattr(properties, name) for name in NAMES})
 
 
 def show_choices(properties: Any, choices: Choices) -> None:
     """Set the properties to how a material is built; nothing is rebuilt."""
     with without_rebuilding():
-        for name in ("mode", "aim", "sample", "residual", "filter", "detail", "shader"):
+        for name in NAMES:
             setattr(properties, name, getattr(choices, name))

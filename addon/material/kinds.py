@@ -26,7 +26,7 @@ from .bake_photographs import bake_arc_again, map_words
 from .choices import choices_of, is_rebuilding, show_choices, without_rebuilding
 from .facts import facts_of, is_measured, record_of, source_file
 from .lighting import lighting_of, show_lighting, uses_mode
-from .rebuild import current_choices, current_lighting, effects_of, images_of_brdf, images_of_map, rebuild_brdf, relight
+from .rebuild import current_choices, current_lighting, effects_of, images_of_map, rebuild_brdf, relight
 from .scene_fit import SAMPLED_EFFECT, plan_filter
 from .textures import bundle_path, missing_texture
 
@@ -43,7 +43,7 @@ class Kind(ABC):
     writes_passes: ClassVar[bool]
 
     @abstractmethod
-    def images(self, material: bpy.types.Material) -> list[str]:
+    def images(self, material: bpy.types.Material) -> Sequence[str]:
         """Names of the bundle's images that the material is built of as it is. Raises BakeError."""
 
     @abstractmethod
@@ -109,8 +109,9 @@ class _Brdf(Kind):
 
     source_word, lost_words, writes_passes = "measurement", "The measurement is not there", True
 
-    def images(self, material: bpy.types.Material) -> list[str]:
-        return images_of_brdf(record_of(material), current_choices(material))
+    def images(self, material: bpy.types.Material) -> Sequence[str]:
+        names: tuple[str, ...] = record_of(material).images_of(current_choices(material).mode)
+        return names
 
     def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:
         if changed == material.measured_quality:
@@ -155,7 +156,7 @@ class _ShadingMap(Kind):
 
     source_word, lost_words, writes_passes = "folder", "The photographs are not there", False
 
-    def images(self, material: bpy.types.Material) -> list[str]:
+    def images(self, material: bpy.types.Material) -> Sequence[str]:
         return images_of_map(record_of(material), current_lighting(material))
 
     def rebuild_as_set(self, material: bpy.types.Material, changed: Any) -> None:

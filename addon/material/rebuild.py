@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...bake.brdf.baked_table import images_of_table
 from ...bake.brdf.common import RenderingRecord
 from ...bake.brdf.record import BrdfRecord
 from ...bake.errors import BakeError
@@ -24,14 +25,6 @@ from .choices import Choices
 from .facts import facts_of, keep_facts, record_of
 from .scene_fit import Effect
 from .textures import rebuild
-
-# Images of the bundle that each mode is built of, beside the weights of Preview.
-_IMAGES = {
-    "preview": (),
-    "balanced": ("envelope", "residual", "residual_sampler"),
-    "exact": ("envelope", "residual", "residual_sampler"),
-    "reference": ("table", "sampler"),
-}
 
 
 def current_choices(material: bpy.types.Material) -> Choices:
@@ -54,18 +47,13 @@ def rebuild_brdf(
         _, plan = build_brdf(loaded, material, choices=chosen, images=images, pack=record.packed, scene=scene)
         account.update(account_of(chosen, plan))
 
-    rebuild(material, record, images_of_brdf(record, chosen), build)
+    rebuild(material, record, record.images_of(chosen.mode), build)
     keep_facts(material, {**record.document, "rendering": account})
 
 
 def effects_of(material: bpy.types.Material) -> list[Effect]:
     """Effects that the last build kept and left out, as far as they can be read."""
     return [Effect(effect.name, effect.kept, effect.why) for effect in _rendering_of(material).effects]
-
-
-def images_of_brdf(record: BrdfRecord, choices: Choices) -> list[str]:
-    """Names of the bundle's images that a measured BRDF is built of where this is chosen."""
-    return [name for name in (*_IMAGES[choices.mode], "preview_weights") if record.has(name)]
 
 
 def current_lighting(material: bpy.types.Material) -> RenderSettings:
@@ -94,7 +82,7 @@ def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.t
 
 def images_of_map(record: ShadingMapRecord, settings: RenderSettings) -> list[str]:
     """Names of the bundle's images that a map so lit is built of."""
-    unused = ("table", "sampler") if settings.lobe is not None else ()
+    unused = images_of_table("table") if settings.lobe is not None else ()
     return [name for name in record.images if name not in unused]
 
 

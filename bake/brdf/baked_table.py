@@ -17,6 +17,11 @@ Layout = SamplerLayout | SlopeLayout
 SAMPLERS = {"table": "sampler", "residual": "residual_sampler"}
 
 
+def images_of_table(part: str) -> tuple[str, str]:
+    """Names of the images of the "table" or of the "residual": its values, and its alias tables."""
+    return part, SAMPLERS[part]
+
+
 @dataclass(frozen=True)
 class BakedTable:
     """The whole BRDF's table or the residual's.

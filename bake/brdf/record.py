@@ -22,9 +22,10 @@ from ..sampling.cell_sampler import CellSampler
 from ..sampling.slope_cells import SlopeLayout
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
-from .baked_table import SAMPLERS, BakedTable, Layout
+from .baked_table import SAMPLERS, BakedTable, Layout, images_of_table
 from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size
 from .grids import is_anisotropic
+from .modes import TABLE_OF
 from .parts import (
     AlphaSearchRecord,
     CandidateRecord,
@@ -99,6 +100,15 @@ class BrdfRecord(BundleRecord):
     def share_layout(self) -> ShareLayout | SlopeShareLayout:
         """Where the image "residual_share" has what: of an anisotropic table as its sampler has it."""
         return SlopeShareLayout.of(self.sampler) if isinstance(self.sampler, SlopeLayout) else ShareLayout()
+
+    def images_of(self, mode: str) -> tuple[str, ...]:
+        """Names of the images it holds of which a material of this mode is built, whatever its scene calls for."""
+        names = ["preview_weights"]  # which EEVEE shows in every mode
+        if mode in TABLE_OF:
+            names += images_of_table(TABLE_OF[mode])
+        if TABLE_OF.get(mode) == "residual":
+            names += "envelope", "residual_share"
+        return tuple(name for name in names if self.has(name))
 
     def check_filter(self, name: str, mode: str) -> None:
         """Raise BakeError where a mode of `bake.brdf.modes.MODES` would interpolate fitted coefficients as if they were
