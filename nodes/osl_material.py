@@ -43,6 +43,7 @@ def build_osl_material(
     points: int = 1,
     filter: str | None = None,
     stochastic: bool = True,
+    normals: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle, as `nodes.material.build_material` does, of OSL.
 
@@ -59,6 +60,7 @@ def build_osl_material(
     points : of each lamp that are sampled
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
+    normals : as in `nodes.material.build_material`
 
     Raises
     ------
@@ -75,7 +77,7 @@ def build_osl_material(
     interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if record.anisotropic else {})
 
     def build(*values: Any) -> Any:
-        inputs = dict(zip(interface, values)) | constants
+        inputs = dict(zip(interface, values)) | constants | {"Normals": int(normals)}
         if lamps is not None and mode != "preview":
             inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
@@ -102,7 +104,7 @@ def shader_constants(
             record.check_shares()
             constants["Shares"] = texture_file(record.files(), "residual_share")
             constants |= share_constants(record.share_layout)
-    if mode in ("preview", "balanced"):
+    if mode in ("preview", "balanced") or record.has("preview_weights"):
         constants |= _closure_constants(record, "Preview", "preview_weights")
     return constants
 

@@ -49,6 +49,7 @@ class BrdfPlan:
     features: bool
     effects: tuple[Effect, ...]
     sample: bool = False
+    normals: bool = False
 
 
 def plan_brdf(
@@ -59,6 +60,7 @@ def plan_brdf(
     *,
     ready: bool = False,
     sampling: Sampling = UNKNOWN,
+    normals: bool = False,
 ) -> BrdfPlan:
     """The least that the mode needs.
 
@@ -69,6 +71,7 @@ def plan_brdf(
     passes : a view layer asks for the denoiser's
     ready : prepared for lights added later
     sampling : whether the shader can sample the scene's lamps
+    normals : a view layer shows the Normal pass
 
     Raises
     ------
@@ -97,7 +100,10 @@ def plan_brdf(
     if residual:
         why = "a view layer asks for them" if features else "no view layer asks for them"
         effects.append(Effect("Denoiser's passes", features, why))
-    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample)
+    marked = normals and residual
+    if marked:
+        effects.append(Effect("Normal pass", True, "a view layer shows it"))
+    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, marked)
 
 
 def is_ready(choices: Choices, ready: bool) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ...bake.errors import BakeError
-from ..material.build_brdf import asks_for_passes
+from ...nodes.feature_passes import asks_for_passes
 from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import effects_of
@@ -79,10 +79,9 @@ class _QualityPanel(ForMeasured):
             layout.label(text=f"{effect.name}: {effect.why}", icon="CHECKMARK" if effect.kept else "REMOVE")
         row = layout.row(align=True)
         row.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
-        if kind.writes_passes:
-            denoised = asks_for_passes(context.scene)
-            words = {"text": "Stop Denoising"} if denoised else {}
-            row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
+        denoised = asks_for_passes(context.scene)
+        words = {"text": "Stop Denoising"} if denoised else {}
+        row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
 
 
 class _BakePanel(ForMeasured):
