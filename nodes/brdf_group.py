@@ -13,6 +13,7 @@ from .group import node_group
 from .lamp_share_group import LampShares
 from .native_closure import choose_closure
 from .sampled_closure import LampTables, sampled_closure
+from .surface_marker import mean_roughness, with_marker
 from .table_groups import TableGroups
 from .weighted_closures import WeightedClosures
 
@@ -30,6 +31,7 @@ class BrdfParts:
     shares : of a lamp's light that is the residual's, for its probability
     lights : what these lamps emit, where the shader is to sample them
     anisotropic : the parts lie in the frame of a tangent, which the group then takes
+    normals : a view layer shows the Normal pass, which mirrors would spoil
     """
 
     table: TableGroups | None = None
@@ -39,6 +41,7 @@ class BrdfParts:
     shares: LampShares | None = None
     lights: bpy.types.Image | None = None
     anisotropic: bool = False
+    normals: bool = False
 
     def along(self, tangent: Any) -> BrdfParts:
         """The same parts in the frame of this tangent, in world space."""
@@ -71,6 +74,9 @@ def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTr
         traced = placed.traced(normal, tint)
         if mode == "balanced":
             traced = choose_closure(after_diffuse(), traced, preview)
+        if placed.table is not None:
+            roughness = mean_roughness(placed.preview or placed.envelope)
+            traced = with_marker(traced, normal, roughness, always=placed.normals)
         return traced if preview is None else (traced, preview)
 
     inputs = ["Normal", "Tint", "Tangent"] if parts.anisotropic else ["Normal", "Tint"]

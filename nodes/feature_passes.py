@@ -68,28 +68,49 @@ def with_feature_outputs(group: bpy.types.ShaderNodeTree, albedo: NDArray[np.flo
 
     def build(*arguments: Any) -> Any:
         named = dict(zip(sockets["INPUT"], arguments, strict=True))
-        _write_features(named["Normal"], named["Tint"], albedo)
+        write_features(named["Normal"], _directional_albedo(named["Normal"], albedo) * named["Tint"])
         return call(group, *arguments)
 
     return node_group(f"{group.name} + passes", sockets["INPUT"], sockets["OUTPUT"], build)
 
 
-def _write_features(normal: Any, tint: Any, albedo: NDArray[np.float64]) -> None:
+def _directional_albedo(normal: Any, albedo: NDArray[np.float64]) -> Any:
+    """Value of the polynomial for this viewer, in [0, 1]."""
     incoming = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Incoming"])
     chord = expr.minimum(expr.length(normal - incoming) * (1 / math.sqrt(2)), 1.0)
     value = expr.vec(*map(float, albedo[0]))
     for coefficient in albedo[1:]:
         value = expr.scale(value, chord) + expr.vec(*map(float, coefficient))
-    value = expr.vector_node("MAXIMUM", value, expr.vec(0.0, 0.0, 0.0))
-    value = expr.vector_node("MINIMUM", value, expr.vec(1.0, 1.0, 1.0)) * tint
+    return clamped(value)
+
+
+def clamped(colour: Any) -> Any:
+    """A colour with each channel in [0, 1]."""
+    colour = expr.vector_node("MAXIMUM", colour, expr.vec(0.0, 0.0, 0.0))
+    return expr.vector_node("MINIMUM", colour, expr.vec(1.0, 1.0, 1.0))
+
+
+def write_features(normal: Any, albedo: Any) -> None:
+    """Write both passes, in the tree under construction.
+
+    Parameters
+    ----------
+    normal : world space
+    albedo : colour
+    """
     # As Cycles' own pass: relative to the camera.
     settings = {"vector_type": "NORMAL", "convert_from": "WORLD", "convert_to": "CAMERA"}
     seen = expr.Vector(expr.node("ShaderNodeVectorTransform", settings, {0: normal}).outputs[0])
-    expr.node("ShaderNodeOutputAOV", {"aov_name": ALBEDO}, {"Color": value})
+    expr.node("ShaderNodeOutputAOV", {"aov_name": ALBEDO}, {"Color": albedo})
     expr.node("ShaderNodeOutputAOV", {"aov_name": NORMAL}, {"Color": seen})
 
 
 # --- scene ----------------------------------------------------------------------------------------------
+
+
+def asks_for_passes(scene: bpy.types.Scene) -> bool:
+    """Whether a view layer holds what measured materials write for the denoiser."""
+    return any(ALBEDO in layer.aovs for layer in scene.view_layers)
 
 
 def store_feature_passes(layer: bpy.types.ViewLayer) -> None:

@@ -30,6 +30,7 @@ def build_material(
     mode: str | None = None,
     residual: bool = True,
     features: bool = False,
+    normals: bool = False,
     lamp_share: bool = False,
     lights: bpy.types.Image | None = None,
 ) -> bpy.types.Material:
@@ -47,6 +48,7 @@ def build_material(
     mode : of `bake.brdf.modes.MODES`; by default `usual_mode`
     residual : in modes "exact" and "balanced", whether a mirror carries what the native closures leave
     features : also write the passes of `feature_passes`, for the denoiser
+    normals : mark the surface for the Normal pass of a view layer too, see `surface_marker`; bakes need no asking
     lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
         holds it: it pays where hardly any other light arrives
 
@@ -76,7 +78,8 @@ def build_material(
         if local and record.has("residual_share"):
             check_shares(record)
             shares = LampShares(textures("residual_share"), record.share_layout)
-        parts = BrdfParts(table, envelope, preview, lamps, shares, lights if sampled else None, record.anisotropic)
+        direct = lights if sampled else None
+        parts = BrdfParts(table, envelope, preview, lamps, shares, direct, record.anisotropic, normals)
         group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 

@@ -35,15 +35,19 @@ def viewport_closures(lobe: Lobe, normal: Any, colour: Any) -> list[Any]:
     glossy = expr.node(
         "ShaderNodeBsdfAnisotropic",
         {"distribution": "GGX"},
-        # The GGX lobe of the same curvature at its peak as cos^n about the mirror direction.
         {
             "Color": expr.scale(colour, 1 - lobe.native_share),
-            "Roughness": (8 / (lobe.p1 + 2)) ** 0.25,
+            "Roughness": highlight_roughness(lobe),
             "Normal": normal,
         },
     )
     diffuse = native_closure(lobe, expr.scale(colour, lobe.native_share), normal)
     return [diffuse, expr.Scalar(glossy.outputs[0])]
+
+
+def highlight_roughness(lobe: Lobe) -> float:
+    """Of the GGX lobe whose peak has the curvature of Phong's cos^n about the mirror direction."""
+    return float((8 / (lobe.p1 + 2)) ** 0.25)
 
 
 def add_closures(closures: list[Any]) -> Any:

@@ -50,6 +50,7 @@ def build_osl_material(
     stochastic: bool = True,
     files: Files | None = None,
     features: bool = False,
+    normals: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle, as `nodes.material.build_material` does, of OSL.
 
@@ -68,6 +69,7 @@ def build_osl_material(
     stochastic : choose among slices at random instead of blending them
     files : where OSL is to read the bundle's images; by default the bundle's own
     features : also write the passes of `feature_passes`, for the denoiser
+    normals : as in `nodes.material.build_material`
 
     Raises
     ------
@@ -84,7 +86,7 @@ def build_osl_material(
     interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if record.anisotropic else {})
 
     def build(*values: Any) -> Any:
-        inputs = dict(zip(interface, values)) | constants
+        inputs = dict(zip(interface, values)) | constants | {"Normals": int(normals)}
         if lamps is not None and mode != "preview":
             inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
@@ -114,7 +116,7 @@ def shader_constants(
             record.check_shares()
             constants["Shares"] = texture_file(files("residual_share"))
             constants |= share_constants(record.share_layout)
-    if mode in ("preview", "balanced"):
+    if mode in ("preview", "balanced") or record.has("preview_weights"):
         constants |= _closure_constants(record, "Preview", "preview_weights", files)
     return constants
 

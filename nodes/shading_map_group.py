@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,15 +13,19 @@ from ..bake.source import LUMINANCE
 from . import expr
 from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection, drawn_direction
+from .feature_passes import clamped, write_features
 from .group import call, node_group
 from .lobe_group import lobe_group, lobe_pdf_group, lobe_peak_group, sample_lobe_group
 from .map_models import piecewise_linear
 from .native_closure import add_closures, choose_closure, has_native, native_closure, viewport_closures
 from .slices_group import SliceOptions
+from .surface_marker import MATTE, roughness_of, with_marker
 from .table_groups import TableGroups
 
 # Share of draws that go to the mirror where there is nothing left of the residual, and to the closure where it is all.
 MIN_CHOICE = 0.04
+# Techniques to compare with, which know no modes.
+_TEXTURED = ("lit_texture", "angular")
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Lighting:
     level_by_cosine : for technique "angular"
     measured : in place of the settings' lobe
     lamps : table of lamps to aim at, see `bake.sampling.lamps`
+    features : also write the passes of `feature_passes`, for the denoiser
+    normals : a view layer shows the Normal pass, which mirrors would spoil
     """
 
     settings: RenderSettings
@@ -55,6 +60,8 @@ class Lighting:
     level_by_cosine: tuple[float, ...]
     measured: MeasuredLobe | None = None
     lamps: bpy.types.Image | None = None
+    features: bool = False
+    normals: bool = False
 
     @property
     def gain(self) -> float:
@@ -65,6 +72,11 @@ class Lighting:
     def exact(self) -> bool:
         """Whether a native closure carries the envelope."""
         return self.settings.mode in ("exact", "balanced") and self.native
+
+    @property
+    def preview(self) -> bool:
+        """Whether it is native closures alone."""
+        return self.settings.mode == "preview" and self.settings.technique not in _TEXTURED
 
     @property
     def native(self) -> bool:
@@ -94,10 +106,16 @@ def shading_map_group(
     viewport : the same with scalar x and without random choice, for EEVEE
     """
     technique = lighting.settings.technique
-    builders: dict[str, Callable[..., Any]] = {"lit_texture": _lit_texture, "angular": _angular}
+    builders = dict(zip(_TEXTURED, (_lit_texture, _angular), strict=True))
 
     def build(normal: Any, tint: Any, uv: Any, light_level: Any) -> tuple[Any, Any]:
         closure = builders.get(technique, _in_mode)(slices, lighting, normal, tint, uv)
+        if not lighting.preview:
+            roughness = MATTE if lighting.measured else (roughness_of(lighting.lobe) or MATTE)
+            closure = with_marker(closure, normal, roughness, always=lighting.normals)
+            if lighting.features:
+                albedo = lighting.measured.albedo if lighting.measured else 1.0
+                write_features(normal, clamped(expr.scale(_texture(slices, lighting, tint, uv), albedo)))
         return closure, _viewport(viewport, lighting, normal, tint, uv, light_level)
 
     sockets = {"Normal": "vector", "Tint": "vector", "UV": "vector", "Light Level": "float"}
@@ -140,13 +158,15 @@ def _in_mode(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -
 
 
 def _preview(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
-    """One photograph, relative to its mean, as a texture on closures that look like f_r.
+    """One photograph, relative to its mean, as a texture on closures that look like f_r."""
+    return add_closures(_like_f_r(lighting, normal, _texture(slices, lighting, tint, uv)))
 
-    At every level the mean over the texels is the level itself, so this reflects as much light as the lookup.
-    """
+
+def _texture(slices: Any, lighting: Lighting, tint: Any, uv: Any) -> Any:
+    """The photograph, at a level at which it reflects as much light as the lookup: the mean over the texels is the
+    level itself."""
     level = expr.vec(*[PREVIEW_LEVEL] * 3) if lighting.measured is not None else PREVIEW_LEVEL
-    texture = expr.scale(call(slices, uv, level, 1.0, 0.5)[0] * tint, lighting.sigma / PREVIEW_LEVEL)
-    return add_closures(_like_f_r(lighting, normal, texture))
+    return expr.scale(call(slices, uv, level, 1.0, 0.5)[0] * tint, lighting.sigma / PREVIEW_LEVEL)
 
 
 def _like_f_r(lighting: Lighting, normal: Any, colour: Any) -> list[Any]:

@@ -36,6 +36,8 @@ def build_shading_map(
     pack: bool = False,
     lamps: bpy.types.Image | None = None,
     reduce: int = 1,
+    features: bool = False,
+    normals: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle of kind "shading_map". No texture is baked for that.
 
@@ -48,6 +50,7 @@ def build_shading_map(
     pack : store the textures that are loaded inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     reduce : texels across that Cycles sees as their mean, for a swatch far away; for model "slices" only
+    features, normals : as in `nodes.material.build_material`
 
     Raises
     ------
@@ -62,7 +65,8 @@ def build_shading_map(
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
-        return _group(record, settings, name, textures, lamps, reduce)
+        lighting = replace(lighting_of(record, settings), lamps=lamps, features=features, normals=normals)
+        return _group(record, lighting, name, textures, reduce)
 
     return build_from(record, material, make)
 
@@ -85,18 +89,12 @@ def _reaches_beyond(settings: RenderSettings, sigma: float, a_max: float) -> boo
 
 
 def _group(
-    record: ShadingMapRecord,
-    settings: RenderSettings,
-    name: str,
-    textures: Images,
-    lamps: bpy.types.Image | None,
-    reduce: int,
+    record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int
 ) -> bpy.types.ShaderNodeTree:
-    facts = record.map
-    lighting = replace(lighting_of(record, settings), lamps=lamps)
+    facts, settings = record.map, lighting.settings
     if settings.lobe is None:
         # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
-        table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lamps is not None)
+        table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lighting.lamps is not None)
         measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
     images = slice_images(record, textures)

@@ -10,9 +10,10 @@ import bpy
 from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import Bundle
 from ...nodes.data_image import Images
-from ...nodes.feature_passes import ALBEDO
+from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
 from ...nodes.osl_material import build_osl_material
+from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -48,8 +49,8 @@ def build_brdf(
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
     osl = choices.shader == OSL
-    targets = what_to_aim_at(report, osl=osl)
-    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling_of(report, osl=osl))
+    targets, sampling = what_to_aim_at(report, osl=osl), sampling_of(report, osl=osl)
+    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None
     if plan.osl:
@@ -62,6 +63,7 @@ def build_brdf(
             lights=lights,
             files=texture_files(record),
             features=plan.features,
+            normals=plan.normals,
         )
         return material, plan
     material = build_material(
@@ -75,14 +77,10 @@ def build_brdf(
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
+        normals=plan.normals,
         lamp_share=plan.aim and lamps_are_alone(report),
     )
     return material, plan
-
-
-def asks_for_passes(scene: bpy.types.Scene) -> bool:
-    """Whether a view layer holds what `nodes.feature_passes` writes."""
-    return any(ALBEDO in layer.aovs for layer in scene.view_layers)
 
 
 def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:

@@ -10,12 +10,14 @@ from ...bake.bundle.bundle import Bundle
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
+from ...nodes.feature_passes import asks_for_passes
 from ...nodes.shading_map_material import build_shading_map
+from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image
 from .choices import OF_MAP, choices_of
-from .scene_fit import is_ready, plan_aim, plan_bounces, plan_detail
+from .scene_fit import Effect, is_ready, plan_aim, plan_bounces, plan_detail
 from .texel_footprint import texel_footprint
 
 # Label of the node that lays the swatch out.
@@ -46,7 +48,12 @@ def build_map(
     if settings.mode != "preview":
         effects += [aim, plan_bounces(settings.mode)]
     lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None
-    build_shading_map(record, material, settings=settings, images=images, pack=pack, lamps=lamps, reduce=reduce)
+    asked = {"features": asks_for_passes(scene), "normals": shows_normals(scene)}
+    build_shading_map(
+        record, material, settings=settings, images=images, pack=pack, lamps=lamps, reduce=reduce, **asked
+    )
+    if asked["features"] and settings.mode != "preview":
+        effects.append(Effect("Denoiser's passes", True, "a view layer asks for them"))
     kept = {name: getattr(choices, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
 

@@ -39,8 +39,6 @@ class Kind(ABC):
     # What it is baked from, and how the panel says that it is gone.
     source_word: ClassVar[str]
     lost_words: ClassVar[str]
-    # Whether it can write what `nodes.feature_passes` denoises by.
-    writes_passes: ClassVar[bool]
 
     @abstractmethod
     def images(self, material: bpy.types.Material) -> Sequence[str]:
@@ -107,7 +105,7 @@ class Kind(ABC):
 class _Brdf(Kind):
     """A measured BRDF, isotropic or anisotropic."""
 
-    source_word, lost_words, writes_passes = "measurement", "The measurement is not there", True
+    source_word, lost_words = "measurement", "The measurement is not there"
 
     def images(self, material: bpy.types.Material) -> Sequence[str]:
         names: tuple[str, ...] = record_of(material).images_of(current_choices(material).mode)
@@ -154,7 +152,7 @@ class _Brdf(Kind):
 class _ShadingMap(Kind):
     """Photographs of a flat swatch under an arc of lights."""
 
-    source_word, lost_words, writes_passes = "folder", "The photographs are not there", False
+    source_word, lost_words = "folder", "The photographs are not there"
 
     def images(self, material: bpy.types.Material) -> Sequence[str]:
         return images_of_map(record_of(material), current_lighting(material))

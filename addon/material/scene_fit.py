@@ -51,6 +51,7 @@ class BrdfPlan:
     effects: tuple[Effect, ...]
     sample: bool = False
     osl: bool = False
+    normals: bool = False
 
 
 def plan_brdf(
@@ -61,6 +62,7 @@ def plan_brdf(
     *,
     ready: bool = False,
     sampling: Sampling = UNKNOWN,
+    normals: bool = False,
 ) -> BrdfPlan:
     """The least that the mode needs.
 
@@ -71,6 +73,7 @@ def plan_brdf(
     passes : a view layer asks for the denoiser's
     ready : prepared for lights added later
     sampling : whether the shader can sample the scene's lamps
+    normals : a view layer shows the Normal pass
 
     Raises
     ------
@@ -99,9 +102,12 @@ def plan_brdf(
     if residual:
         why = "a view layer asks for them" if features else "no view layer asks for them"
         effects.append(Effect("Denoiser's passes", features, why))
+    marked = normals and residual
+    if marked:
+        effects.append(Effect("Normal pass", True, "a view layer shows it"))
     effects += _language(choices, residual)
     osl = residual and choices.shader == OSL
-    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl)
+    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
 
 
 def _language(choices: Choices, mirror: bool) -> list[Effect]:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ...bake.errors import BakeError
-from ..material.build_brdf import asks_for_passes
+from ...nodes.feature_passes import asks_for_passes
 from ..material.choices import OSL
 from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
@@ -88,10 +88,9 @@ class _QualityPanel(ForMeasured):
             scripted = properties.shader == OSL
             words = {"text": "Shade by Nodes"} if scripted else {}
             row.operator(MEASURED_MATERIALS_OT_use_osl.bl_idname, icon="FILE_SCRIPT", **words).nodes = scripted
-        if kind.writes_passes:
-            denoised = asks_for_passes(context.scene)
-            words = {"text": "Stop Denoising"} if denoised else {}
-            row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
+        denoised = asks_for_passes(context.scene)
+        words = {"text": "Stop Denoising"} if denoised else {}
+        row.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
 
 
 class _BakePanel(ForMeasured):

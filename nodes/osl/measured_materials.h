@@ -10,6 +10,9 @@
 
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py
 #define MM_LEAST_WEIGHT 2e-5 // above that of nodes/stochastic_mirror_group.py, where a metal carries most of these
+#define MM_MARKER_WEIGHT 1e3 // nodes/surface_marker.py, as the next two
+#define MM_MARKED_COSINE 0.02
+#define MM_MATTE 1
 #define MM_WORDS 36          // bake/envelope/texture.py: three for each of at most 12 closures
 
 // The shading normal, the viewer in its local frame, and the tangents.
@@ -97,6 +100,23 @@ color mm_roulette(color weight, float random)
   return random < keep ? weight / keep : color(0);
 }
 
+// nodes/surface_marker.py: how a ray asks for what Cycles' Normal pass (1) or its bakes (2) take for the surface; 0 if not.
+int mm_asked(normal n, vector incoming, int normals)
+{
+  float distance = 0;
+  getattribute("path:ray_length", distance);
+  if (!raytype("camera") || dot(n, incoming) <= MM_MARKED_COSINE)
+    return 0;
+  return distance == 1 ? 2 : normals;
+}
+
+// nodes/surface_marker.py: it reflects nothing
+closure color mm_surface_marker(normal n, float roughness)
+{
+  float alpha = roughness * roughness;
+  return MM_MARKER_WEIGHT * dielectric_bsdf(n, vector(0), color(1), color(0), alpha, alpha, 1.0, "ggx");
+}
+
 // nodes/native_closure.py: `along` is alpha of "ggx", sigma of "sheen", roughness of "oren_nayar"; `across` is the alpha
 // at right angles to a tangent, which is 0 where both are one.
 closure color mm_native(string name, float along, float across, vector tangent, normal n)
@@ -133,6 +153,27 @@ color mm_closure_weight(MMClosures closures, int k, int count, vector wo, output
     t = row / (count * rows);
   }
   return mm_tap(closures.image, mm_weight_coordinate(wo, closures.nodes), t, "linear", alpha);
+}
+
+// nodes/surface_marker.py: mean_roughness, of a viewer at the normal
+float mm_mean_roughness(MMClosures closures)
+{
+  string words[MM_WORDS];
+  int count = split(closures.words, words, " ") / 3;
+  float total = 0;
+  float sum = 0;
+  for (int k = 0; k < count; ++k) {
+    string name = words[3 * k];
+    if (name == "ggx" || name == "sheen") {
+      float alpha;
+      color weight = mm_closure_weight(closures, k, count, vector(0, 0, 1), alpha);
+      float part = weight[0] + weight[1] + weight[2];
+      float across = stof(words[3 * k + 2]);
+      total += part * (name == "ggx" ? pow(stof(words[3 * k + 1]) * across, 0.25) : MM_MATTE);
+      sum += part;
+    }
+  }
+  return sum > 0 ? total / sum : MM_MATTE;
 }
 
 // nodes/weighted_closures.py: the sum of the closures, times a colour
