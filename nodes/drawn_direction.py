@@ -11,6 +11,7 @@ import bpy
 from . import expr
 from .aimed_light_group import aimed_light_group
 from .group import call
+from .lens_group import lens_group
 from .local_frame_group import to_world, viewer_frame_group
 from .stochastic_mirror_group import mirror_closure, more_random_numbers_group, random_numbers_group
 from .tangent_frame_group import tangent_frame_group
@@ -61,6 +62,7 @@ def drawn_direction(
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
     u = call(random_numbers_group())
+    u = (*call(lens_group(), *u[:2]), *u[2:])
     wo, along, across = frame_of(normal, incoming, tangent)
     wi, pdf = sample(wo, *u[:4])
     world = to_world(wi, along, across, normal)

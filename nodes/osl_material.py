@@ -27,6 +27,7 @@ from . import expr
 from .aimed_light_group import MAX_SLOTS
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import call, node_group
+from .lens_group import lens_numbers
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
@@ -87,6 +88,8 @@ def build_osl_material(
 
     def build(*values: Any) -> Any:
         inputs = dict(zip(interface, values)) | constants | {"Normals": int(normals)}
+        if mode != "preview":
+            inputs["Lens"] = expr.vec(*lens_numbers())
         if lamps is not None and mode != "preview":
             inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")

@@ -11,6 +11,7 @@ from . import expr
 from .drawn_direction import frame_of
 from .group import call
 from .lamp_light_groups import LUMINANCE, POINTS, lamp_met_group, lamp_points_group
+from .lens_group import lens_group
 from .local_frame_group import to_world
 from .native_closure import add_closures
 from .stochastic_mirror_group import mirror_closure, more_random_numbers_group, random_numbers_group
@@ -43,6 +44,8 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming, position = (expr.Vector(geometry.outputs[name]) for name in ("Incoming", "Position"))
     u, more = call(random_numbers_group()), call(more_random_numbers_group())
+    # The lens may place both: what the mirror and the lamps bring is added, and no product is made of the two.
+    u, more = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
     frame = frame_of(normal, incoming, table.tangent)
     weights = envelope.weights(frame[0])
     # About how often the mirror is followed beside the closures: the balance heuristic may take any number.

@@ -29,6 +29,7 @@ from ..events import listen, stop_listening
 from . import image_reload, world_survey
 from .exact_lamps import volume_in_file
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
+from .moving_camera import follow_cameras
 from .world_survey import PROBE
 
 TABLE, LIGHT_TABLE = "MM Lamps", "MM Lamp Light"
@@ -140,6 +141,7 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
         sampled = 0 if report.inexact else report.slots
         _needs[key] = _Need(report.slots, report.world.aimed, sampled, report.volume)
         _fit_slots()
+        follow_cameras()
     changed = world_survey.write_world(report.world) if report.world.aimed else []
     table = table_of(report)
     changed += [image for image in _tables() if _write(image, table)]
@@ -326,6 +328,7 @@ def _after_undo(*_: Any) -> None:
 @persistent
 def _before_saving(*_: Any) -> None:
     pack_tables()
+    follow_cameras()  # another computer may render it, without the extension
 
 
 _HANDLERS = {

@@ -11,6 +11,7 @@ from collections.abc import Container, Iterator
 import bpy
 
 from ...nodes import compat
+from ...nodes.lens_group import LENS_KEY
 
 # Modifiers that have a clock of their own.
 _TIMED = frozenset({
@@ -58,7 +59,8 @@ def _changes_itself(block: bpy.types.ID) -> bool:
     if isinstance(block, bpy.types.Scene):
         cameras = {marker.camera for marker in block.timeline_markers if marker.camera is not None}
         return bool(cameras - {block.camera})
-    if any(True for _ in _animated_paths(block)):
+    # Materials follow the camera by drivers, for the numbers that they draw directions by: the picture stays.
+    if LENS_KEY not in block and any(True for _ in _animated_paths(block)):
         return True
     if isinstance(block, bpy.types.Image):
         return block.source in ("MOVIE", "SEQUENCE")

@@ -87,6 +87,15 @@ void mm_random(point position, vector incoming, float parametric_u, float parame
   }
 }
 
+// nodes/lens_group.py: two numbers that place something are the camera's, where those are known.
+void mm_by_lens(vector lens, output float first, output float second)
+{
+  if (lens[2] > 0) {
+    first = lens[0];
+    second = lens[1];
+  }
+}
+
 // nodes/stochastic_mirror_group.py: mirror_closure, without the roulette
 closure color mm_mirror(vector wi, vector incoming, color weight)
 {
