@@ -21,6 +21,7 @@ _MODULES = (
     "ui.import_photographs",
     "ui.bake_again",
     "ui.fit_to_scene",
+    "ui.quiet_camera",
     "ui.panel",
     "ui.check_scene",
     "ui.add_cosine_lobe",

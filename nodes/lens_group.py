@@ -30,7 +30,7 @@ CENTRE = 1e-3
 _ROUNDING, _OF_PLACE = 2e-7, 0.25
 # Of a lens radius, the largest such error; and of the error, how far a point has to be from the centre.
 _MOST_ROUNDING, _FROM_CENTRE = 0.03, 5.0
-# Points that rounding has put beyond the rim are folded back over it, which leaves their density even; up to this share.
+# Points that rounding has put beyond the rim are folded back, which leaves their density even; up to this share.
 _BEYOND = 1.2
 _PATHS = {
     "on": "camera.data.dof.use_dof",
@@ -144,7 +144,8 @@ def _numbers() -> tuple[Any, Any, Any]:
     still = 1 - values[BLURRED] * values[MOVES]
     can_be = (values[RADIUS] > 0) * (values[BLUR] < MOST_BLUR) * still
     known = expr.Scalar(path["Is Camera Ray"]) * ((share > 0) * sharp) * can_be
-    return expr.minimum(expr.maximum(share, 0.0), 1.0), turns, known
+    # Times what is 0 as a constant where there is no lens: Cycles then leaves all of it out.
+    return expr.minimum(expr.maximum(share, 0.0), 1.0) * can_be, turns * can_be, known
 
 
 def _on_the_lens(radius: Any, orthographic: Any) -> tuple[Any, Any, Any]:

@@ -9,9 +9,9 @@ from .motion import changes
 
 
 def follow_cameras() -> None:
-    """Tell the materials whether any scene's camera moves under motion blur. Makes and links no datablock: for handlers.
+    """Tell the materials whether any scene's camera moves under motion blur.
 
-    Groups that have not been told take it for moving, which costs noise and no bias.
+    Makes and links no datablock: for handlers. Groups that have not been told take it for moving: noise, and no bias.
     """
     groups = lens_groups()
     if groups:

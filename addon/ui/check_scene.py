@@ -12,6 +12,7 @@ from ..scene_check.file_rules import not_whole, with_missing_parts
 from ..scene_check.findings import NOTE, SLOW, WRONG, Finding
 from ..summary.text import one_line
 from .context import ForMeasured
+from .quiet_camera import MEASURED_MATERIALS_OT_quiet_camera
 
 _ICONS = {WRONG: "ERROR", SLOW: "TIME", NOTE: "INFO"}
 _KEY = bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
@@ -129,7 +130,9 @@ class _CheckPanel(ForMeasured):
 
     def draw(self: Any, context: bpy.types.Context) -> None:
         """Button, then the list as far as it is this scene's."""
-        self.layout.operator(MEASURED_MATERIALS_OT_check_scene.bl_idname, icon="VIEWZOOM")
+        row = self.layout.row(align=True)
+        row.operator(MEASURED_MATERIALS_OT_check_scene.bl_idname, icon="VIEWZOOM")
+        row.operator(MEASURED_MATERIALS_OT_quiet_camera.bl_idname, icon="CAMERA_DATA")
         if _shown.scene == context.scene.name:
             if _shown.measured and not _shown.rows:
                 self.layout.label(text=summary([]), icon="CHECKMARK")

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
+from measured_materials.addon.rendering.quiet_camera import quiet_camera
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
@@ -44,6 +45,7 @@ def sound(bundle: Bundle) -> TestScene:
     """A scene that the check has nothing to say about."""
     scene = lit_sphere(build_material(bundle, lamps=lamp_image()), 16, resolution=32)
     scene.sphere.shadow_terminator_geometry_offset = 0
+    quiet_camera(scene.scene, [scene.sphere])
     update_scene(scene.scene)
     return scene
 

@@ -17,6 +17,8 @@ from measured_materials.nodes.group import active_output, nodes_before, trees_be
 
 _SUFFIX = re.compile(r"\.\d{3}$")
 # Nodes that hand a number on as it is.
+# The group that tells numbers of the camera's lens, and the one that puts them in the place of others.
+_LENS, _BY_LENS = "MM Lens", "MM Lens Or Noise"
 _PASSING = frozenset(
     {"ShaderNodeSeparateXYZ", "ShaderNodeSeparateColor", "NodeReroute", "NodeGroupInput", "NodeGroupOutput"}
 )
@@ -43,7 +45,7 @@ class Walk:
 
     @classmethod
     def of(cls, tree: Any) -> Walk:
-        """From every White Noise that reaches something."""
+        """From every White Noise that reaches something, and from the camera's lens."""
         walk, live = cls(), _live(tree)
         for path, node in _nodes(tree, ()):
             if node.bl_idname == "ShaderNodeTexWhiteNoise":
@@ -53,6 +55,12 @@ class Walk:
                         uses = walk.uses.setdefault(f"{number}[{channel}]", {})
                         for use in _uses(place, "", live):
                             uses[use] = uses.get(use, 0) + 1
+            elif node.bl_idname == "ShaderNodeGroup" and _family(node.node_tree.name) == _LENS:
+                for name in ("Share", "Turns"):
+                    place = Place(path, node.outputs[name])
+                    uses = walk.uses.setdefault(f"lens[{name}]", {})
+                    for use in _uses(place, "", live):
+                        uses[use] = uses.get(use, 0) + 1
         return walk
 
     def describe_noise(self, path: tuple[Any, ...], node: Any) -> str:
@@ -131,7 +139,7 @@ def _uses(place: Place, came_by: str, live: set[Any]) -> Iterator[str]:
         elif node.bl_idname == "NodeGroupOutput":
             if place.path:
                 yield from _uses(Place(place.path[:-1], _socket(place.path[-1].outputs, entered)), "", live)
-        elif node.bl_idname in _PASSING:
+        elif node.bl_idname in _PASSING or _family(node.id_data.name) == _BY_LENS:
             yield from _uses(Place(place.path, node.outputs[0]), came_by, live)
         else:
             operation = getattr(node, "operation", node.bl_idname)

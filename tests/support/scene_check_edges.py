@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 from measured_materials.addon.lights.light_tables import update_scene
-from measured_materials.addon.scene_check import light_path_rules, material_rules, mix_rules, scene_rules
+from measured_materials.addon.scene_check import camera_rules, light_path_rules, material_rules, mix_rules, scene_rules
 from measured_materials.nodes import compat
 
 from support.light_paths import darken
@@ -29,7 +29,8 @@ from support.scene_check_cases import (
 from support.scenes import TestScene
 
 Change = Callable[[TestScene], Any]
-MODULES = (scene_rules, light_path_rules, material_rules, mix_rules)
+MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, camera_rules)
+STOP = 0.4392  # at which 50 mm that focus at 2.53 blur over one of 32 pixels of 36 mm
 IMAGES = 64  # texels along the longest edge that the test shrinks tables by
 
 
@@ -284,6 +285,14 @@ def bounces(name: str, value: int, diffuse: int) -> Change:
     return both(cycles("diffuse_bounces", diffuse), cycles(name, value))
 
 
+def of_the_camera(kind: str, depth_of_field: bool, stop: float = 64.0) -> Change:
+    def apply(scene: TestScene) -> None:
+        data = scene.scene.camera.data
+        data.type, data.dof.use_dof, data.dof.aperture_fstop = kind, depth_of_field, stop
+
+    return apply
+
+
 def sampled_by_chance(scene: TestScene) -> None:
     """A smooth sky has no bright places to miss."""
     scene.scene.world.cycles.sampling_method = "NONE"
@@ -366,6 +375,14 @@ EDGES = [
     Edge("volume_light_path", haze("Is Shadow Ray"), haze("Is Camera Ray"), anew=True),
     Edge("world_light_path", world_nodes("Ray Depth"), world_nodes("Is Camera Ray"), anew=True),
     Edge("lamp_light_path", lamp_nodes("Ray Depth"), lamp_nodes("Is Glossy Ray"), anew=True),
+    Edge("quiet_camera", of_the_camera("PERSP", False), of_the_camera("PANO", False)),
+    Edge("quiet_camera", of_the_camera("ORTHO", False), of_the_camera("ORTHO", True)),
+    *(Edge("uneven_samples", cycles("samples", samples), cycles("samples", 64)) for samples in (63, 65, 100)),
+    Edge(
+        "uneven_samples",
+        both(cycles("samples", 100), of_the_camera("PERSP", True, STOP * 1.02)),
+        of_the_camera("PERSP", True, STOP * 0.98),
+    ),
     Edge("emission_light_path", ground_emits("Is Glossy Ray"), ground_emits("Ray Depth"), anew=True),
 ]
 # A switch has no value between: a scene that is as it should be is the other side, which every case starts from.
