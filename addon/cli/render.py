@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,12 @@ def add_to(commands: Any) -> None:
         choices=("auto", "always", "never"),
         default="auto",
         help="of a BRDF: let the shader sample lamps itself, where it can, rather than send a mirror (%(default)s)",
+    )
+    parser.add_argument(
+        "--denoise",
+        choices=("auto", "always", "never"),
+        default="auto",
+        help="by albedo and normals that the material writes; auto: below 256 samples (%(default)s)",
     )
     parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
@@ -113,7 +120,8 @@ def run(options: argparse.Namespace) -> Result:
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        mean = _render(record, settings, options, out, mark, progress)
+        linear, denoised = _render(record, settings, options, out, mark, progress)
+    mean = linear.mean((0, 1))
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
         "command": options.command,
@@ -122,10 +130,12 @@ def run(options: argparse.Namespace) -> Result:
         "resolution": options.resolution,
         "samples": options.samples,
         "mean_linear": [float(value) for value in mean],
+        "denoised": denoised.done,
+        "denoised_why": denoised.why,
     }
     if settings is not None:
         document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
-    return Result(document, files)
+    return Result(document, [*files, denoised.words(options.exr)])
 
 
 def _mark_in(out: Path) -> str:
@@ -176,20 +186,16 @@ def _render(
     out: Path,
     mark: str,
     progress: Progress,
-) -> Any:
-    """Write the files and return the picture's mean colour."""
+) -> tuple[Any, Any]:
+    """Write the files and return the picture, linear, and what was done about its noise."""
     import bpy
 
     from ...bake.images.image_io import write_png
-    from ...nodes.osl_material import build_osl_material
-    from ...nodes.osl_script import use_osl
-    from ...nodes.shading_map_material import build_shading_map
-    from ..lights.light_tables import lamp_image
-    from ..material.bake_photographs import set_repeat
-    from ..material.build_brdf import build_brdf, usual_choices
     from ..rendering.contact_sheet import to_display
-    from ..studio.studio import build_studio, remove_studio, render_linear
+    from ..rendering.denoising import plan_denoising
+    from ..studio.studio import build_studio, remove_studio
 
+    denoised = plan_denoising(options.denoise, options.samples)
     progress("building", 0.0)
     material = bpy.data.materials.new(record.files().path.stem)
     try:
@@ -200,45 +206,72 @@ def _render(
             environment=options.environment,
         )
         try:
-            if settings is None and options.osl:
-                mode = usual_choices(record, options.mode).mode
-                record.check_filter(options.filter or record.table.filter, mode)
-                use_osl(scene)
-                lamps, lights = _osl_tables(scene, options, mode)
-                build_osl_material(record, material, mode=mode, filter=options.filter, lamps=lamps, lights=lights)
-            elif settings is None:
-                filter = {} if options.filter is None else {"filter": options.filter}
-                choices = replace(
-                    usual_choices(record, options.mode), aim=options.aim, sample=options.sample_lamps, **filter
-                )
-                build_brdf(record, material, choices=choices, scene=scene)
-            else:
-                lamps = None if options.aim == "never" else lamp_image()
-                build_shading_map(record, material, settings=settings, lamps=lamps)
-                set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
-            linear = render_linear(
-                scene,
-                out.with_suffix(".exr") if options.exr else None,
-                progress=lambda share: progress("rendering", share),
-            )
+            linear = _shown(record, settings, options, (scene, material), denoised, out, progress)
         finally:
             remove_studio(scene)
     finally:
         bpy.data.materials.remove(material)
     progress("writing", 0.0)
     write_png(out, to_display(linear), mark)
-    return linear.mean((0, 1))
+    return linear, denoised
 
 
-def _osl_tables(scene: Any, options: argparse.Namespace, mode: str) -> tuple[Any, Any]:
-    """Tables of the lamps that an OSL material aims at and, where it can sample them, of what they emit."""
-    from ..lights.aim_targets import sampling_of
-    from ..lights.lamp_survey import survey_scene
-    from ..lights.light_tables import lamp_image, lamp_light_image
-    from ..material.choices import NEVER, Choices
-    from ..material.scene_fit import plan_sampling
+def _shown(
+    record: Record,
+    settings: RenderSettings | None,
+    options: argparse.Namespace,
+    studio: tuple[Any, Any],
+    denoised: Any,
+    out: Path,
+    progress: Progress,
+) -> Any:
+    """Build the material into the studio, a scene and the material it shows, and render it."""
+    from ..rendering.denoising import denoise_by_twin, denoise_renders
+    from ..studio.studio import render_linear
 
-    sampling = sampling_of(survey_scene(scene, for_render=True), osl=True)
-    choices = Choices(mode, sample=options.sample_lamps)
-    sampled = plan_sampling(choices, sampling).kept
-    return lamp_image() if sampled or options.aim != NEVER else None, lamp_light_image() if sampled else None
+    scene, material = studio
+    exr = out.with_suffix(".exr") if options.exr else None
+    say = partial(progress, "rendering")
+    if settings is None and options.osl:
+        _build_osl(record, options, scene, material)
+        if denoised.done:
+            return denoise_by_twin(record, scene, material, render_linear(scene, progress=say), exr)
+        return render_linear(scene, exr, progress=say)
+    if denoised.done:
+        denoise_renders(scene)  # first, for the material then knows of its passes
+    if settings is None:
+        _build_nodes(record, options, scene, material)
+    else:
+        _build_map(record, settings, options, material, features=denoised.done)
+    return render_linear(scene, exr, progress=say)
+
+
+def _build_osl(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> None:
+    from ..material.build_brdf import build_osl_brdf
+
+    build_osl_brdf(record, material, choices=_choices(record, options), scene=scene)
+
+
+def _build_nodes(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> None:
+    from ..material.build_brdf import build_brdf
+
+    build_brdf(record, material, choices=_choices(record, options), scene=scene)
+
+
+def _choices(record: Any, options: argparse.Namespace) -> Any:
+    from ..material.build_brdf import usual_choices
+
+    filter = {} if options.filter is None else {"filter": options.filter}
+    return replace(usual_choices(record, options.mode), aim=options.aim, sample=options.sample_lamps, **filter)
+
+
+def _build_map(
+    record: Any, settings: RenderSettings, options: argparse.Namespace, material: Any, *, features: bool
+) -> None:
+    from ...nodes.shading_map_material import build_shading_map
+    from ..lights.light_tables import lamp_image
+    from ..material.bake_photographs import set_repeat
+
+    lamps = None if options.aim == "never" else lamp_image()
+    build_shading_map(record, material, settings=settings, lamps=lamps, features=features)
+    set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)

@@ -12,12 +12,14 @@ from ...bake.bundle.bundle import Bundle
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
+from ...nodes.osl_material import build_osl_material
+from ...nodes.osl_script import use_osl
 from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
-from .choices import Choices
-from .scene_fit import BrdfPlan, plan_brdf
+from .choices import AUTO, NEVER, Choices
+from .scene_fit import BrdfPlan, plan_brdf, plan_sampling
 
 
 def build_brdf(
@@ -64,6 +66,34 @@ def build_brdf(
         lamp_share=plan.aim and lamps_are_alone(report),
     )
     return material, plan
+
+
+def build_osl_brdf(
+    source: Bundle | BrdfRecord,
+    material: bpy.types.Material | None = None,
+    *,
+    choices: Choices,
+    scene: bpy.types.Scene,
+) -> bpy.types.Material:
+    """Build or rebuild a material as one OSL shader, which can sample lamps in every version of Blender.
+
+    The scene is made to render with OSL, on the CPU. Raises BakeError where a choice cannot be had.
+    """
+    record = BrdfRecord.of(source)
+    filter = None if choices.filter == AUTO else choices.filter
+    record.check_filter(filter or record.table.filter, choices.mode)
+    use_osl(scene)
+    asked = Choices(choices.mode, sample=choices.sample)  # whatever is aimed at
+    sampled = plan_sampling(asked, sampling_of(surveyed(scene), osl=True)).kept
+    return build_osl_material(
+        record,
+        material,
+        mode=choices.mode,
+        filter=filter,
+        lamps=lamp_image() if sampled or choices.aim != NEVER else None,
+        lights=lamp_light_image() if sampled else None,
+        normals=shows_normals(scene),
+    )
 
 
 def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
