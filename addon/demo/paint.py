@@ -20,7 +20,6 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.brdf.settings import BakeSettings
 from ...bake.bundle.bundle import read_bundle
 from ...bake.bundle.result import BakeResult
-from ...bake.errors import BakeError
 from ...bake.source import Array
 from ...bake.sources.analytic import MetallicPaint
 from ...bake.sources.merl import write_merl
@@ -31,6 +30,7 @@ from ...nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from ...nodes.material import build_material
 from ...nodes.material_tree import assemble
 from ...nodes.metallic_paint_group import metallic_paint_group
+from ...nodes.osl_script import why_no_osl
 from ...nodes.table_groups import TableGroups
 from ..lights.light_tables import lamp_image
 from ..material.build_brdf import build_brdf, build_osl_brdf
@@ -147,13 +147,12 @@ def _render_usual(path: Path, size: int, samples: int, progress: Callable[[float
     record = BrdfRecord.read(read_bundle(path))
     material = bpy.data.materials.new("usual")
     with _studio(material, size, samples) as scene:
-        try:
-            build_osl_brdf(record, material, choices=Choices(sample=ALWAYS), scene=scene)
-        except BakeError:
-            scene.cycles.shading_system = False
-            denoise_renders(scene)
+        if why_no_osl():
+            if not why_not_possible():
+                denoise_renders(scene)
             build_brdf(record, material, choices=Choices(), scene=scene)
             return render_linear(scene, progress=progress)
+        build_osl_brdf(record, material, choices=Choices(sample=ALWAYS), scene=scene)
         noisy = render_linear(scene, progress=progress)
         return noisy if why_not_possible() else denoise_by_twin(record, scene, material, noisy)
 
