@@ -150,11 +150,8 @@ def denoise_by_features(
     store_feature_passes(layer)
     scene.cycles.use_denoising = False
     scene.render.use_compositing = True
-    tree = _compositor(scene)
-    source = next((n for n in tree.nodes if _is_source(n, scene, layer)), None)
-    if source is None:
-        source = tree.nodes.new("CompositorNodeRLayers")
-        source.scene, source.layer, source.location = scene, layer.name, (-600, 300)
+    tree = compositor_of(scene)
+    source = _source(tree, scene, layer)
     readers = [link.to_socket for link in source.outputs["Image"].links]
     denoise = _own(tree, "CompositorNodeDenoise", (0, 300))
     if "Prefilter" in denoise.inputs:
@@ -162,15 +159,41 @@ def denoise_by_features(
     else:
         denoise.prefilter = prefilter
     tree.links.new(source.outputs["Image"], denoise.inputs["Image"])
+    for kind, feature in zip(("Albedo", "Normal"), _laid_over(tree, source), strict=True):
+        tree.links.new(feature, denoise.inputs[kind])
+    for socket in readers or [compositor_output(tree)]:
+        tree.links.new(denoise.outputs[0], socket)
+    return tree
+
+
+def shown_features(scene: bpy.types.Scene) -> tuple[Any, Any]:
+    """Albedo and normal as outputs in the scene's compositor, which is made to hold them; see `stop_denoising`."""
+    layer = scene.view_layers[0]
+    store_feature_passes(layer)
+    scene.render.use_compositing = True
+    tree = compositor_of(scene)
+    return _laid_over(tree, _source(tree, scene, layer))
+
+
+def _laid_over(tree: bpy.types.NodeTree, source: bpy.types.Node) -> tuple[Any, Any]:
+    """Albedo and normal: the materials' passes over Cycles' own."""
+    made = []
     for k, (ours, kind) in enumerate(((ALBEDO, "Albedo"), (NORMAL, "Normal"))):
         over = _own(tree, "CompositorNodeAlphaOver", (-250, 60 - 240 * k))
         under_at, over_at = (0, 1) if over.inputs[0].name == "Background" else (1, 2)
         tree.links.new(source.outputs[f"Denoising {kind}"], over.inputs[under_at])
         tree.links.new(source.outputs[ours], over.inputs[over_at])
-        tree.links.new(over.outputs[0], denoise.inputs[kind])
-    for socket in readers or [_output(tree)]:
-        tree.links.new(denoise.outputs[0], socket)
-    return tree
+        made.append(over.outputs[0])
+    return made[0], made[1]
+
+
+def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bpy.types.Node:
+    """The node of the layer's passes, made where there is none."""
+    source = next((n for n in tree.nodes if _is_source(n, scene, layer)), None)
+    if source is None:
+        source = tree.nodes.new("CompositorNodeRLayers")
+        source.scene, source.layer, source.location = scene, layer.name, (-600, 300)
+    return source
 
 
 def stop_denoising(scene: bpy.types.Scene) -> None:
@@ -188,8 +211,8 @@ def stop_denoising(scene: bpy.types.Scene) -> None:
         tree.nodes.remove(node)
 
 
-def _compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree:
-    """The scene's tree, made where there is none; from 5.0 it is a node group."""
+def compositor_of(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """The scene's compositor, made where there is none; from 5.0 it is a node group."""
     if hasattr(scene, "compositing_node_group"):
         if scene.compositing_node_group is None:
             scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
@@ -202,7 +225,7 @@ def _compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree:
     return scene.node_tree
 
 
-def _output(tree: bpy.types.NodeTree) -> Any:
+def compositor_output(tree: bpy.types.NodeTree) -> Any:
     """Input of the tree's output node, made where there is none."""
     if not hasattr(bpy.types, "CompositorNodeComposite"):
         if not any(item.in_out == "OUTPUT" for item in tree.interface.items_tree if item.item_type == "SOCKET"):

@@ -25,7 +25,6 @@ from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
 from . import expr
 from .aimed_light_group import MAX_SLOTS
-from .feature_passes import albedo_polynomial, with_feature_outputs
 from .group import call, node_group
 from .lens_group import lens_numbers
 from .material import usual_mode
@@ -50,7 +49,6 @@ def build_osl_material(
     filter: str | None = None,
     stochastic: bool = True,
     files: Files | None = None,
-    features: bool = False,
     normals: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle, as `nodes.material.build_material` does, of OSL.
@@ -69,7 +67,6 @@ def build_osl_material(
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
     files : where OSL is to read the bundle's images; by default the bundle's own
-    features : also write the passes of `feature_passes`, for the denoiser
     normals : as in `nodes.material.build_material`
 
     Raises
@@ -94,11 +91,9 @@ def build_osl_material(
             inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
-    def make(name: str) -> bpy.types.ShaderNodeTree:
-        group = node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
-        return with_feature_outputs(group, albedo_polynomial(record)) if features else group
-
-    built = build_from(record, material, make)
+    built = build_from(
+        record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
+    )
     # Cycles takes any shader that may emit for a lamp, whether it does or not.
     lit_by_emission(built, True)
     return built

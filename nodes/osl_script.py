@@ -104,16 +104,20 @@ def is_scripted(material: bpy.types.Material) -> bool:
 
 def require_osl() -> None:
     """Raise BakeError where this Blender cannot compile OSL."""
+    if why_not := why_no_osl():
+        raise BakeError("Open Shading Language", why_not, "use the material of nodes, which needs no OSL")
+
+
+def why_no_osl() -> str:
+    """Why this Blender cannot compile OSL; empty if it can."""
     compat.ensure_cycles()
-    remedy = "use the material of nodes, which needs no OSL"
     try:
         built_in = bool(importlib.import_module("_cycles").with_osl)
     except (ImportError, AttributeError):
         built_in = False
     if not built_in:
-        raise BakeError("Open Shading Language", "is not part of this Blender", remedy)
-    if not _has_oslquery():
-        raise BakeError("Open Shading Language", "lacks Blender's module oslquery", remedy)
+        return "is not part of this Blender"
+    return "" if _has_oslquery() else "lacks Blender's module oslquery"
 
 
 def use_osl(scene: bpy.types.Scene) -> None:

@@ -228,8 +228,8 @@ def test_report_from_end_to_end(
     page = (tmp_path / "report.html").read_text()
     osl = "OSL, n varies" in document["lobes"]["rendered"]
     assert len(re.findall("<svg", page)) == 10 + osl
-    # The truth, five variants and their differences; two cases of five; four renders and their differences.
-    assert len(re.findall("<img", page)) == 11 + 10 + 8
+    # The truth, seven variants or eight and their differences; two cases of five; four renders and their differences.
+    assert len(re.findall("<img", page)) == 15 + 2 * osl + 10 + 8
     _check_facts(document)
 
     whole = journal.read_text()
@@ -247,7 +247,9 @@ def _check_facts(document: dict[str, Any]) -> None:
     # Each kind at one resolution, and of one kind every filter and storage.
     assert len(timed) == len(tabulation.KINDS) - 1 + per_resolution and {s["resolution"] for s in timed} == {8}
     rendered = document["pictures"]["paint"]
-    assert {row["variant"] for row in rendered} == {"Principled BSDF", "preview", "balanced", "exact", "reference"}
+    plain = {"Principled BSDF", "preview", "balanced", "exact", "reference"}
+    osl = {pictures.SAMPLED} if "OSL, n varies" in document["lobes"]["rendered"] else set()
+    assert {row["variant"] for row in rendered} == plain | osl | {"preview, denoised", "exact, denoised"}
     assert {s["model"] for s in document["maps"]["cloth"]} == {model.name for model in maps.MODELS}
     lookup = {
         row["case"]: row["rms"] for row in document["techniques"]["cloth"]["cases"] if row["technique"] == "lookup"

@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> Result:
 def _run_paint(options: argparse.Namespace) -> dict[str, Any]:
     from ..demo.paint import run_demo
 
-    stages = {"simulating a measurement": 2, "baking": 12, "rendering": 14 if options.quick else 110}
+    stages = {"simulating a measurement": 2, "baking": 25, "rendering": 15 if options.quick else 60}
     with Progress(stages) as progress:
         progress.start("")
         return run_demo(options.out, quick=options.quick, progress=progress)

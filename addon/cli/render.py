@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,12 @@ def add_to(commands: Any) -> None:
         help="draw directions by the lens of a camera whose depth of field nobody sees: less noise, most at 64 or 128 "
         "samples (%(default)s)",
     )
+    parser.add_argument(
+        "--denoise",
+        choices=("auto", "always", "never"),
+        default="auto",
+        help="by albedo and normals that the material writes; auto: below 256 samples (%(default)s)",
+    )
     parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -120,7 +127,8 @@ def run(options: argparse.Namespace) -> Result:
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        mean = _render(record, settings, options, out, mark, progress)
+        linear, denoised = _render(record, settings, options, out, mark, progress)
+    mean = linear.mean((0, 1))
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
         "command": options.command,
@@ -129,10 +137,12 @@ def run(options: argparse.Namespace) -> Result:
         "resolution": options.resolution,
         "samples": options.samples,
         "mean_linear": [float(value) for value in mean],
+        "denoised": denoised.done,
+        "denoised_why": denoised.why,
     }
     if settings is not None:
         document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
-    return Result(document, files)
+    return Result(document, [*files, denoised.words(options.exr)])
 
 
 def _mark_in(out: Path) -> str:
@@ -183,21 +193,16 @@ def _render(
     out: Path,
     mark: str,
     progress: Progress,
-) -> Any:
-    """Write the files and return the picture's mean colour."""
+) -> tuple[Any, Any]:
+    """Write the files and return the picture, linear, and what was done about its noise."""
     import bpy
 
     from ...bake.images.image_io import write_png
-    from ...nodes.osl_script import use_osl
-    from ...nodes.shading_map_material import build_shading_map
-    from ..lights.light_tables import lamp_image
-    from ..material.bake_photographs import set_repeat
-    from ..material.build_brdf import build_brdf, usual_choices
-    from ..material.choices import NEVER, OSL
     from ..rendering.contact_sheet import to_display
-    from ..rendering.quiet_camera import quiet_camera
-    from ..studio.studio import build_studio, remove_studio, render_linear
+    from ..rendering.denoising import plan_denoising
+    from ..studio.studio import build_studio, remove_studio
 
+    denoised = plan_denoising(options.denoise, options.samples)
     progress("building", 0.0)
     material = bpy.data.materials.new(record.files().path.stem)
     try:
@@ -208,31 +213,75 @@ def _render(
             environment=options.environment,
         )
         try:
-            if settings is None:
-                given = {"aim": options.aim, "sample": options.sample_lamps}
-                given |= {} if options.filter is None else {"filter": options.filter}
-                given |= {"shader": OSL} if options.osl else {}
-                choices = replace(usual_choices(record, options.mode), **given)
-                if build_brdf(record, material, choices=choices, scene=scene)[1].osl:
-                    use_osl(scene)
-            else:
-                lamps = None if options.aim == "never" else lamp_image()
-                build_shading_map(record, material, settings=settings, lamps=lamps)
-                set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
-            if options.quiet_camera != NEVER:
-                quiet_camera(scene, [obj for obj in scene.objects if _wears(obj, material)])
-            linear = render_linear(
-                scene,
-                out.with_suffix(".exr") if options.exr else None,
-                progress=lambda share: progress("rendering", share),
-            )
+            linear = _shown(record, settings, options, (scene, material), denoised, out, progress)
         finally:
             remove_studio(scene)
     finally:
         bpy.data.materials.remove(material)
     progress("writing", 0.0)
     write_png(out, to_display(linear), mark)
-    return linear.mean((0, 1))
+    return linear, denoised
+
+
+def _shown(
+    record: Record,
+    settings: RenderSettings | None,
+    options: argparse.Namespace,
+    studio: tuple[Any, Any],
+    denoised: Any,
+    out: Path,
+    progress: Progress,
+) -> Any:
+    """Build the material into the studio, a scene and the material it shows, and render it."""
+    from ..material.choices import NEVER
+    from ..rendering.denoising import denoise_by_twin, denoise_renders
+    from ..rendering.quiet_camera import quiet_camera
+    from ..studio.studio import render_linear
+
+    scene, material = studio
+    exr = out.with_suffix(".exr") if options.exr else None
+    say = partial(progress, "rendering")
+    scripted = settings is None and options.osl and _build_brdf(record, options, scene, material)
+    if not scripted:
+        if denoised.done:
+            denoise_renders(scene)  # first, for the material then knows of its passes
+        if settings is None:
+            _build_brdf(record, options, scene, material)
+        else:
+            _build_map(record, settings, options, material, features=denoised.done)
+    if options.quiet_camera != NEVER:
+        quiet_camera(scene, [obj for obj in scene.objects if _wears(obj, material)])
+    if scripted and denoised.done:
+        return denoise_by_twin(record, scene, material, render_linear(scene, progress=say), exr)
+    return render_linear(scene, exr, progress=say)
+
+
+def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> bool:
+    """Whether it is a script, for which the scene is then set."""
+    from ...nodes.osl_script import use_osl
+    from ..material.build_brdf import build_brdf, usual_choices
+    from ..material.choices import OSL
+
+    given = {"aim": options.aim, "sample": options.sample_lamps}
+    given |= {} if options.filter is None else {"filter": options.filter}
+    given |= {"shader": OSL} if options.osl else {}
+    choices = replace(usual_choices(record, options.mode), **given)
+    scripted: bool = build_brdf(record, material, choices=choices, scene=scene)[1].osl
+    if scripted:
+        use_osl(scene)
+    return scripted
+
+
+def _build_map(
+    record: Any, settings: RenderSettings, options: argparse.Namespace, material: Any, *, features: bool
+) -> None:
+    from ...nodes.shading_map_material import build_shading_map
+    from ..lights.light_tables import lamp_image
+    from ..material.bake_photographs import set_repeat
+
+    lamps = None if options.aim == "never" else lamp_image()
+    build_shading_map(record, material, settings=settings, lamps=lamps, features=features)
+    set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
 
 
 def _wears(obj: Any, material: Any) -> bool:

@@ -1,10 +1,13 @@
-"""The demonstration: one simulated measurement, three tables of equal size, and the truth beside them."""
+"""The demonstration: one simulated measurement, three tables of equal size, what a bake makes of it by itself, and the
+truth beside them."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +23,28 @@ from ...bake.bundle.result import BakeResult
 from ...bake.source import Array
 from ...bake.sources.analytic import MetallicPaint
 from ...bake.sources.merl import write_merl
-from ...nodes.alias_sampler_group import alias_sampler_group
+from ...nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
 from ...nodes.brdf_group import BrdfParts, brdf_group
 from ...nodes.data_image import bundle_image
+from ...nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from ...nodes.material import build_material
 from ...nodes.material_tree import assemble
 from ...nodes.metallic_paint_group import metallic_paint_group
+from ...nodes.osl_script import use_osl, why_no_osl
 from ...nodes.table_groups import TableGroups
+from ..lights.light_tables import lamp_image
+from ..material.build_brdf import build_brdf
+from ..material.choices import ALWAYS, OSL, Choices
 from ..rendering.contact_sheet import Cell, to_display, write_sheet
+from ..rendering.denoising import denoise_by_twin, denoise_renders, why_not_possible
 from ..studio.studio import build_studio, remove_studio, render_linear
 
 Progress = Callable[[str, float], None]
 
 PAINT = MetallicPaint(diffuse=(0.01, 0.02, 0.07), flake=(0.12, 0.25, 0.62), flake_alpha=0.28, coat_alpha=0.05)
 TABLES = ("identity", "uniform", "bezier")
+# The bake that nothing was asked of, rendered in mode Exact.
+USUAL, TRUTH = "usual", "truth"
 # How many times enlarged the differences of the sheet's third row are.
 _DIFFERENCE_GAIN = 8.0
 
@@ -58,25 +69,33 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
     say = progress or (lambda stage, share: None)
     out = Path(out).resolve()
     out.mkdir(parents=True, exist_ok=True)
-    size, samples = (240, 64) if quick else (360, 160)
+    size, samples = (240, 16) if quick else (360, 32)
     started = time.perf_counter()
     say("simulating a measurement", 0.0)
     measurement = out / "metallic_paint.binary"
     write_merl(measurement, PAINT)
     bakes = {}
-    for k, kind in enumerate(TABLES):
-        say("baking", k / len(TABLES))
+    for k, kind in enumerate((*TABLES, USUAL)):
+        say("baking", k / (len(TABLES) + 1))
         # Tables are compared here, each shown whole by mirror alone.
-        settings = BakeSettings(parameterization=kind, basis="normal", envelope=False)
-        bakes[kind] = bake_file(measurement, out / f"metallic_paint_{kind}.mmat", settings)
+        settings = BakeSettings(parameterization=kind, basis="normal", envelope=False) if kind != USUAL else None
+        name = f"metallic_paint_{kind}.mmat" if kind != USUAL else "metallic_paint.mmat"
+        bakes[kind] = bake_file(measurement, out / name, settings or BakeSettings())
     shown = []
-    for k, kind in enumerate((*TABLES, "truth")):
-        step = (k / 4, lambda share, k=k: say("rendering", (k + share) / 4))
-        say("rendering", step[0])
+    kinds = (*TABLES, USUAL, TRUTH)
+    for k, kind in enumerate(kinds):
+        step = partial(_step, say, k, len(kinds))
+        step(0.0)
         bake = bakes.get(kind)
-        material = build_material(read_bundle(bake.path)) if bake else _truth_material(bakes["bezier"].path)
-        picture, seconds = _render(material, size, samples, step[1])
-        shown.append(_Shown(kind, picture, seconds, bake))
+        began = time.perf_counter()
+        if kind == USUAL:
+            picture = _render_usual(bakes[USUAL].path, size, samples, step)
+        elif bake is None:
+            # Of random numbers of its own, lest a table share the truth's noise and look better than it is.
+            picture = _render(_truth_material(bakes["bezier"].path), size, 2 * samples, step, seed=2)
+        else:
+            picture = _render(_table_material(bake.path), size, samples, step)
+        shown.append(_Shown(kind, picture, time.perf_counter() - began, bake))
     sheet = out / "demo.png"
     _write(sheet, shown)
     rows = [_row(column, shown[-1].picture) for column in shown if column.bake]
@@ -90,28 +109,62 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
     }
 
 
+def _step(say: Progress, k: int, count: int, share: float) -> None:
+    say("rendering", (k + share) / count)
+
+
+def _table_material(path: Path) -> bpy.types.Material:
+    """The whole table by a mirror that aims at the lamp."""
+    return build_material(read_bundle(path), mode="reference", lamps=lamp_image(), features=True)
+
+
 def _truth_material(bundle_path: Path) -> bpy.types.Material:
     """The analytic paint evaluated in the shader, drawn from the same alias tables."""
     bundle = read_bundle(bundle_path)
-    layout = BrdfRecord.read(bundle).sampler
+    record = BrdfRecord.read(bundle)
     image = bundle_image(bundle, "sampler", "truth sampler")
-    sampler = alias_sampler_group("MM Sampler truth", image, layout)
+    sampler = alias_sampler_group("MM Sampler truth", image, record.sampler)
+    density = alias_pdf_group("MM Sampler Density truth", image, record.sampler)
     material = bpy.data.materials.new("truth")
-    truth = BrdfParts(TableGroups(metallic_paint_group(PAINT), sampler))
-    assemble(material, brdf_group("Analytic truth", "reference", truth), (0.1, 0.2, 0.5))
+    truth = BrdfParts(TableGroups(metallic_paint_group(PAINT), sampler, density), lamps=lamp_image())
+    group = with_feature_outputs(brdf_group("Analytic truth", "reference", truth), albedo_polynomial(record))
+    assemble(material, group, (0.1, 0.2, 0.5))
     return material
 
 
 def _render(
-    material: bpy.types.Material, size: int, samples: int, progress: Callable[[float], None]
-) -> tuple[Array, float]:
-    scene = build_studio(material, resolution=(size, size), samples=samples, seed=1)
-    started = time.perf_counter()
+    material: bpy.types.Material, size: int, samples: int, progress: Callable[[float], None], seed: int = 1
+) -> Array:
+    """A material of nodes that writes the denoiser's passes."""
+    with _studio(material, size, samples, seed) as scene:
+        if not why_not_possible():
+            denoise_renders(scene)
+        return render_linear(scene, progress=progress)
+
+
+def _render_usual(path: Path, size: int, samples: int, progress: Callable[[float], None]) -> Array:
+    """Mode Exact: as OSL, which samples the lamp in the shader, or of nodes where this Blender has no OSL."""
+    record = BrdfRecord.read(read_bundle(path))
+    material = bpy.data.materials.new("usual")
+    with _studio(material, size, samples) as scene:
+        if why_no_osl():
+            if not why_not_possible():
+                denoise_renders(scene)
+            build_brdf(record, material, choices=Choices(), scene=scene)
+            return render_linear(scene, progress=progress)
+        build_brdf(record, material, choices=Choices(sample=ALWAYS, shader=OSL), scene=scene)
+        use_osl(scene)
+        noisy = render_linear(scene, progress=progress)
+        return noisy if why_not_possible() else denoise_by_twin(record, scene, material, noisy)
+
+
+@contextmanager
+def _studio(material: bpy.types.Material, size: int, samples: int, seed: int = 1) -> Iterator[bpy.types.Scene]:
+    scene = build_studio(material, resolution=(size, size), samples=samples, seed=seed)
     try:
-        picture = render_linear(scene, progress=progress)
+        yield scene
     finally:
         remove_studio(scene)
-    return picture, time.perf_counter() - started
 
 
 def _difference(picture: Array, truth: Array) -> Array:
@@ -132,7 +185,7 @@ def _write(path: Path, shown: list[_Shown]) -> None:
     for column in shown:
         below = "evaluated in the shader, no table"
         if column.bake:
-            below = f"RMS {_errors_of(column.bake).rms:.3f} 1/sr"
+            below = f"RMS {_errors_of(column.bake).rms:.2g} 1/sr"
         cells.append(Cell(column.picture, _label(column.label), below))
     cells += [Cell(_detail(column.picture), "highlight, enlarged 3 times") for column in shown]
     cells += [
@@ -150,7 +203,8 @@ def _errors_of(bake: BakeResult) -> ErrorsRecord:
 
 
 def _label(kind: str) -> str:
-    return "analytic truth" if kind == "truth" else f"{kind} parameterisation"
+    named = {TRUTH: "analytic truth", USUAL: "best table, mode Exact"}
+    return named.get(kind, f"{kind} parameterisation")
 
 
 def _row(column: _Shown, truth: Array) -> dict[str, Any]:
@@ -170,6 +224,12 @@ def _row(column: _Shown, truth: Array) -> dict[str, Any]:
     }
 
 
+def _noise_words() -> str:
+    if lacking := why_not_possible():
+        return f"Nothing is denoised: {lacking}."
+    return "All pictures are denoised by the materials' albedo and normals."
+
+
 def _lines(rows: list[dict[str, Any]], truth: _Shown, sheet: Path, measurement: Path, seconds: float) -> list[str]:
     header = f"{'table':10s} {'RMS 1/sr':>9s} {'energy off':>10s} {'picture RMS':>11s} {'bake s':>7s} {'render s':>8s}"
     lines = [header + f" {'MB on disk':>10s}"]
@@ -178,11 +238,13 @@ def _lines(rows: list[dict[str, Any]], truth: _Shown, sheet: Path, measurement: 
             f"{row['parameterization']:10s} {row['rms']:9.4f} {row['relative_error']:10.2%} {row['picture_rms']:11.4f} "
             f"{row['bake_seconds']:7.1f} {row['render_seconds']:8.1f} {row['bytes'] / 1e6:10.1f}"
         )
-    lines.append(f"{'truth':10s} {'':9s} {'':10s} {'':11s} {'':7s} {truth.render_seconds:8.1f}")
+    lines.append(f"{TRUTH:10s} {'':9s} {'':10s} {'':11s} {'':7s} {truth.render_seconds:8.1f}")
     lines += [
         "",
         "RMS and energy: the stored table against the measurement, at directions it was not built from.",
-        "picture RMS: as displayed, 0 to 1, against the picture of the analytic truth, noise of both included.",
+        "picture RMS: as displayed, 0 to 1, against the picture of the analytic truth, what noise is left included.",
+        "usual: the table that a bake chooses by itself, in mode Exact; the others and the truth by mirror alone.",
+        _noise_words(),
         "",
         f"picture       {sheet}",
         f"measurement   {measurement} (MERL layout, simulated)",

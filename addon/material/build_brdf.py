@@ -62,7 +62,6 @@ def build_brdf(
             lamps=lamps,
             lights=lights,
             files=texture_files(record),
-            features=plan.features,
             normals=plan.normals,
         )
         return material, plan

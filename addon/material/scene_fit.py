@@ -98,15 +98,16 @@ def plan_brdf(
             aim = aimed.kept or is_ready(choices, ready)
             effects.append(aimed)
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
-    features = passes and residual
+    osl = residual and choices.shader == OSL
+    features = passes and residual and not osl
     if residual:
-        why = "a view layer asks for them" if features else "no view layer asks for them"
+        why = "a view layer asks for them" if passes else "no view layer asks for them"
+        why = "OSL cannot write them; built of nodes they can be had" if passes and osl else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:
         effects.append(Effect("Normal pass", True, "a view layer shows it"))
     effects += _language(choices, residual)
-    osl = residual and choices.shader == OSL
     return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
 
 

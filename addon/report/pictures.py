@@ -23,13 +23,19 @@ from ...bake.report.chart import Chart, Point
 from ...bake.report.journal import Journal
 from ...bake.report.page import Gallery, Picture, Section, Table
 from ...bake.source import Array, BrdfSource
+from ...nodes.osl_script import use_osl, why_no_osl
 from ..material.build_brdf import build_brdf
-from ..material.choices import Choices
+from ..material.choices import ALWAYS, OSL, Choices
 from ..rendering.contact_sheet import to_display
+from ..rendering.denoising import denoise_renders, why_not_possible
 from ..studio.studio import build_studio, remove_studio, render_linear
 from .principled_match import fit_principled
 
 PRINCIPLED = "Principled BSDF"
+# Mode Exact as one OSL shader, which samples lamps in every version of Blender.
+SAMPLED = "exact, OSL, lamps sampled"
+# Denoised by the materials' own albedo and normals.
+DENOISED = {"preview, denoised": "preview", "exact, denoised": "exact"}
 # What else the machine does takes no part in it, as it would in time by the clock.
 SECONDS = "seconds of processor, all threads together"
 # Difference images are shown this much brighter than the pictures.
@@ -68,7 +74,7 @@ def measure_pictures(
     bundle = read_bundle(path if path.is_dir() else bake_source(source, path).path)
     truth_file = folder / f"truth_{sizes.edge}_{sizes.truth}.npy"
     if not truth_file.is_file():
-        with _shown(bundle, source, "exact") as scene:
+        with _shown(bundle, source, _least_noisy()) as scene:
             truth, _ = _render(scene, sizes, sizes.truth, seed=1)
         with replacing_file(truth_file) as temporary, temporary.open("wb") as stream:
             np.save(stream, truth)
@@ -76,7 +82,11 @@ def measure_pictures(
     found: list[Rendered] = []
     pictures = [_picture(truth, f"exact, {sizes.truth} samples: taken as the truth")]
     differences: list[Picture] = []
-    variants = (PRINCIPLED, *MODES)
+    variants = [PRINCIPLED, *MODES]
+    if not why_no_osl():
+        variants.append(SAMPLED)
+    if not why_not_possible():
+        variants += DENOISED
     for k, variant in enumerate(variants):
         progress(k / len(variants))
         key = f"pictures {source.name} {variant} {sizes}"
@@ -111,13 +121,23 @@ def _shown(bundle: Bundle, source: BrdfSource, variant: str) -> Iterator[bpy.typ
     try:
         scene = build_studio(material)
         try:
-            if variant != PRINCIPLED:
-                build_brdf(bundle, material, choices=Choices(mode=variant), scene=scene)
+            if variant == SAMPLED:
+                build_brdf(bundle, material, choices=Choices(sample=ALWAYS, shader=OSL), scene=scene)
+                use_osl(scene)
+            elif variant != PRINCIPLED:
+                if variant in DENOISED:
+                    denoise_renders(scene)
+                build_brdf(bundle, material, choices=Choices(mode=DENOISED.get(variant, variant)), scene=scene)
             yield scene
         finally:
             remove_studio(scene)
     finally:
         bpy.data.materials.remove(material)
+
+
+def _least_noisy() -> str:
+    """Variant of mode Exact whose pictures need the fewest samples."""
+    return "exact" if why_no_osl() else SAMPLED
 
 
 def _render(scene: bpy.types.Scene, sizes: Sizes, samples: int, seed: int) -> tuple[Array, float]:
@@ -141,10 +161,12 @@ def pictures_section(name: str, rendered: list[Rendered], galleries: list[Galler
     for row in rendered:
         series.setdefault(row.variant, []).append(Point(row.seconds, row.error, f"{row.samples} samples"))
     words = [
-        "The studio scene in each of the four modes, and with a Principled BSDF fitted to the material. Error is the "
-        "RMS difference to a picture of many samples in mode Exact, in parts of its mean. Noise falls with time; where "
+        "The studio scene in each of the four modes, and with a Principled BSDF fitted to the material; Exact also as "
+        "an OSL shader that samples the lamps itself, as nodes do from Blender 5.1 on; Preview and Exact also denoised "
+        "by the material's albedo and normals, as `render` does. Error is the RMS difference to a picture of many "
+        "samples in mode Exact, in parts of its mean. Noise falls with time; where "
         "a curve levels out, what is left is how far the closures are from the measurement, which no time reduces. "
-        "Seconds are of the samples alone, without loading and compiling, and of all threads together."
+        "Seconds are of the samples alone, without loading, compiling and denoising, and of all threads together."
     ]
     section = Section(f"Pictures: {name}", words, galleries=galleries)
     section.charts = [Chart(f"{name}: error against render time", SECONDS, "RMS error, relative", series, knee=False)]
