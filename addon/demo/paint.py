@@ -20,13 +20,12 @@ from ...bake.bundle.result import BakeResult
 from ...bake.source import Array
 from ...bake.sources.analytic import MetallicPaint
 from ...bake.sources.merl import write_merl
-from ...nodes.alias_sampler_group import alias_sampler_group
 from ...nodes.brdf_group import BrdfParts, brdf_group
 from ...nodes.data_image import bundle_image
 from ...nodes.material import build_material
 from ...nodes.material_tree import assemble
 from ...nodes.metallic_paint_group import metallic_paint_group
-from ...nodes.table_groups import TableGroups
+from ...nodes.table_groups import TableGroups, sampler_groups
 from ..rendering.contact_sheet import Cell, to_display, write_sheet
 from ..studio.studio import build_studio, remove_studio, render_linear
 
@@ -91,11 +90,11 @@ def run_demo(out: Path, *, quick: bool = False, progress: Progress | None = None
 
 
 def _truth_material(bundle_path: Path) -> bpy.types.Material:
-    """The analytic paint evaluated in the shader, drawn from the same alias tables."""
+    """The analytic paint evaluated in the shader, drawn from the same sampler."""
     bundle = read_bundle(bundle_path)
     layout = BrdfRecord.read(bundle).sampler
     image = bundle_image(bundle, "sampler", "truth sampler")
-    sampler = alias_sampler_group("MM Sampler truth", image, layout)
+    sampler = sampler_groups(layout)[0]("MM Sampler truth", image, layout)
     material = bpy.data.materials.new("truth")
     truth = BrdfParts(TableGroups(metallic_paint_group(PAINT), sampler))
     assemble(material, brdf_group("Analytic truth", "reference", truth), (0.1, 0.2, 0.5))
