@@ -45,7 +45,7 @@ def check_image(bundle: Bundle, name: str) -> None:
 
 
 def check_table(table: BakedTable) -> None:
-    """Raise BakeError where a table or its alias tables are not those that were baked, or would lead out of them."""
+    """Raise BakeError where a table or its sampler are not those that were baked, or would lead out of them."""
     check_image(table.bundle, table.part)
     check_once(table.bundle, table.sampler, f"sampler {table.layout}", table.load_sampler)
 

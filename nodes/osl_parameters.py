@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..bake.brdf.baked_table import Layout
 from ..bake.brdf.parts import StoredTableRecord
+from ..bake.brdf.samplers import Layout
 from ..bake.envelope import ShareLayout, SlopeShareLayout
 from ..bake.errors import BakeError
 from ..bake.sampling.half_vector_cells import SamplerLayout
+from ..bake.sampling.half_vector_warp import HalfVectorWarp
+from ..bake.sampling.slope_warp import SlopeWarp
 from ..bake.tables.atlas import AtlasLayout
 from ..bake.tables.grids.grid import Grid
 from ..bake.tables.log_codes import LogCodes
@@ -42,9 +44,12 @@ def grid_constants(grid: Grid) -> dict[str, Any]:
 
 
 def cell_constants(layout: Layout) -> dict[str, Any]:
-    """Those of alias tables' bins and cells."""
-    if isinstance(layout, SamplerLayout):
-        return {"Bins": layout.n_o, "CellRows": layout.n_h, "CellColumns": layout.n_phi, "Warp": layout.warp_power}
+    """Those of a sampler's bins and cells."""
+    if isinstance(layout, (SamplerLayout, HalfVectorWarp)):
+        sizes = {"Bins": layout.n_o, "CellRows": layout.n_h, "CellColumns": layout.n_phi}
+        if isinstance(layout, SamplerLayout):
+            return {**sizes, "Warp": layout.warp_power}
+        return {**sizes, "Strata": layout.strata, "Linear": layout.linear}
     return {
         "Bins": layout.n_theta,
         "BinsPhi": layout.n_phi,
@@ -53,6 +58,7 @@ def cell_constants(layout: Layout) -> dict[str, Any]:
         "WidthX": layout.width_x,
         "WidthY": layout.width_y,
         "HalfTurn": int(layout.folded),
+        **({"Strata": layout.strata} if isinstance(layout, SlopeWarp) else {}),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import bpy
 
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
+from ..bake.brdf.samplers import Layout, kind_of_layout
 from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .checked_pixels import check_table
@@ -16,6 +18,9 @@ from .data_image import Images
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
 from .table_lookup_group import table_lookup_group
+from .warp_sampler_group import warp_pdf_group, warp_sampler_group
+
+MakeGroup = Callable[[str, bpy.types.Image, Any], bpy.types.ShaderNodeTree]
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,14 @@ def table_groups(
     lookup = table_lookup_group(
         f"MM Lookup {name}", atlas, grid, filter, 1 / stored.scale, stochastic, stored.offset, stored.log
     )
-    sampler = alias_sampler_group(f"MM Sampler {name}", cells, table.layout)
-    density = alias_pdf_group(f"MM Sampler Density {name}", cells, table.layout) if aimed else None
+    draw, ask = sampler_groups(table.layout)
+    sampler = draw(f"MM Sampler {name}", cells, table.layout)
+    density = ask(f"MM Sampler Density {name}", cells, table.layout) if aimed else None
     return TableGroups(lookup, sampler, density)
+
+
+def sampler_groups(layout: Layout) -> tuple[MakeGroup, MakeGroup]:
+    """What makes the groups of such a sampler and of its density, of a name, its image and the layout."""
+    if kind_of_layout(layout) == "warp":
+        return warp_sampler_group, warp_pdf_group
+    return alias_sampler_group, alias_pdf_group

@@ -66,7 +66,7 @@ def test_sampler(tmp_path: Path, folded: bool) -> None:
     layout = SlopeLayout(6, 8, 14, 12, 0.1, 0.4, folded)
     sampler, file = build_sampler(BRUSHED, layout), tmp_path / "slopes.exr"
     write_image(file, sampler.texels, Storage.FLOAT32)
-    facts = f'"{file}", 6, 8, 12, 14, 0, 0.1, 0.4, {int(folded)}'
+    facts = f'"{file}", 6, 8, 12, 14, 0, 0.1, 0.4, {int(folded)}, 0, 1'
     body = f"""
       MMSampler slopes = {{{facts}}};
       wi = mm_draw(slopes, wo, first[0], first[1], first[2], last, pdf);

@@ -51,7 +51,7 @@ def test_round_trip(tmp_path: Path, storage: Storage) -> None:
     assert found.image_path("table") == path / f"felt_{digest}_table{storage.suffix}"
     assert found.has("table") and not found.has("slices")
     assert found.preview == path / "preview.png"
-    assert (found.material["schema"], found.material["kind"]) == (3, "brdf")
+    assert (found.material["schema"], found.material["kind"]) == (4, "brdf")
     assert set(found.material["images"]["table"]) == {
         "file",
         "width",
@@ -121,7 +121,7 @@ def test_exr_headers_repeat_the_parameters(path: Path) -> None:
     attributes = bundle.read_header(stored(path)).attributes
     assert (attributes["image"], attributes["storage"]) == ("table", "half")
     repeated = json.loads(attributes["material"])
-    assert repeated == {"source": {"name": "felt"}, "version": 1, "schema": 3, "kind": "brdf"}
+    assert repeated == {"source": {"name": "felt"}, "version": 1, "schema": 4, "kind": "brdf"}
 
 
 def test_replacing_leaves_nothing_of_the_old(path: Path) -> None:
@@ -201,7 +201,7 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     "change, word",
     [
-        (lambda d: d.update(schema=4), "newer version .schema 4, known here: 3.*update"),
+        (lambda d: d.update(schema=5), "newer version .schema 5, known here: 4.*update"),
         (lambda d: d.update(schema=0), "'schema' is 0, below 1"),
         (lambda d: d.update(schema=True), "'schema' is not a whole number"),
         (lambda d: d.update(schema=1.0), "'schema' is not a whole number"),

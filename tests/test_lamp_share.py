@@ -249,7 +249,7 @@ def probability_by_osl(file: Path, layout: ShareLayout | SlopeShareLayout, table
     centre = ", ".join(f"{x:.9g}" for x in table[0, 0, :3])
     sky, _, lamps, strength = (f"{x:.9g}" for x in table[0, 4])
     call = f"shares, frame, usual, i, p, vector({centre}), {lamps}, {strength}, {sky}"
-    return f'MMSampler shares = {{"{file}", {shares}}}; y = mm_lamp_probability({call});'
+    return f'MMSampler shares = {{"{file}", {shares}, 0, 1}}; y = mm_lamp_probability({call});'
 
 
 def without_shares(bundle: Bundle, folder: Path) -> Bundle:

@@ -23,7 +23,6 @@ from ...bake.bundle.result import BakeResult
 from ...bake.source import Array
 from ...bake.sources.analytic import MetallicPaint
 from ...bake.sources.merl import write_merl
-from ...nodes.alias_sampler_group import alias_pdf_group, alias_sampler_group
 from ...nodes.brdf_group import BrdfParts, brdf_group
 from ...nodes.data_image import bundle_image
 from ...nodes.feature_passes import albedo_polynomial, with_feature_outputs
@@ -31,7 +30,7 @@ from ...nodes.material import build_material
 from ...nodes.material_tree import assemble
 from ...nodes.metallic_paint_group import metallic_paint_group
 from ...nodes.osl_script import use_osl, why_no_osl
-from ...nodes.table_groups import TableGroups
+from ...nodes.table_groups import TableGroups, sampler_groups
 from ..lights.light_tables import lamp_image
 from ..material.build_brdf import build_brdf
 from ..material.choices import ALWAYS, OSL, Choices
@@ -119,12 +118,13 @@ def _table_material(path: Path) -> bpy.types.Material:
 
 
 def _truth_material(bundle_path: Path) -> bpy.types.Material:
-    """The analytic paint evaluated in the shader, drawn from the same alias tables."""
+    """The analytic paint evaluated in the shader, drawn from the same sampler."""
     bundle = read_bundle(bundle_path)
     record = BrdfRecord.read(bundle)
     image = bundle_image(bundle, "sampler", "truth sampler")
-    sampler = alias_sampler_group("MM Sampler truth", image, record.sampler)
-    density = alias_pdf_group("MM Sampler Density truth", image, record.sampler)
+    make_sampler, make_density = sampler_groups(record.sampler)
+    sampler = make_sampler("MM Sampler truth", image, record.sampler)
+    density = make_density("MM Sampler Density truth", image, record.sampler)
     material = bpy.data.materials.new("truth")
     truth = BrdfParts(TableGroups(metallic_paint_group(PAINT), sampler, density), lamps=lamp_image())
     group = with_feature_outputs(brdf_group("Analytic truth", "reference", truth), albedo_polynomial(record))

@@ -27,6 +27,7 @@ from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
 from .preview_sphere import preview_sphere
 from .reflection import Reflection, reflection_of
+from .samplers import layout_facts
 from .settings import BakeSettings
 
 _ERROR_PAIRS = 32768
@@ -80,7 +81,7 @@ def bake_source(
         "table": bake.table_facts(made),
         "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
-        "sampler": asdict(reflection.layout),
+        "sampler": layout_facts(reflection.layout),
         **bake.measured(made, reflection),
     }
     fit = None
@@ -166,7 +167,7 @@ class _Bake:
         return store_table(replace(table, filter=self.settings.filter), self.settings.storage, self.pairs, truth)
 
     def cells(self, table: Table, reflection: Reflection) -> StoredImage:
-        """Alias tables of the table."""
+        """Sampler of the table."""
         self.say("sampler", 0.0)
         texels = reflection.cells(_sampled(table), lambda share: self.say("sampler", share))
         return StoredImage(texels, Storage.FLOAT32)
@@ -254,5 +255,6 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     if source.isotropic:
         del plain["viewers"]
     plain["storage"] = str(settings.storage)
+    plain["sampler"] = layout_facts(settings.sampler)
     plain["alpha"] = settings.alpha if isinstance(settings.alpha, str) else list(settings.alpha)
     return plain

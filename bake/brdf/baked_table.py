@@ -1,19 +1,15 @@
-"""A table in a bundle with the alias tables that draw its directions: what lookups and samplers are built of."""
+"""A table in a bundle with the sampler that draws its directions: what lookups and samplers are built of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from ..bundle.bundle import Bundle
-from ..errors import BakeError
-from ..sampling.cell_sampler import CellSampler
-from ..sampling.half_vector_cells import SamplerLayout
-from ..sampling.slope_cells import SlopeLayout
 from ..tables.atlas import unpack
 from ..tables.table import Filter, Table
 from .parts import StoredTableRecord
+from .samplers import Layout, Sampler, checked_sampler
 
-Layout = SamplerLayout | SlopeLayout
 SAMPLERS = {"table": "sampler", "residual": "residual_sampler"}
 
 
@@ -31,7 +27,7 @@ class BakedTable:
     bundle : that holds its images
     part : "table" or "residual", the name of its image
     stored : its grid, and how values come back
-    layout : sizes of its alias tables
+    layout : kind and sizes of its sampler
     filter : that it was baked for
     """
 
@@ -43,7 +39,7 @@ class BakedTable:
 
     @property
     def sampler(self) -> str:
-        """Name of the image of its alias tables."""
+        """Name of the image of its sampler."""
         return SAMPLERS[self.part]
 
     def load(self) -> Table:
@@ -52,9 +48,6 @@ class BakedTable:
         values = self.stored.decoded(unpack(grid, self.bundle.load(self.part)))
         return Table(grid, values, self.stored.log, self.filter)
 
-    def load_sampler(self) -> CellSampler:
-        """The stored alias tables. Raises BakeError where a number would lead out of them."""
-        texels = self.bundle.load(self.sampler)
-        if texels.shape[2] != 4 or (texels < 0).any() or (texels[..., 1] >= self.layout.cells).any():
-            raise BakeError(self.bundle.image_path(self.sampler), "is no alias table", "bake it again")
-        return CellSampler(self.layout, texels)
+    def load_sampler(self) -> Sampler:
+        """The stored sampler. Raises BakeError where a number would lead out of its tables."""
+        return checked_sampler(self.layout, self.bundle.load(self.sampler), self.bundle.image_path(self.sampler))

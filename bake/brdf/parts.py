@@ -15,14 +15,13 @@ from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
 from ..images.storage import TABLE_STORAGES, Storage
 from ..lobes.lobes import Lobe
-from ..sampling.half_vector_cells import SamplerLayout
-from ..sampling.slope_cells import SlopeLayout
 from ..source import Array
 from ..tables.grids.grid import Grid
 from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
 from .grids import grid_of, is_anisotropic
+from .samplers import isotropic_layout_of
 from .settings import BakeSettings
 
 _MOST_PREVIEW = 3  # closures of an isotropic preview
@@ -42,7 +41,7 @@ def settings_of(fields: Fields) -> BakeSettings:
         shape = isinstance(fields.entries["alpha"], list)
         given["alpha"] = fields.numbers("alpha", (2, 2), 0, 1) if shape else fields.text("alpha")
     if fields.has("sampler"):
-        given["sampler"] = _cells(fields.part("sampler"))
+        given["sampler"] = isotropic_layout_of(fields.part("sampler"))
     if fields.has("envelope"):
         given["envelope"] = fields.flag("envelope")
     if fields.has("viewers"):
@@ -216,20 +215,6 @@ def _codes(
 
 def _filter(fields: Fields) -> Filter:
     return cast(Filter, fields.text("filter", choices=FILTERS))
-
-
-def sampler_of(fields: Fields, anisotropic: bool) -> SamplerLayout | SlopeLayout:
-    """The sizes of a bundle's "sampler". Raises BakeError."""
-    if not anisotropic:
-        return _cells(fields)
-    n_theta, n_phi, n_x, n_y = (fields.whole(key, 1, 1024) for key in ("n_theta", "n_phi", "n_x", "n_y"))
-    width_x, width_y = (fields.number(key, 1e-4, 1e3) for key in ("width_x", "width_y"))
-    return SlopeLayout(n_theta, n_phi, n_x, n_y, width_x, width_y, fields.flag("folded"))
-
-
-def _cells(fields: Fields) -> SamplerLayout:
-    n_o, n_h, n_phi = (fields.whole(key, 1, 1024) for key in ("n_o", "n_h", "n_phi"))
-    return SamplerLayout(n_o, n_h, n_phi, fields.whole("warp_power", 1, 4))
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,10 @@ from ..envelope import (
 )
 from ..errors import BakeError
 from ..images.storage import Storage
-from ..sampling.cell_sampler import CellSampler
 from ..sampling.slope_cells import SlopeLayout
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
-from .baked_table import SAMPLERS, BakedTable, Layout, images_of_table
+from .baked_table import SAMPLERS, BakedTable, images_of_table
 from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size
 from .grids import is_anisotropic
 from .modes import TABLE_OF
@@ -36,9 +35,9 @@ from .parts import (
     StoredTableRecord,
     TableRecord,
     candidates_of,
-    sampler_of,
     settings_of,
 )
+from .samplers import Layout, Sampler, layout_of
 from .settings import BakeSettings
 
 
@@ -50,7 +49,7 @@ class BrdfRecord(BundleRecord):
     ----------
     settings : to bake the same again with
     table, residual : the stored tables; no residual where no envelope was fitted
-    sampler : sizes of the alias tables of both
+    sampler : kind and sizes of the samplers of both
     rms_by_filter : RMS in 1/sr with the filter of the bake and with every simpler one; empty in older bundles
     search : of a Bezier shape, where one was searched for
     candidates : grids that were tried, best first; none in older bundles
@@ -125,15 +124,15 @@ class BrdfRecord(BundleRecord):
         return found
 
     def baked(self, part: str = "table") -> BakedTable:
-        """The "table" or the "residual" with its alias tables. Raises BakeError where there is none."""
+        """The "table" or the "residual" with its sampler. Raises BakeError where there is none."""
         return BakedTable(self.files(), part, self.stored(part), self.sampler, self.table.filter)
 
     def load_table(self, part: str = "table") -> Table:
         """The stored values of the "table" or the "residual". Raises BakeError."""
         return self.baked(part).load()
 
-    def load_sampler(self, part: str = "table") -> CellSampler:
-        """The stored alias tables of the "table" or the "residual". Raises BakeError where a number would lead out."""
+    def load_sampler(self, part: str = "table") -> Sampler:
+        """The stored sampler of the "table" or the "residual". Raises BakeError where a number would lead out."""
         return self.baked(part).load_sampler()
 
     def load_envelope(self) -> EnvelopeFit:
@@ -177,10 +176,10 @@ def _residual_of(fields: Fields, images: Mapping[str, ImageRecord], table: Table
 
 
 def _sampler_of(fields: Fields, images: Mapping[str, ImageRecord], anisotropic: bool) -> Layout:
-    """The alias tables' sizes, which both images have. Raises BakeError."""
-    layout = sampler_of(fields.part("sampler"), anisotropic)
+    """Kind and sizes of the samplers, which both images have. Raises BakeError."""
+    layout = layout_of(fields.part("sampler"), anisotropic)
     for name in SAMPLERS.values():
-        check_size(images, name, (layout.cells, layout.bins), fields)
+        check_size(images, name, (layout.width, layout.bins), fields)
     return layout
 
 

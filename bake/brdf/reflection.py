@@ -20,9 +20,10 @@ from ..envelope import (
     fit_preview,
     lamp_shares,
 )
-from ..sampling.cell_sampler import build_sampler
-from ..sampling.half_vector_cells import SamplerLayout
+from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.slope_cells import SlopeLayout
+from ..sampling.slope_warp import SlopeWarp
+from ..sampling.warp_choice import fitted_warp
 from ..source import Array, BrdfSource, Facts
 from ..tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..tables.bspline_fit import sample_spline
@@ -32,6 +33,7 @@ from ..tables.search.grid_search import GridChoice
 from ..tables.search.isotropic_search import refit_grid
 from ..tables.table import Table
 from ..tables.treated_source import TreatedSource
+from .samplers import IsotropicLayout, Layout, sampler_texels
 from .settings import BakeSettings
 
 Share = Callable[[float], None]
@@ -49,17 +51,17 @@ class Reflection(ABC):
 
     Attributes
     ----------
-    layout : sizes of the sampler of the table and of the residual
+    layout : kind and sizes of the sampler of the table and of the residual
     """
 
-    layout: SamplerLayout | SlopeLayout
+    layout: Layout
 
     def __init__(self, treated: TreatedSource) -> None:
         self._treated = treated
 
     def cells(self, table: Table, progress: Share) -> Array:
-        """Texels of alias tables that follow a table."""
-        return build_sampler(table, self.layout, progress).texels
+        """Texels of a sampler that follows a table."""
+        return sampler_texels(table, self.layout, progress)
 
     def fit_envelope(self, progress: Share) -> EnvelopeFit:
         """Native closures under the source."""
@@ -99,7 +101,9 @@ class IsotropicReflection(Reflection):
 
     def __init__(self, treated: TreatedSource, settings: BakeSettings) -> None:
         super().__init__(treated)
-        self._settings, self.layout = settings, settings.sampler
+        wanted = settings.sampler
+        self._settings = settings
+        self.layout = fitted_warp(treated, wanted) if isinstance(wanted, HalfVectorWarp) else wanted
 
     def nodes(self) -> Elevations:
         """Elevations."""
@@ -186,7 +190,11 @@ def reflection_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settin
     return AnisotropicReflection(treated, grid, choice, settings)
 
 
-def slope_layout(wanted: SamplerLayout, widths: tuple[float, float], half_turn: bool) -> SlopeLayout:
+def slope_layout(wanted: IsotropicLayout, widths: tuple[float, float], half_turn: bool) -> SlopeLayout:
     """Bins and cells of the sizes that the settings have for isotropic materials, shared between two axes each."""
+    width_x, width_y = (_CELL_WIDTH * width for width in widths)
+    if isinstance(wanted, HalfVectorWarp):
+        bins, cells = max(4, wanted.n_o * 3 // 8), max(8, round((wanted.n_h * wanted.n_phi) ** 0.5) * 6 // 7)
+        return SlopeWarp(bins, bins, cells, cells, width_x, width_y, half_turn)
     bins, cells = max(4, wanted.n_o // 4), max(8, round((wanted.n_h * wanted.n_phi) ** 0.5) * 2 // 3)
-    return SlopeLayout(bins, bins, cells, cells, _CELL_WIDTH * widths[0], _CELL_WIDTH * widths[1], half_turn)
+    return SlopeLayout(bins, bins, cells, cells, width_x, width_y, half_turn)

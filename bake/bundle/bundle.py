@@ -38,7 +38,8 @@ Kind = Literal["brdf", "shading_map"]
 KINDS: tuple[str, ...] = get_args(Kind)
 # 2: half vectors, four dimensions, codes, raised half floats, all of which readers of 1 would take for plain tables.
 # 3: images are called as no other material's are.
-SCHEMA = 3
+# 4: samplers may be warps, which readers of 3 would take for alias tables.
+SCHEMA = 4
 SUFFIX = ".mmat"
 IMAGES = (
     "table",

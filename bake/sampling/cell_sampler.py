@@ -45,26 +45,22 @@ class HalfVector(NamedTuple):
     second: Any
 
 
-class CellLayout(Protocol):
-    """Bins of viewers and cells of half vectors; formulas take the namespace `xp`, numpy's or the shader nodes'.
+class MomentLayout(Protocol):
+    """Bins of viewers and cells of half vectors, as far as it takes to know how often cells should be drawn.
 
     Attributes
     ----------
     shape : sizes along each axis: those of the bins, then rows and columns of the cells
     periodic : axes of `shape` whose last entry is followed by the first
-    cells, bins : the texture's width and height
+    bins : the texture's height
 
     Methods
     -------
-    bin_of : row of the texture for a viewer
-    cell_of : cell in which the half vector of a pair of directions lies, and that half vector
-    half_vector : the one at the place (u, v) in [0, 1]^2 of a cell
-    pdf : density of wi per solid angle, from what is stored of the half vector's cell
+    bin_of : row of the texture for a viewer; the namespace `xp` is numpy's or the shader nodes'
     weight : a light direction's cosine over the density that a probability even over `areas` gives it
     points : half vectors (rows count, columns count, 3) at count x count places of every cell
     viewers : (bins, n, 3), over which a bin's cells are averaged
     areas : what cells are as large as, of a shape that broadcasts to (rows, columns)
-    stored : what is stored of cells (bins, rows, columns) drawn with these probabilities
     """
 
     @property
@@ -72,17 +68,34 @@ class CellLayout(Protocol):
     @property
     def periodic(self) -> tuple[int, ...]: ...
     @property
-    def cells(self) -> int: ...
-    @property
     def bins(self) -> int: ...
     def bin_of(self, xp: Any, wo: Any) -> Any: ...
-    def cell_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, HalfVector]: ...
-    def half_vector(self, xp: Any, wo: Any, cell: Any, u: Any, v: Any) -> HalfVector: ...
-    def pdf(self, xp: Any, value: Any, half: HalfVector, wo_half: Any) -> Any: ...
     def weight(self, cosine: Array, half: HalfVector, wo_half: Array) -> Array: ...
     def points(self, count: int) -> HalfVector: ...
     def viewers(self) -> Array: ...
     def areas(self) -> Array: ...
+
+
+class CellLayout(MomentLayout, Protocol):
+    """Cells that alias tables choose from; formulas take the namespace `xp`, numpy's or the shader nodes'.
+
+    Attributes
+    ----------
+    cells : the texture's width
+
+    Methods
+    -------
+    cell_of : cell in which the half vector of a pair of directions lies, and that half vector
+    half_vector : the one at the place (u, v) in [0, 1]^2 of a cell
+    pdf : density of wi per solid angle, from what is stored of the half vector's cell
+    stored : what is stored of cells (bins, rows, columns) drawn with these probabilities
+    """
+
+    @property
+    def cells(self) -> int: ...
+    def cell_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, HalfVector]: ...
+    def half_vector(self, xp: Any, wo: Any, cell: Any, u: Any, v: Any) -> HalfVector: ...
+    def pdf(self, xp: Any, value: Any, half: HalfVector, wo_half: Any) -> Any: ...
     def stored(self, probability: Array) -> Array: ...
 
 
@@ -156,7 +169,7 @@ def reflect_from_cell(
 
 
 def cell_moments(
-    source: Evaluates, layout: CellLayout, progress: Callable[[float], None] | None = None
+    source: Evaluates, layout: MomentLayout, progress: Callable[[float], None] | None = None, points: int = _POINTS
 ) -> tuple[Array, Array]:
     """Root mean square over each cell of what leaves no variance, for the material and for a Lambertian one.
 
@@ -168,7 +181,7 @@ def cell_moments(
     -------
     material, matte : (bins, rows, columns)
     """
-    half = layout.points(_POINTS)
+    half = layout.points(points)
     directions, shape = half.direction, layout.shape[-2:]
     material, matte = np.zeros((2, layout.bins, *shape))
     seen_from = layout.viewers()
@@ -183,26 +196,33 @@ def cell_moments(
             g = np.zeros((*weight.shape, 3))
             g[visible] = source.evaluate(wi[visible], np.broadcast_to(wo, wi[visible].shape))
             g *= weight[..., None]
-            material[row] += _cell_mean((g * g).mean(-1), shape)
-            matte[row] += _cell_mean((weight / np.pi) ** 2, shape)
+            material[row] += _cell_mean((g * g).mean(-1), shape, points)
+            matte[row] += _cell_mean((weight / np.pi) ** 2, shape, points)
     count = seen_from.shape[1]
     return np.sqrt(material / count), np.sqrt(matte / count)
 
 
-def _cell_mean(values: Array, shape: tuple[int, ...]) -> Array:
+def _cell_mean(values: Array, shape: tuple[int, ...], points: int) -> Array:
     rows, columns = shape
-    return values.reshape(rows, _POINTS, columns, _POINTS).mean((1, 3))
+    return values.reshape(rows, points, columns, points).mean((1, 3))
+
+
+def cell_probabilities(
+    source: Evaluates, layout: MomentLayout, progress: Callable[[float], None] | None = None, points: int = _POINTS
+) -> Array:
+    """Probabilities (bins, rows, columns) of least variance, a cosine floor included."""
+    material, matte = cell_moments(source, layout, progress, points)
+    around = _neighbourhood_maximum(matte.reshape(layout.shape), layout.periodic).reshape(matte.shape)
+    areas = layout.areas()
+    material, matte = material * areas, np.maximum(matte, 0.25 * around) * areas
+    return (1 - COSINE_FLOOR) * _normalized(material, matte) + COSINE_FLOOR * _normalized(matte, matte)
 
 
 def build_sampler(
     source: Evaluates, layout: CellLayout, progress: Callable[[float], None] | None = None
 ) -> CellSampler:
-    """Alias tables for a source, a cosine floor included; `progress` is called with the share done."""
-    material, matte = cell_moments(source, layout, progress)
-    around = _neighbourhood_maximum(matte.reshape(layout.shape), layout.periodic).reshape(matte.shape)
-    areas = layout.areas()
-    material, matte = material * areas, np.maximum(matte, 0.25 * around) * areas
-    probability = (1 - COSINE_FLOOR) * _normalized(material, matte) + COSINE_FLOOR * _normalized(matte, matte)
+    """Alias tables for a source; `progress` is called with the share done."""
+    probability = cell_probabilities(source, layout, progress)
     acceptance, alias = alias_tables(probability.reshape(layout.bins, -1))
     value = layout.stored(probability).reshape(layout.bins, -1)
     texels = np.stack([acceptance, alias, value, np.take_along_axis(value, alias, -1)], -1)

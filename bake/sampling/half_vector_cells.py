@@ -48,8 +48,13 @@ class SamplerLayout:
 
     @property
     def cells(self) -> int:
-        """Cells per bin, the texture's width."""
+        """Cells per bin."""
         return self.n_h * self.n_phi
+
+    @property
+    def width(self) -> int:
+        """The texture's."""
+        return self.cells
 
     @property
     def bins(self) -> int:

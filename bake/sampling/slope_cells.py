@@ -12,7 +12,7 @@ Stored is p_cell times the number of cells.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,8 +22,6 @@ from ..source import Array
 from ..tables.grids.anisotropic_grids import azimuth_index, slope_unwarp, slope_warp
 from .cell_sampler import HalfVector
 
-# Viewers per bin side.
-_VIEWERS = 2
 # Of the warped slope: 1e-6 from its end, which float32 still separates from 1, slopes are a million times the width.
 _EDGE = 1 - 1e-6
 
@@ -39,6 +37,7 @@ class SlopeLayout:
     n_x, n_y : cells of the half vector's slopes
     width_x, width_y : slopes at half of the way from the middle to the edge
     folded : the azimuth covers half a turn
+    viewers_each_way : over which a bin's cells are averaged
     """
 
     n_theta: int = 16
@@ -49,6 +48,7 @@ class SlopeLayout:
     width_y: float = 0.3
     folded: bool = False
     periodic = (1,)
+    viewers_each_way: ClassVar[int] = 2
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
@@ -57,8 +57,13 @@ class SlopeLayout:
 
     @property
     def cells(self) -> int:
-        """Cells per bin, the texture's width."""
+        """Cells per bin."""
         return self.n_x * self.n_y
+
+    @property
+    def width(self) -> int:
+        """The texture's."""
+        return self.cells
 
     @property
     def bins(self) -> int:
@@ -103,8 +108,8 @@ class SlopeLayout:
         """Half vector at a place of a cell, along x and along y."""
         i_y = xp.floor((cell + 0.5) * (1 / self.n_x))
         i_x = cell - i_y * self.n_x
-        u = _inside(xp, (i_x + u) * (2 / self.n_x) - 1)
-        v = _inside(xp, (i_y + v) * (2 / self.n_y) - 1)
+        u = inside(xp, (i_x + u) * (2 / self.n_x) - 1)
+        v = inside(xp, (i_y + v) * (2 / self.n_y) - 1)
         side = self.side(xp, wo)
         x, y = slope_unwarp(xp, u, self.width_x) * side, slope_unwarp(xp, v, self.width_y) * side
         return HalfVector(xp.normalize(xp.vec(x, y, 1.0)), x, y)
@@ -132,13 +137,14 @@ class SlopeLayout:
 
     def viewers(self) -> Array:
         """Viewers (bins, n, 3), even in the chord and over each bin's azimuth."""
-        n_theta, n_phi = self.n_theta * _VIEWERS, self.n_phi * _VIEWERS
+        count = self.viewers_each_way
+        n_theta, n_phi = self.n_theta * count, self.n_phi * count
         chords = (np.arange(n_theta) + 0.5) / n_theta
         turn = np.pi if self.folded else 2 * np.pi
-        azimuths = turn * (np.arange(n_phi) - 0.5 * (_VIEWERS - 1)) / n_phi
+        azimuths = turn * (np.arange(n_phi) - 0.5 * (count - 1)) / n_phi
         viewers = spherical(2 * np.arcsin(chords / np.sqrt(2))[:, None], azimuths)
-        by_bin = viewers.reshape(self.n_theta, _VIEWERS, self.n_phi, _VIEWERS, 3).swapaxes(1, 2)
-        return by_bin.reshape(self.bins, _VIEWERS**2, 3)
+        by_bin = viewers.reshape(self.n_theta, count, self.n_phi, count, 3).swapaxes(1, 2)
+        return by_bin.reshape(self.bins, count**2, 3)
 
     def areas(self) -> Array:
         """All cells are alike."""
@@ -149,7 +155,7 @@ class SlopeLayout:
         return probability * self.cells
 
 
-def _inside(xp: Any, u: Any) -> Any:
+def inside(xp: Any, u: Any) -> Any:
     """Random numbers include 0 and 1, where the slope is infinite."""
     return xp.minimum(xp.maximum(u, -_EDGE), _EDGE)
 

@@ -12,12 +12,12 @@ import numpy as np
 from ..brdf.baked_table import BakedTable
 from ..brdf.common import BundleRecord, ImageRecord, check_size, kind_of
 from ..brdf.grids import is_anisotropic
-from ..brdf.parts import TableRecord, sampler_of
+from ..brdf.parts import TableRecord
 from ..brdf.record import BrdfRecord
+from ..brdf.samplers import IsotropicLayout, isotropic_layout_of
 from ..bundle.bundle import MATERIAL, Bundle
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
-from ..sampling.half_vector_cells import SamplerLayout
 from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
 from .record_parts import (
@@ -46,7 +46,7 @@ class MeasuredLobeRecord:
     """
 
     table: TableRecord
-    sampler: SamplerLayout
+    sampler: IsotropicLayout
     albedo: float | None
 
 
@@ -126,10 +126,9 @@ def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> Meas
     table = TableRecord.parse(fields.part("table"), images["table"].storage if "table" in images else None)
     if is_anisotropic(table.grid):
         raise BakeError(fields.where, "takes f_r from an anisotropic BRDF", "bake it again with an isotropic one")
-    layout = sampler_of(fields.part("sampler"), anisotropic=False)
-    assert isinstance(layout, SamplerLayout)
+    layout = isotropic_layout_of(fields.part("sampler"))
     check_size(images, "table", AtlasLayout.of(table.grid).size, fields)
-    check_size(images, "sampler", (layout.cells, layout.n_o), fields)
+    check_size(images, "sampler", (layout.width, layout.bins), fields)
     told = fields.part("f_r") if fields.has("f_r") else None
     albedo = told.number("albedo", 0, 10) if told and told.has("albedo") else None
     return MeasuredLobeRecord(table, layout, albedo)

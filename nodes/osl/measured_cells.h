@@ -9,7 +9,8 @@
 
 // Alias tables of bake/sampling/half_vector_cells.py, whose cells are of the half vector's elevation and azimuth, `warp`
 // the power of their edges, or of bake/sampling/slope_cells.py: with bins of the viewer's azimuth, `bins_phi`, else 0,
-// and cells of the slopes across and along the tangent.
+// and cells of the slopes across and along the tangent. With `strata` of the first random number, else 0, the image is a
+// warp of bake/sampling/warp_sampler.py, `linear` the width of its elevations: measured_warps.h.
 struct MMSampler {
   string image;
   int bins;
@@ -20,6 +21,8 @@ struct MMSampler {
   float width_x;
   float width_y;
   int half_turn;
+  int strata;
+  float linear;
 };
 
 // A half vector and, of cells of slopes, its own.
@@ -108,7 +111,7 @@ float mm_cell_pdf(MMSampler sampler, float stored, MMHalf h, float wo_half)
 }
 
 // reflect_from_cell; local wi and its density
-vector mm_draw(MMSampler sampler, vector wo, float u_cell, float u_alias, float u, float v, output float pdf)
+vector mm_alias_draw(MMSampler sampler, vector wo, float u_cell, float u_alias, float u, float v, output float pdf)
 {
   float cell = mm_index(u_cell, sampler.cell_rows * sampler.cell_columns);
   float alias_stored;
@@ -169,8 +172,8 @@ float mm_slope_cell(MMSampler sampler, vector wi, vector wo, output MMHalf h)
   return row * sampler.cell_columns + column;
 }
 
-// The density with which mm_draw gives wi.
-float mm_density(MMSampler sampler, vector wi, vector wo)
+// The density with which mm_alias_draw gives wi.
+float mm_alias_density(MMSampler sampler, vector wi, vector wo)
 {
   MMHalf h;
   float cell = 0;

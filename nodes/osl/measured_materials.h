@@ -5,7 +5,7 @@
 #define MEASURED_MATERIALS_H
 
 #include "stdcycles.h"
-#include "measured_cells.h"
+#include "measured_warps.h"
 #include "measured_tables.h"
 
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py

@@ -45,7 +45,7 @@
 #define MM_TABLE {Table, Scale, Offset, LogRange, LogGain, Columns, Rows, Filter, Stochastic}
 
 #define MM_SAMPLER_PARAMETERS                                                                                          \
-  string Sampler = "" [[ string label = "Sampler", string help = "Alias tables", string widget = "filename" ]],        \
+  string Sampler = "" [[ string label = "Sampler", string help = "Warp or alias tables", string widget = "filename" ]],        \
   int Bins = 64 [[ string label = "Bins", string help = "Of the viewer's elevation" ]],                                \
   int BinsPhi = 0 [[ string label = "Bins Phi",                                                                        \
       string help = "Of the viewer's azimuth; 0 of an isotropic table" ]],                                             \
@@ -57,9 +57,12 @@
   float WidthX = 0.3 [[ string label = "Width X", string help = "Slope in the middle of the columns" ]],               \
   float WidthY = 0.3 [[ string label = "Width Y", string help = "Slope in the middle of the rows" ]],                  \
   int HalfTurn = 0 [[ string label = "Half Turn", string widget = "checkBox",                                          \
-      string help = "Viewers after half a turn share their cells" ]]
+      string help = "Viewers after half a turn share their cells" ]],                                                  \
+  int Strata = 0 [[ string label = "Strata", string help = "Of a warp's first number; 0 of alias tables" ]],           \
+  float Linear = 1 [[ string label = "Linear", string help = "Width of a warp's elevations" ]]
 
-#define MM_SAMPLER {Sampler, Bins, BinsPhi, CellRows, CellColumns, Warp, WidthX, WidthY, HalfTurn}
+#define MM_SAMPLER                                                                                                     \
+  {Sampler, Bins, BinsPhi, CellRows, CellColumns, Warp, WidthX, WidthY, HalfTurn, Strata, Linear}
 
 #define MM_SHARE_PARAMETERS                                                                                            \
   string Shares = "" [[ string label = "Shares", string widget = "filename",                                           \
@@ -77,7 +80,7 @@
       string help = "Viewers after half a turn share their slices" ]]
 
 #define MM_SHARES                                                                                                      \
-  {Shares, ShareBins, ShareBinsPhi, ShareCellRows, ShareCellColumns, 0, ShareWidthX, ShareWidthY, ShareHalfTurn}
+  {Shares, ShareBins, ShareBinsPhi, ShareCellRows, ShareCellColumns, 0, ShareWidthX, ShareWidthY, ShareHalfTurn, 0, 1}
 
 #define MM_CLOSURE_PARAMETERS(NAME, LABEL, HELP)                                                                       \
   string NAME = "" [[ string label = LABEL, string widget = "filename", string help = HELP ]],                         \

@@ -240,7 +240,7 @@ def _alias() -> Case:
     def osl(folder: Path) -> Osl:
         file = folder / "cells.exr"
         write_image(file, sampler.texels, Storage.FLOAT32)
-        body = f'MMSampler s = {{"{file}", 16, 0, 24, 16, 2, 0, 0, 0}}; float pdf;'
+        body = f'MMSampler s = {{"{file}", 16, 0, 24, 16, 2, 0, 0, 0, 0, 1}}; float pdf;'
         body += "vector wi = mm_draw(s, wo, a, b, c, d, pdf);"
         return Osl(body + "y[0] = length(wi); y[1] = pdf > 0;", 2, ("wo", "a", "b", "c", "d"))
 
@@ -260,7 +260,7 @@ def _slopes() -> Case:
     def osl(folder: Path) -> Osl:
         file = folder / "slopes.exr"
         write_image(file, sampler.texels, Storage.FLOAT32)
-        body = f'MMSampler s = {{"{file}", 6, 8, 12, 14, 0, 0.1, 0.4, 1}}; float pdf;'
+        body = f'MMSampler s = {{"{file}", 6, 8, 12, 14, 0, 0.1, 0.4, 1, 0, 1}}; float pdf;'
         body += "vector wi = mm_draw(s, wo, a, b, c, d, pdf); y[0] = length(wi); y[1] = pdf > 0;"
         return Osl(body, 2, ("wo", "a", "b", "c", "d"))
 
