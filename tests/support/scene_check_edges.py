@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 from measured_materials.addon.lights.light_tables import update_scene
-from measured_materials.addon.scene_check import light_path_rules, material_rules, mix_rules, scene_rules
+from measured_materials.addon.scene_check import light_path_rules, material_rules, mix_rules, pass_rules, scene_rules
 from measured_materials.nodes import compat
 
 from support.light_paths import darken
@@ -29,7 +29,7 @@ from support.scene_check_cases import (
 from support.scenes import TestScene
 
 Change = Callable[[TestScene], Any]
-MODULES = (scene_rules, light_path_rules, material_rules, mix_rules)
+MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, pass_rules)
 IMAGES = 64  # texels along the longest edge that the test shrinks tables by
 
 
@@ -354,7 +354,10 @@ EDGES = [
     Edge("emission_light_path", ground_emits("Is Glossy Ray"), ground_emits("Ray Depth"), anew=True),
 ]
 # A switch has no value between: a scene that is as it should be is the other side, which every case starts from.
-SWITCHES = {"reflective_caustics", "fast_gi", "path_guiding", "denoising", "engine", "bump_correction", "alpha_mode"}
+SWITCHES = {
+    "reflective_caustics", "fast_gi", "path_guiding", "denoising", "engine", "bump_correction", "alpha_mode",
+    "normal_pass", "denoising_data",
+}  # fmt: skip
 # Held from both sides by tests of their own.
 ELSEWHERE = {
     "common_names": "tests/test_texture_files.py",
