@@ -1,4 +1,4 @@
-"""What the surface is, for Cycles' Normal pass and bakes of normal and roughness (method.md, section 17).
+"""What the surface is, for Cycles' Normal pass and bakes of normal and roughness (method.md, section 15).
 
 Cycles sums a sample's closures for these by their weights. Where that sample is a stochastic mirror it finds the normal
 of the mirror's facet, and roughness 0. The marker is a closure that reflects nothing and outweighs them all: the coat
@@ -69,6 +69,12 @@ def with_marker(closure: Any, normal: Any, roughness: Any, *, always: bool) -> A
 def shows_normals(scene: bpy.types.Scene) -> bool:
     """Whether a view layer holds Cycles' Normal pass."""
     return any(layer.use_pass_normal for layer in scene.view_layers)
+
+
+def is_marked_for_passes(group: bpy.types.NodeTree) -> bool:
+    """Whether a group marks its surface for the camera's rays, not for bakes alone."""
+    mixes = (node for node in group.nodes if node.bl_idname == "ShaderNodeMixShader" and node.inputs[0].is_linked)
+    return any(node.inputs[0].links[0].from_socket.name == "Is Camera Ray" for node in mixes)
 
 
 def mean_roughness(closures: WeightedClosures | None) -> Any:

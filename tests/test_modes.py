@@ -18,7 +18,7 @@ from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.textures import textures_of
 from measured_materials.addon.scene_check.check import check_scene, mend
-from measured_materials.addon.scene_check.findings import measured_trees
+from measured_materials.addon.scene_check.findings import Finding, measured_trees
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -323,6 +323,29 @@ def test_fitted_to_a_scene_without_lamps_the_next_lamp_is_told(
         assert "not_aimed" not in {finding.rule for finding in check_scene(scene) or ()}
     finally:
         scene.world = world
+
+
+def test_normal_pass_is_fitted_by_the_scene_check(material: bpy.types.Material) -> None:
+    """Told where a view layer shows it, mended by a build for it, and gone again with the pass."""
+    scene = bpy.context.scene
+    mesh = bpy.data.meshes.new("card")
+    mesh.materials.append(material)
+    scene.collection.objects.link(bpy.data.objects.new("card", mesh))
+
+    def told() -> list[Finding]:
+        return [finding for finding in check_scene(scene) or () if finding.rule == "normal_pass"]
+
+    layer = scene.view_layers[0]
+    assert not told()
+    layer.use_pass_normal = True
+    try:
+        (finding,) = told()
+        assert mend([finding]) == [finding] and not told()
+        assert {e.name: e.kept for e in rebuild.effects_of(material)}["Normal pass"]
+    finally:
+        layer.use_pass_normal = False
+    rebuild.rebuild_brdf(material)
+    assert "Normal pass" not in {e.name for e in rebuild.effects_of(material)}
 
 
 def test_denoising_by_materials_comes_and_goes(material: bpy.types.Material) -> None:

@@ -15,7 +15,7 @@ import measured_materials
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.addon.rendering.quiet_camera import quiet_camera
-from measured_materials.addon.scene_check import material_rules, scene_rules
+from measured_materials.addon.scene_check import material_rules, pass_rules, scene_rules
 from measured_materials.addon.scene_check.check import check_scene, measured_names, mend, mend_scene
 from measured_materials.addon.scene_check.findings import NOTE, SLOW, WRONG, Finding
 from measured_materials.addon.ui import check_scene as check_operator
@@ -56,7 +56,7 @@ def test_rule(painted: TestScene, case: Case) -> None:
 
 def test_every_rule_has_a_case() -> None:
     told = {setting.rule for setting in scene_rules._SETTINGS}
-    for module in (scene_rules, material_rules):
+    for module in (scene_rules, material_rules, pass_rules):
         told |= set(re.findall(r'Finding\(\s*"(\w+)"', Path(str(module.__file__)).read_text()))
     assert len(told) > 25
     assert told - {case.rule for case in CASES} == {

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable
 
 import bpy
 
-from . import camera_rules, light_path_rules, material_rules, mix_rules, scene_rules
+from . import camera_rules, light_path_rules, material_rules, mix_rules, pass_rules, scene_rules
 from .findings import NOTE, SEVERITIES, Finding, subject_of
 
 _ROUNDS = 3
@@ -24,6 +24,7 @@ def check_scene(scene: bpy.types.Scene) -> list[Finding] | None:
         *scene_rules.RULES,
         *light_path_rules.RULES,
         *material_rules.RULES,
+        *pass_rules.RULES,
         mix_rules.mixed_mirror,
         *camera_rules.RULES,
     )

@@ -170,6 +170,10 @@ def another_file(scene: TestScene) -> None:
     image.filepath = next(str(f) for f in Path(image.filepath).parent.iterdir() if f.name.endswith("_sampler.exr"))
 
 
+def stores_denoising_data(scene: TestScene) -> None:
+    scene.scene.view_layers[0].cycles.denoising_store_passes = True
+
+
 @dataclass(frozen=True)
 class Case:
     rule: str
@@ -190,6 +194,8 @@ CASES = [
     Case("path_guiding", SLOW, cycles("use_guiding", True)),
     Case("light_tree", SLOW, cycles("use_light_tree", False)),
     Case("denoising", NOTE, cycles("use_denoising", True)),
+    Case("denoising_data", NOTE, stores_denoising_data, False),
+    Case("normal_pass", WRONG, lambda s: setattr(s.scene.view_layers[0], "use_pass_normal", True), False),
     Case("engine", WRONG, lambda s: setattr(s.scene.render, "engine", "BLENDER_WORKBENCH"), False),
     Case("world_glossy", WRONG, lambda s: setattr(s.scene.world.cycles_visibility, "glossy", False)),
     Case("world_diffuse", WRONG, lambda s: setattr(s.scene.world.cycles_visibility, "diffuse", False), False),

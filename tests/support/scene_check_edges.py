@@ -10,7 +10,14 @@ from typing import Any
 
 import bpy
 from measured_materials.addon.lights.light_tables import update_scene
-from measured_materials.addon.scene_check import camera_rules, light_path_rules, material_rules, mix_rules, scene_rules
+from measured_materials.addon.scene_check import (
+    camera_rules,
+    light_path_rules,
+    material_rules,
+    mix_rules,
+    pass_rules,
+    scene_rules,
+)
 from measured_materials.nodes import compat
 
 from support.light_paths import darken
@@ -29,7 +36,7 @@ from support.scene_check_cases import (
 from support.scenes import TestScene
 
 Change = Callable[[TestScene], Any]
-MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, camera_rules)
+MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules)
 STOP = 0.4392  # at which 50 mm that focus at 2.53 blur over one of 32 pixels of 36 mm
 IMAGES = 64  # texels along the longest edge that the test shrinks tables by
 
@@ -386,7 +393,10 @@ EDGES = [
     Edge("emission_light_path", ground_emits("Is Glossy Ray"), ground_emits("Ray Depth"), anew=True),
 ]
 # A switch has no value between: a scene that is as it should be is the other side, which every case starts from.
-SWITCHES = {"reflective_caustics", "fast_gi", "path_guiding", "denoising", "engine", "bump_correction", "alpha_mode"}
+SWITCHES = {
+    "reflective_caustics", "fast_gi", "path_guiding", "denoising", "engine", "bump_correction", "alpha_mode",
+    "normal_pass", "denoising_data",
+}  # fmt: skip
 # Held from both sides by tests of their own.
 ELSEWHERE = {
     "common_names": "tests/test_texture_files.py",
