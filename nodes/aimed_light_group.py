@@ -104,14 +104,12 @@ def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int) -> bpy
         _lamp_group(lamps), _draw_group(), _density_group(), _world_draw_group(world), _world_density_group(world)
     )
 
-    def build(position: Any, normal: Any, wi: Any, *numbers: Any) -> tuple[Any, Any, Any]:
-        seen = [call(parts.lamp, float(k), position, normal) for k in range(room)]
+    def build(*arguments: Any) -> tuple[Any, Any, Any]:
         for slots in range(room + 1):
             for with_world in (False, True) if lamps.size[1] > 1 else (False,):
                 if slots or with_world:
-                    results = _mixture(lamps, parts, seen[:slots], with_world, (position, normal, wi), numbers)
-                    _output(results, slots, with_world)
-        return wi, 0.0, 1.0
+                    _output(call(_mixture_group(lamps, parts, slots, with_world), *arguments), slots, with_world)
+        return arguments[2], 0.0, 1.0
 
     group = node_group(NAME, _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
     nothing = active_output(group)
@@ -132,6 +130,21 @@ class _Parts:
     world_density: bpy.types.ShaderNodeTree
 
 
+def _mixture_group(lamps: bpy.types.Image, parts: _Parts, slots: int, with_world: bool) -> bpy.types.ShaderNodeTree:
+    """As the group, for these lamps. Each is one of its own: what is not aimed at is then muted as a whole."""
+
+    def build(position: Any, normal: Any, wi: Any, *numbers: Any) -> tuple[Any, Any, Any]:
+        seen = [call(parts.lamp, float(k), position, normal) for k in range(slots)]
+        return _mixture(lamps, parts, seen, with_world, (position, normal, wi), numbers)
+
+    return node_group(f"MM {_title(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
+
+
+def _title(slots: int, world: bool) -> str:
+    targets = [f"{slots} Lamp{'s' * (slots > 1)}"] * (slots > 0) + ["World"] * world
+    return f"Aim at {' and '.join(targets)}"
+
+
 def _mixture(
     lamps: bpy.types.Image,
     parts: _Parts,
@@ -140,7 +153,7 @@ def _mixture(
     ray: tuple[Any, Any, Any],
     numbers: tuple[Any, ...],
 ) -> tuple[Any, Any, Any]:
-    """The group's outputs for these lamps, each the results of `_lamp_group`, and for the world or not."""
+    """The outputs for these lamps, each the results of `_lamp_group`, and for the world or not."""
     (position, normal, wi), (u_lamp, u_aim, u1, u2) = ray, numbers
     slots, light = len(seen), [found[-1] for found in seen]
     if with_world:
@@ -178,8 +191,7 @@ def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:
     made = expr.node("NodeGroupOutput", {}, dict(zip(_OUTPUTS, results)))
     made.is_active_output = False
     made[SLOTS_KEY], made[WORLD_KEY] = slots, world
-    targets = [f"{slots} lamp{'s' * (slots > 1)}"] * (slots > 0) + ["the world"] * world
-    made.label = f"Aim at {' and '.join(targets)}"
+    made.label = _title(slots, world)
 
 
 def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:

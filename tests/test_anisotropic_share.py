@@ -14,7 +14,7 @@ from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, StoredImage, read_bundle, write_bundle
 from measured_materials.bake.directions import normalize, spherical
-from measured_materials.bake.envelope import SlopeShareLayout, lamp_shares, part_of_light
+from measured_materials.bake.envelope import ResidualSource, SlopeShareLayout, lamp_shares, part_of_light
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.image_io import write_image
 from measured_materials.bake.images.storage import Storage
@@ -22,6 +22,12 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.slope_cells import SlopeLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import analytic
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.albedo import directional_albedo
+from measured_materials.bake.tables.atlas import AtlasLayout
+from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid
+from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.treated_source import TreatedSource
 from measured_materials.nodes.lamp_share_group import LampShares, lamp_probability
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
@@ -33,6 +39,7 @@ from support.osl import header_card, skip_without_osl
 from support.scenes import TestScene, lit_sphere
 from test_lamp_share import SCENES, darken, groups_of, probability_by_osl, tap, without_shares
 
+SATIN = analytic.Ward(alpha=0.12, alpha_y=0.35, diffuse=(0.3, 0.1, 0.05), specular=0.4)
 LAYOUTS = {
     "whole turn": SlopeShareLayout(SlopeLayout(8, 16, 16, 16, 0.1, 0.4)),
     "folded": SlopeShareLayout(SlopeLayout(8, 8, 16, 16, 0.4, 0.1, True)),
@@ -117,10 +124,9 @@ def test_osl_is_the_formula(tmp_path: Path, kind: str, name: str) -> None:
 @pytest.fixture(scope="module")
 def satin(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """A lobe that ends where closures go on, so that half of its light is residual."""
-    source = analytic.Ward(alpha=0.12, alpha_y=0.35, diffuse=(0.3, 0.1, 0.05), specular=0.4)
     settings = BakeSettings(16, sampler=SamplerLayout(16, 16, 16), basis="half", viewers=(6, 3))
     out = tmp_path_factory.mktemp("satin") / "satin"
-    return read_bundle(bake_source(source, out, settings).path)
+    return read_bundle(bake_source(SATIN, out, settings).path)
 
 
 def test_the_bundle_holds_the_shares_of_its_parts(satin: Bundle) -> None:
@@ -135,6 +141,24 @@ def test_the_bundle_holds_the_shares_of_its_parts(satin: Bundle) -> None:
     # Closures of a bundle have their widths rounded, and tables their values.
     assert np.quantile(np.abs(image - expected)[..., 0], 0.99) < 0.01
     assert np.ptp(image[..., 0]) > 0.5
+
+
+def test_the_residual_has_a_grid_of_its_own(satin: Bundle) -> None:
+    """Of no more texels, for what has no reciprocity: E + R errs less, and loses less light at grazing."""
+    record, source = BrdfRecord.read(satin), TreatedSource(SATIN)
+    fit, grid = record.load_envelope(), record.stored("residual").grid
+    assert isinstance(grid, AnisotropicHalfGrid) and not grid.folded and record.table.grid.facts()["folded"]
+    assert np.prod(AtlasLayout.of(grid).size) <= np.prod(AtlasLayout.of(record.table.grid).size)
+    left = ResidualSource(source, fit)
+    residuals = [record.load_table("residual"), tabulate(left, record.table.grid)]
+    pairs = direction_pairs(4096, turned=True)
+    whole = source.evaluate(pairs.wi, pairs.wo)
+    envelope = fit.evaluate(pairs.wi, pairs.wo)
+    rms = [pairs.rms(envelope + residual.evaluate(pairs.wi, pairs.wo) - whole) for residual in residuals]
+    assert rms[0] < 0.9 * rms[1]
+    light, true, *found = (directional_albedo(f, np.radians(85.0), 24, 0.1) for f in (source, left, *residuals))
+    off = [float(np.abs((value - true) / light).max()) for value in found]
+    assert off[0] < off[1]
 
 
 @pytest.mark.parametrize("change", ["one", "negative", "isotropic"])

@@ -207,9 +207,10 @@ class _Bake:
         self.say("envelope", 0.0)
         fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))
         source = reflection.residual(fit)
-        grid = reflection.residual_grid(source, table.grid)
+        grid = reflection.residual_grid(source, table.grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
+        residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
-        kept = self._stored(tabulate(source, grid), source.evaluate(self.pairs.wi, self.pairs.wo))
+        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo))
         # Drawn and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler = reflection.cells(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))

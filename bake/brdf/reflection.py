@@ -29,8 +29,8 @@ from ..tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..tables.bspline_fit import sample_spline
 from ..tables.grids.anisotropic_grids import AnisotropicHalfGrid
 from ..tables.grids.grid import Grid
+from ..tables.search import anisotropic_search, isotropic_search
 from ..tables.search.grid_search import GridChoice
-from ..tables.search.isotropic_search import refit_grid
 from ..tables.table import Table
 from ..tables.treated_source import TreatedSource
 from .samplers import IsotropicLayout, Layout, sampler_texels
@@ -88,7 +88,7 @@ class Reflection(ABC):
         """The same of a table, by fewer directions."""
 
     @abstractmethod
-    def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
+    def residual_grid(self, source: BrdfSource, grid: Grid, progress: Share) -> Grid:
         """Grid of the residual's table, given that of the whole."""
 
     @abstractmethod
@@ -121,11 +121,11 @@ class IsotropicReflection(Reflection):
         """By elevation."""
         return albedo_facts(table, n=48)
 
-    def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
+    def residual_grid(self, source: BrdfSource, grid: Grid, progress: Share) -> Grid:
         """What the envelope leaves of a highlight has another width, and no reciprocity."""
         if self._settings.bases == ("normal",) and self._settings.spacing != "auto":
             return grid
-        return refit_grid(source, grid, self._settings.resolution)
+        return isotropic_search.refit_grid(source, grid, self._settings.resolution)
 
     def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
         """Following the direction of a lamp."""
@@ -174,9 +174,9 @@ class AnisotropicReflection(Reflection):
             "above_one_deg": degrees[rows.max((0, 2)) > 1.001].tolist(),
         }
 
-    def residual_grid(self, source: BrdfSource, grid: Grid) -> Grid:
-        """That of the whole."""
-        return grid
+    def residual_grid(self, source: BrdfSource, grid: Grid, progress: Share) -> Grid:
+        """What the envelope leaves has no reciprocity."""
+        return anisotropic_search.refit_grid(source, grid, progress)
 
     def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
         """Following the direction of a lamp, in nodes that are even where the highlights are."""
