@@ -20,8 +20,6 @@ from measured_materials.addon.material.textures import textures_of
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import Finding, measured_trees
 from measured_materials.bake.brdf.bake import bake_source
-from measured_materials.bake.brdf.modes import MODES
-from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.errors import BakeError
@@ -29,7 +27,6 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import brdf_group, compat, expr
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
-from measured_materials.nodes.data_image import bundle_images
 from measured_materials.nodes.material import build_material
 from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
@@ -179,20 +176,6 @@ def test_a_material_changes_its_mode_without_its_bundle(material: bpy.types.Mate
 
 def images_of_preview(names: set[str]) -> set[str]:
     return {name for name in names if name.endswith("preview weights")}
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_what_a_mode_is_built_of_is_known(bundle: Bundle, mode: str) -> None:
-    """Before it is: the builder asks for these images and no others, where the scene calls for all there is."""
-    record, load = BrdfRecord.read(bundle), bundle_images(bundle, "paint")
-    asked = set()
-
-    def noted(name: str) -> bpy.types.Image:
-        asked.add(name)
-        return load(name)
-
-    build_material(record, mode=mode, images=noted, lamps=lamp_image(), lamp_share=True)
-    assert asked == set(record.images_of(mode))
 
 
 @pytest.mark.parametrize("name", ["residual", "residual_share"])

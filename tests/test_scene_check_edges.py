@@ -19,7 +19,8 @@ from support.scene_check_cases import (
     material_of,
     rules,
 )
-from support.scene_check_edges import EDGES, ELSEWHERE, SWITCHES, Edge, scaled, told_rules
+from support.scene_check_changes import scaled
+from support.scene_check_edges import EDGES, ELSEWHERE, SWITCHES, Edge, told_rules
 from support.scenes import TestScene
 
 
