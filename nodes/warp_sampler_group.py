@@ -40,9 +40,9 @@ def warp_pdf_group(name: str, image: bpy.types.Image, layout: WarpLayout) -> bpy
 
 
 def _reader(image: bpy.types.Image, layout: WarpLayout, wo: Any) -> Read:
-    v = 1 - (layout.bin_of(expr, wo) + 0.5) * (1 / layout.bins)
+    v = layout.bin_of(expr, wo) * (-1 / layout.bins) + (1 - 0.5 / layout.bins)
 
     def read(column: Any) -> tuple[Any, Any]:
-        return expr.image_tap(image, (column + 0.5) * (1 / layout.width), v, "Closest")
+        return expr.image_tap(image, column * (1 / layout.width), v, "Closest")
 
     return read

@@ -1,4 +1,4 @@
-"""The warp sampler in numpy: inverse tables, chi-square against its pdf by quadrature, coverage, bounds and variance."""
+"""The warp sampler in numpy: inverse tables, chi-square by quadrature of its pdf, coverage, bounds and variance."""
 
 from __future__ import annotations
 

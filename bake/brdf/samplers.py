@@ -34,6 +34,13 @@ def kind_of_layout(layout: Layout) -> str:
     return "warp" if isinstance(layout, WARPS) else "alias"
 
 
+def isotropic_layout(kind: str, size: int) -> IsotropicLayout:
+    """The layout of a kind of `KINDS` whose sizes go with one number, 64 for the usual ones."""
+    if kind == "alias":
+        return SamplerLayout(size, size, size // 2)
+    return HalfVectorWarp(size // 4, min(size * 3 // 4, MOST_CELLS), size // 4)
+
+
 def layout_facts(layout: Layout) -> Facts:
     """What `layout_of` reads; JSON-ready."""
     return {"kind": kind_of_layout(layout), **asdict(layout)}

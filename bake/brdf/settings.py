@@ -9,6 +9,7 @@ from ..envelope.viewers import MOST_EACH_WAY
 from ..errors import check_choice, check_setting
 from ..images.storage import TABLE_STORAGES, Storage
 from ..sampling.half_vector_warp import HalfVectorWarp
+from ..sampling.inverse_tables import MOST_CELLS
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ..tables.grids.parameterization import PARAMETERIZATIONS, Parameterization
 from ..tables.search.grid_search import BASES, Basis
@@ -65,6 +66,9 @@ class BakeSettings:
         check_choice("spline", self.spline, get_args(SplineFit))
         check_choice("storage", str(self.storage), TABLE_STORAGES)
         object.__setattr__(self, "storage", Storage(self.storage))
+        if isinstance(self.sampler, HalfVectorWarp):
+            cells = max(self.sampler.n_h, self.sampler.n_phi)
+            check_setting("sampler", cells <= MOST_CELLS, f"of at most {MOST_CELLS} rows and columns", cells)
         if isinstance(self.alpha, str):
             check_choice("alpha", self.alpha, get_args(AlphaChoice))
         else:

@@ -71,14 +71,15 @@ class HalfVectorWarp:
         return math.log1p(1 / self.linear)
 
     def place_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, HalfVector]:
-        """Coordinates of the half vector, and that half vector with 1 - cos theta_h and phi_h."""
+        """Coordinates of the half vector in cells, and that half vector with 1 - cos theta_h and phi_h."""
         half = xp.normalize(wi + wo)
         apart = half - xp.vec(0.0, 0.0, 1.0)
-        m = xp.dot(apart, apart) * 0.5
+        square = xp.dot(apart, apart)
         x, y, _ = xp.components(half)
         phi = xp.arctan2(y, x)
-        s = xp.log(m * (1 / self.linear) + 1) * (1 / self._range)
-        return s, xp.maximum(phi, -phi) * (1 / np.pi), HalfVector(half, m, phi)
+        s = xp.log(square * (0.5 / self.linear) + 1) * (self.n_h / self._range)
+        angle = phi * (self.n_phi / np.pi)
+        return s, xp.maximum(angle, -angle), HalfVector(half, square * 0.5, phi)
 
     def number_of_t(self, xp: Any, u: Any) -> Any:
         """Away from the viewer's plane on either side, so that directions are continuous all around."""
@@ -87,8 +88,8 @@ class HalfVectorWarp:
 
     def half_at(self, xp: Any, wo: Any, s: Any, t: Any, u: Any) -> Any:
         """Half vector at a place, on the side of the second random number."""
-        m = xp.minimum((xp.exp(s * self._range) - 1) * self.linear, 1.0)
-        sine, phi = xp.sqrt(m * (2 - m)), t * np.pi
+        m = (xp.exp(s * (self._range / self.n_h)) - 1) * self.linear
+        sine, phi = xp.sqrt(m * (2 - m)), t * (np.pi / self.n_phi)
         return xp.vec(sine * xp.cos(phi), sine * xp.sin(phi) * xp.where(u > 0.5, 1.0, -1.0), 1 - m)
 
     def pdf(self, xp: Any, value: Any, half: HalfVector, wo_half: Any) -> Any:

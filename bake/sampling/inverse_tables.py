@@ -23,6 +23,7 @@ from ..source import Array
 # Probabilities before a corner are multiples of this: float32 holds them behind whole numbers below 64.
 STEP = 2.0**-18
 MOST_CELLS = 63
+BELOW_ONE = 1 - 2.0**-24
 
 
 def joined(weights: Array, strata: int) -> tuple[Array, Array]:
@@ -108,8 +109,8 @@ def inverse_table(probability: Array, strata: int) -> Array:
 
 
 def stratum(xp: Any, u: Any, strata: int) -> Any:
-    """Entry for a random number; these include 1."""
-    return xp.minimum(xp.floor(u * strata), strata - 1.0)
+    """Entry for a random number; these include 1, which is held inside by the last digit of a float32."""
+    return xp.floor(u * (strata * BELOW_ONE))
 
 
 def inverted(xp: Any, u: Any, entry: Any) -> Any:

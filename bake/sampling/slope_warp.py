@@ -34,9 +34,9 @@ class SlopeWarp(SlopeLayout):
         return self.strata + self.cells
 
     def place_of(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, HalfVector]:
-        """Coordinates of the half vector, and that half vector with its slopes."""
+        """Coordinates of the half vector in cells, and that half vector with its slopes."""
         along, across, half = self.warped(xp, wi, wo)
-        return across * 0.5 + 0.5, along * 0.5 + 0.5, half
+        return (across + 1) * (0.5 * self.n_y), (along + 1) * (0.5 * self.n_x), half
 
     def number_of_t(self, xp: Any, u: Any) -> Any:
         """As it is."""
@@ -45,6 +45,6 @@ class SlopeWarp(SlopeLayout):
     def half_at(self, xp: Any, wo: Any, s: Any, t: Any, u: Any) -> Any:
         """Half vector at a place."""
         side = self.side(xp, wo)
-        x = slope_unwarp(xp, inside(xp, 2 * t - 1), self.width_x) * side
-        y = slope_unwarp(xp, inside(xp, 2 * s - 1), self.width_y) * side
+        x = slope_unwarp(xp, inside(xp, t * (2 / self.n_x) - 1), self.width_x) * side
+        y = slope_unwarp(xp, inside(xp, s * (2 / self.n_y) - 1), self.width_y) * side
         return xp.normalize(xp.vec(x, y, 1.0))

@@ -30,7 +30,7 @@ from .inverse_tables import inverse_table, inverted, joined, stratum
 # Matte parts that are tried: where this share of the cosine falls on cells that reflect less.
 _QUANTILES = (0.0, 0.003, 0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0)
 
-# Reads the viewer's texel in a column: RGB, and alpha.
+# Reads the viewer's texel, RGB and alpha, at the middle of a column: 0.5 for the first.
 Read = Callable[[Any], tuple[Any, Any]]
 
 
@@ -44,9 +44,9 @@ class WarpLayout(MomentLayout, Protocol):
 
     Methods
     -------
-    place_of : coordinates s and t in [0, 1] of the half vector of a pair of directions, and that half vector
+    place_of : s and t, in rows and columns, of the half vector of a pair of directions, and that half vector
     number_of_t : the number that t is drawn by, for the second random number
-    half_at : the half vector at s and t, given the second random number
+    half_at : the half vector at s and t, in rows and columns, given the second random number
     pdf : density of wi per solid angle, from a density over the unit square of s and t
     """
 
@@ -91,7 +91,7 @@ class WarpSampler:
         row = self.layout.bin_of(xp_numpy, wo).astype(np.intp)
 
         def read(column: Any) -> tuple[Array, Array]:
-            texel = self.texels[row, np.asarray(column).astype(np.intp)].astype(np.float64)
+            texel = self.texels[row, np.floor(column).astype(np.intp)].astype(np.float64)
             return texel[..., :3], texel[..., 3]
 
         return read
@@ -100,14 +100,14 @@ class WarpSampler:
 def draw(xp: Any, layout: WarpLayout, read: Read, wo: Any, u: Any, v: Any) -> Any:
     """Light direction from two random numbers."""
     rows, columns = layout.shape[-2:]
-    _, matte = read(0.0)
+    _, matte = read(0.5)
     is_matte = u < matte
     rest = xp.where(is_matte, xp.divide(u, matte), xp.divide(u - matte, 1 - matte))
-    s = inverted(xp, rest, read(stratum(xp, rest, layout.strata))[0])
+    s = inverted(xp, rest, read(stratum(xp, rest, layout.strata) + 0.5)[0])
     row = xp.minimum(xp.floor(s), rows - 1.0)
     of_t = layout.number_of_t(xp, v)
-    t = inverted(xp, of_t, read(row * columns + stratum(xp, of_t, columns) + layout.strata)[0])
-    half = layout.half_at(xp, wo, s * (1 / rows), t * (1 / columns), v)
+    t = inverted(xp, of_t, read(row * columns + stratum(xp, of_t, columns) + (layout.strata + 0.5))[0])
+    half = layout.half_at(xp, wo, s, t, v)
     reflected = xp.scale(half, 2 * xp.dot(wo, half)) - wo
     radius, angle = xp.sqrt(rest), (2 * v - 1) * np.pi
     cosine = xp.vec(radius * xp.cos(angle), radius * xp.sin(angle), xp.sqrt(1 - rest))
@@ -118,9 +118,10 @@ def density(xp: Any, layout: WarpLayout, read: Read, wi: Any, wo: Any) -> Any:
     """Density per solid angle with which `draw` gives wi."""
     rows, columns = layout.shape[-2:]
     s, t, half = layout.place_of(xp, wi, wo)
-    _, value = read(stratum(xp, s, rows) * columns + stratum(xp, t, columns) + layout.strata)
+    row, column = xp.minimum(xp.floor(s), rows - 1.0), xp.minimum(xp.floor(t), columns - 1.0)
+    _, value = read(row * columns + column + (layout.strata + 0.5))
     _, _, cosine = xp.components(wi)
-    _, matte = read(0.0)
+    _, matte = read(0.5)
     of_half = layout.pdf(xp, value, half, xp.dot(wo, half.direction))
     return of_half + matte * (xp.maximum(cosine, 0.0) * (1 / np.pi))
 

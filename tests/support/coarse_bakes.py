@@ -10,9 +10,11 @@ import pytest
 from measured_materials.bake.brdf import bake
 from measured_materials.bake.envelope.viewers import Elevations, ViewerGrid
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
 
 PAIRS = 2048
 SAMPLER = 16, 16, 8, 2  # n_o, n_h, n_phi, warp_power
+WARP = 4, 12, 4, 1e-2  # n_o, n_h, n_phi, linear
 
 
 @contextmanager
@@ -25,6 +27,7 @@ def coarse_bakes() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bake, "_ERROR_PAIRS", PAIRS)
         patch.setattr(SamplerLayout.__init__, "__defaults__", SAMPLER)
+        patch.setattr(HalfVectorWarp.__init__, "__defaults__", WARP)
         for viewers in (Elevations, ViewerGrid):
             patch.setattr(viewers, "search", replace(viewers.search, ratios=(), exchanged=False, of_basis=False))
         yield
