@@ -1,4 +1,4 @@
-"""Anisotropic materials: error against bytes in both bases, a brushed disc, time beside Principled."""
+"""Anisotropic materials: error against bytes in both bases, and of envelope and residual; a brushed disc, and times."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.addon.studio.studio import remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.preview_sphere import to_srgb
+from measured_materials.bake.brdf.reflection import reflection_of
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.images.image_io import write_png
@@ -23,7 +24,8 @@ from measured_materials.bake.sources.analytic import AshikhminShirley, Ggx, Ward
 from measured_materials.bake.tables.accuracy import direction_pairs, linear_estimate
 from measured_materials.bake.tables.atlas import AtlasLayout
 from measured_materials.bake.tables.grids.anisotropic_grids import NORMAL_KINDS
-from measured_materials.bake.tables.search.grid_search import choose_grid
+from measured_materials.bake.tables.search.grid_search import best_horizon, choose_grid
+from measured_materials.bake.tables.treated_source import TreatedSource
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.material import build_material
 from record import put
@@ -38,8 +40,9 @@ SOURCES: dict[str, BrdfSource] = {
 
 
 def run(out: Path, quick: bool) -> None:
-    """All three; with --quick fewer resolutions and smaller pictures."""
+    """All four; with --quick fewer resolutions and smaller pictures."""
     _errors((32, 48) if quick else (16, 24, 32, 48, 64, 96))
+    _residuals(16 if quick else 32)
     with tempfile.TemporaryDirectory() as folder:
         result = bake_source(BRUSHED, Path(folder) / "brushed", BakeSettings(48 if quick else 64))
         bundle = read_bundle(result.path)
@@ -75,6 +78,26 @@ def _errors(resolutions: tuple[int, ...]) -> None:
                 put(f"RMS, {name}, {basis} {kind}, {n}", pairs.rms(error))
                 put(f"MB, {name}, {basis} {kind}, {n}", memory)
                 print(f"{words} {memory:9.2f} {pairs.rms(error):9.5f} {off:10.2%}")
+
+
+def _residuals(n: int) -> None:
+    """RMS and energy off of E + R by grids of equal bytes: the table's, and the one that is chosen for R."""
+    pairs = direction_pairs(8192, turned=True)
+    for name, source in SOURCES.items():
+        treated = TreatedSource(source)
+        truth = treated.evaluate(pairs.wi, pairs.wo)
+        choice = choose_grid(treated, n)
+        grid = best_horizon(treated, choice.grid, pairs, truth)
+        reflection = reflection_of(treated, grid, choice, BakeSettings(n))
+        fit = reflection.fit_envelope(lambda _: None)
+        left = reflection.residual(fit)
+        envelope = fit.evaluate(pairs.wi, pairs.wo)
+        for which, used in (("table's", grid), ("its own", reflection.residual_grid(left, grid, lambda _: None))):
+            error = envelope + linear_estimate(left, used, pairs) - truth
+            rms, off = pairs.rms(error), pairs.relative_error(error, truth)
+            put(f"RMS of E + R, {name}, {which}, {n}", rms)
+            size = " x ".join(map(str, used.shape))
+            print(f"{name:20s} residual on {which:8s} grid {size:>18s} {rms:9.5f} {off:10.2%}", flush=True)
 
 
 def _truth() -> bpy.types.Material:
