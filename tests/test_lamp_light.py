@@ -269,6 +269,29 @@ def test_filter_glossy_and_light_groups_are_told(room: LampRoom) -> None:
     assert "light group key" in survey_scene(room.scene, for_render=True).inexact
 
 
+def test_a_moving_lamp_and_a_shutter_that_is_not_centred(room: LampRoom) -> None:
+    """Cycles shows it where it is when half of the shutter's time is over, and the table holds where it is now."""
+    lamp, render = room.add("POINT", ASKEW, energy=10, shadow_soft_size=0.1), room.scene.render
+    render.use_motion_blur, render.motion_blur_position = True, "START"
+    assert not survey_scene(room.scene, for_render=True).inexact
+    lamp.keyframe_insert("location", frame=1)
+    assert "POINT may move" in survey_scene(room.scene, for_render=True).inexact
+    render.motion_blur_position = "CENTER"
+    assert not survey_scene(room.scene, for_render=True).inexact
+    render.use_motion_blur, render.motion_blur_position = False, "END"
+    assert not survey_scene(room.scene, for_render=True).inexact
+    lamp.animation_data_clear()
+    render.use_motion_blur = True
+    room.scene.collection.objects.unlink(lamp)
+    held = bpy.data.collections.new("held")
+    held.objects.link(lamp)
+    empty = room.empty(Matrix.Identity(4))
+    empty.instance_type, empty.instance_collection = "COLLECTION", held
+    assert not survey_scene(room.scene, for_render=True).inexact
+    empty.keyframe_insert("location", frame=1)
+    assert "empty may move" in survey_scene(room.scene, for_render=True).inexact
+
+
 def test_the_table_of_light_follows_the_lamps(room: LampRoom) -> None:
     """Colour, energy, beam; dark at once where something is not known, whatever the nodes are switched to."""
     lamp = room.add("SPOT", ASKEW, energy=10, shadow_soft_size=0.1, spot_size=1.0)

@@ -12,6 +12,7 @@ from ...bake.sampling.lamp_light import EVEN, LampLight, radiance_of, spot_beam,
 from ...bake.sampling.lamps import Lamp
 from ...bake.source import Array, luminance
 from ...nodes import compat
+from .motion import changes
 
 _BOUNCES = 1024
 _LEAST_SPREAD = 0.02
@@ -72,7 +73,19 @@ def why_not_in(scene: bpy.types.Scene, volume: str) -> str:
     if scene.cycles.blur_glossy > 0:
         # Cycles blurs the mirror after a diffuse bounce, and then samples lamps for it too.
         return "Filter Glossy of the scene is above 0"
+    render = scene.render
+    if render.use_motion_blur and render.motion_blur_position != "CENTER" and (lamp := _moved_in(scene)):
+        # Cycles blurs no lamp. It has it where it is half way through the shutter: not at the frame, as the table.
+        return f"Motion Blur is not centred on the frame, and {lamp} may move"
     return volume
+
+
+def _moved_in(scene: bpy.types.Scene) -> str:
+    """The first lamp, or instancer that may show one, that may be another in another frame; empty if there is none."""
+    for obj in scene.objects:
+        if (obj.type == "LIGHT" and (changes(obj) or changes(obj.data))) or (obj.is_instancer and changes(obj)):
+            return str(obj.name)
+    return ""
 
 
 def volume_in_file() -> str:
