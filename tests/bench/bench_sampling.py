@@ -1,4 +1,4 @@
-"""Variance of drawing light directions: the cosine, alias tables by the warp of their cells, and warps of two numbers."""
+"""Variance of drawing light directions: the cosine, alias tables by their cells' warp, and warps of two numbers."""
 
 from __future__ import annotations
 
