@@ -23,6 +23,7 @@ from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import expr
@@ -47,7 +48,13 @@ LAMP_OR_WORLD = ("Lamp: Random 1 x3 + World: Random 1", "Lamp: Random 2 x2 + Wor
 CELL, ALIAS = f"Random Cell + {LAMP_OR_WORLD[0]}", f"Random Alias + {LAMP_OR_WORLD[1]}"
 AZIMUTH, POLAR = f"Random Azimuth + {LAMP_OR_WORLD[0]}", f"Random Polar + {LAMP_OR_WORLD[1]}"
 OF_PHONG, SHARE = f"Random Polar x2 + {LAMP_OR_WORLD[1]}", "Aim: Random Aim + World: Random Aim"
+WARP_U, WARP_SLOPE = f"Random U x3 + {LAMP_OR_WORLD[0]}", f"Random V x3 + {LAMP_OR_WORLD[1]}"
+WARP_AZIMUTH = f"Random V x2 + {LAMP_OR_WORLD[1]}"
+STRETCHED = "what choosing between cosine and table leaves of it is even again, and places the draw"
 DELIBERATE: dict[str, str] = {
+    WARP_U: f"{AN_AIMED_DRAW_OR_THE_MATERIALS}; {STRETCHED}",
+    WARP_SLOPE: f"{AN_AIMED_DRAW_OR_THE_MATERIALS}; of the cosine's azimuth and the table's place one is taken",
+    WARP_AZIMUTH: "the same, and it runs around both sides of the viewer: side and azimuth of one direction",
     CELL: AN_AIMED_DRAW_OR_THE_MATERIALS,
     ALIAS: AN_AIMED_DRAW_OR_THE_MATERIALS,
     AZIMUTH: AN_AIMED_DRAW_OR_THE_MATERIALS,
@@ -73,7 +80,8 @@ TABLE = [
     "Random U",
     "Random V x2",
 ]
-SLOPES = [*TABLE[:2], "Random U", "Random V"]
+SLOPES = [WARP_U, WARP_SLOPE]
+WARP = [WARP_U, WARP_AZIMUTH]
 AIM = [
     "Aim: Random Lamp",
     SHARE,
@@ -101,9 +109,9 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> Bundles:
 
     @functools.cache
     def baked(name: str) -> Bundle:
-        if name == "isotropic":
+        if name in ("isotropic", "warp"):
             ward = analytic.Ward(diffuse=(0.45, 0.3, 0.04), specular=(0.06, 0.06, 0.06), alpha=0.3)
-            sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
+            sampler = SamplerLayout(8, 8, 4) if name == "isotropic" else HalfVectorWarp(4, 8, 4, 1e-2)
             settings = BakeSettings(resolution=8, alpha=(0.5, 0.3), sampler=sampler, storage=Storage.FLOAT32)
             return read_bundle(bake_source(ward, folder / name, settings).path)
         settings = BakeSettings(8, envelope=name == "brushed with envelope", basis="half", viewers=(8, 4))
@@ -129,6 +137,7 @@ MATERIALS: dict[str, tuple[Build, list[str]]] = {
     "exact": (of_table("isotropic", "exact", lamp_share=True), [*TABLE, *CHOICE, *AIM]),
     "balanced": (of_table("isotropic", "balanced"), [*TABLE, *CHOICE, *AIM]),
     "reference": (of_table("isotropic", "reference"), [*TABLE, "Lookup: Random", *AIM]),
+    "warp": (of_table("warp", "reference"), [*WARP, "Lookup: Random", *AIM]),
     "spline": (of_table("isotropic", "reference", filter="bspline"), [*TABLE, "Lookup: Random x3", *AIM]),
     "anisotropic exact": (of_table("brushed with envelope", "exact", lamp_share=True), [*SLOPES, *CHOICE, *AIM]),
     "anisotropic reference": (of_table("brushed", "reference"), [*SLOPES, "Lookup: Random x2", *AIM]),

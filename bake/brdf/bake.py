@@ -27,7 +27,7 @@ from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
 from .preview_sphere import preview_sphere
 from .reflection import Reflection, reflection_of
-from .samplers import layout_facts
+from .samplers import Layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
 
 _ERROR_PAIRS = 32768
@@ -73,7 +73,8 @@ def bake_source(
     choice, grid = bake.choose_grid()
     made = bake.tabulate(grid)
     reflection = reflection_of(bake.source, grid, choice, settings)
-    images = {"table": made.kept.image(), "sampler": bake.cells(made.kept.table, reflection)}
+    cells, layout = bake.sampler(made.kept.table, reflection)
+    images = {"table": made.kept.image(), "sampler": cells}
     facts: dict[str, Json] = {
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
@@ -81,7 +82,7 @@ def bake_source(
         "table": bake.table_facts(made),
         "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
-        "sampler": layout_facts(reflection.layout),
+        "sampler": layout_facts(layout),
         **bake.measured(made, reflection),
     }
     fit = None
@@ -166,11 +167,11 @@ class _Bake:
     def _stored(self, table: Table, truth: Array) -> StoredTable:
         return store_table(replace(table, filter=self.settings.filter), self.settings.storage, self.pairs, truth)
 
-    def cells(self, table: Table, reflection: Reflection) -> StoredImage:
-        """Sampler of the table."""
+    def sampler(self, table: Table, reflection: Reflection) -> tuple[StoredImage, Layout]:
+        """Sampler of the table, and its layout."""
         self.say("sampler", 0.0)
-        texels = reflection.cells(_sampled(table), lambda share: self.say("sampler", share))
-        return StoredImage(texels, Storage.FLOAT32)
+        texels, layout = reflection.sampler(_sampled(table), lambda share: self.say("sampler", share))
+        return StoredImage(texels, Storage.FLOAT32), layout
 
     def table_facts(self, made: _Tabulated) -> Facts:
         """Grid, filter and storage, and how values come back; JSON-ready."""
@@ -213,7 +214,7 @@ class _Bake:
         kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo))
         # Drawn and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
-        sampler = reflection.cells(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
+        sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
         errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.settings.filter)
         images = {
             "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
@@ -221,7 +222,9 @@ class _Bake:
             "residual_sampler": StoredImage(sampler, Storage.FLOAT32),
             **{name: StoredImage(image, Storage.FLOAT32) for name, image in reflection.shares(fit, residual).items()},
         }
-        facts = {**kept.facts(), "grid": grid.facts(), "errors": errors}
+        # Alias tables of both are of one layout.
+        own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
+        facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
         return fit, {"envelope": fit.facts(), "residual": facts}, images
 
 

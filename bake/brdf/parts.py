@@ -21,7 +21,7 @@ from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
 from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
 from .grids import grid_of, is_anisotropic
-from .samplers import isotropic_layout_of
+from .samplers import Layout, isotropic_layout_of, layout_of
 from .settings import BakeSettings
 
 _MOST_PREVIEW = 3  # closures of an isotropic preview
@@ -178,9 +178,11 @@ class TableRecord(StoredTableRecord):
 
 @dataclass(frozen=True)
 class ResidualRecord(StoredTableRecord):
-    """The table of what the envelope leaves, and the errors of both together where they are told."""
+    """The table of what the envelope leaves, the errors of both together where they are told, and the layout of its
+    sampler where it has its own."""
 
     errors: ErrorsRecord | None
+    sampler: Layout | None
 
     @classmethod
     def parse(cls, fields: Fields, table: TableRecord, stored_as: Storage | None = None) -> ResidualRecord:
@@ -190,7 +192,8 @@ class ResidualRecord(StoredTableRecord):
         told = fields.part("errors") if fields.has("errors") else Fields({}, fields.where)
         together = told.part("envelope_and_residual") if told.has("envelope_and_residual") else None
         errors = ErrorsRecord.parse(together) if together else None
-        return cls(grid, *_codes(fields, table.storage, stored_as, "residual"), errors)
+        sampler = layout_of(fields.part("sampler"), is_anisotropic(table.grid)) if fields.has("sampler") else None
+        return cls(grid, *_codes(fields, table.storage, stored_as, "residual"), errors, sampler)
 
 
 def _codes(

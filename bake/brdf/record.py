@@ -49,7 +49,7 @@ class BrdfRecord(BundleRecord):
     ----------
     settings : to bake the same again with
     table, residual : the stored tables; no residual where no envelope was fitted
-    sampler : kind and sizes of the samplers of both
+    sampler : kind and sizes of the table's sampler, and of the residual's where that has none of its own
     rms_by_filter : RMS in 1/sr with the filter of the bake and with every simpler one; empty in older bundles
     search : of a Bezier shape, where one was searched for
     candidates : grids that were tried, best first; none in older bundles
@@ -75,11 +75,12 @@ class BrdfRecord(BundleRecord):
     def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
         table = _table_of(fields, images)
         anisotropic = is_anisotropic(table.grid)
+        residual = _residual_of(fields, images, table)
         return {
             "table": table,
-            "residual": _residual_of(fields, images, table),
+            "residual": residual,
             "settings": settings_of(fields.part("settings")),
-            "sampler": _sampler_of(fields, images, anisotropic),
+            "sampler": _sampler_of(fields, images, anisotropic, residual),
             "errors": ErrorsRecord.parse(fields.part("errors")),
             "albedo": AlbedoRecord.parse(fields, "albedo"),
             "table_albedo": AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
@@ -125,7 +126,8 @@ class BrdfRecord(BundleRecord):
 
     def baked(self, part: str = "table") -> BakedTable:
         """The "table" or the "residual" with its sampler. Raises BakeError where there is none."""
-        return BakedTable(self.files(), part, self.stored(part), self.sampler, self.table.filter)
+        own = self.residual.sampler if part == "residual" and self.residual is not None else None
+        return BakedTable(self.files(), part, self.stored(part), own or self.sampler, self.table.filter)
 
     def load_table(self, part: str = "table") -> Table:
         """The stored values of the "table" or the "residual". Raises BakeError."""
@@ -175,11 +177,15 @@ def _residual_of(fields: Fields, images: Mapping[str, ImageRecord], table: Table
     return residual
 
 
-def _sampler_of(fields: Fields, images: Mapping[str, ImageRecord], anisotropic: bool) -> Layout:
-    """Kind and sizes of the samplers, which both images have. Raises BakeError."""
+def _sampler_of(
+    fields: Fields, images: Mapping[str, ImageRecord], anisotropic: bool, residual: ResidualRecord | None
+) -> Layout:
+    """Kind and sizes of the table's sampler, both being of the sizes of their images. Raises BakeError."""
     layout = layout_of(fields.part("sampler"), anisotropic)
-    for name in SAMPLERS.values():
-        check_size(images, name, (layout.width, layout.bins), fields)
+    own = residual.sampler if residual is not None else None
+    for part, name in SAMPLERS.items():
+        found = own or layout if part == "residual" else layout
+        check_size(images, name, (found.width, found.bins), fields)
     return layout
 
 

@@ -51,7 +51,7 @@ class Reflection(ABC):
 
     Attributes
     ----------
-    layout : kind and sizes of the sampler of the table and of the residual
+    layout : kind and sizes of the samplers
     """
 
     layout: Layout
@@ -59,9 +59,10 @@ class Reflection(ABC):
     def __init__(self, treated: TreatedSource) -> None:
         self._treated = treated
 
-    def cells(self, table: Table, progress: Share) -> Array:
-        """Texels of a sampler that follows a table."""
-        return sampler_texels(table, self.layout, progress)
+    def sampler(self, table: Table, progress: Share) -> tuple[Array, Layout]:
+        """Texels of a sampler that follows a table, and its layout: a warp's rows follow the width of the highlight."""
+        layout = fitted_warp(table, self.layout) if isinstance(self.layout, HalfVectorWarp) else self.layout
+        return sampler_texels(table, layout, progress), layout
 
     def fit_envelope(self, progress: Share) -> EnvelopeFit:
         """Native closures under the source."""
@@ -101,9 +102,7 @@ class IsotropicReflection(Reflection):
 
     def __init__(self, treated: TreatedSource, settings: BakeSettings) -> None:
         super().__init__(treated)
-        wanted = settings.sampler
-        self._settings = settings
-        self.layout = fitted_warp(treated, wanted) if isinstance(wanted, HalfVectorWarp) else wanted
+        self._settings, self.layout = settings, settings.sampler
 
     def nodes(self) -> Elevations:
         """Elevations."""
