@@ -228,8 +228,8 @@ def test_report_from_end_to_end(
     page = (tmp_path / "report.html").read_text()
     osl = "OSL, n varies" in document["lobes"]["rendered"]
     assert len(re.findall("<svg", page)) == 10 + osl
-    # The truth, seven variants or eight and their differences; two cases of five; four renders and their differences.
-    assert len(re.findall("<img", page)) == 15 + 2 * osl + 10 + 8
+    # The truth, seven variants or nine and their differences; two cases of five; four renders and their differences.
+    assert len(re.findall("<img", page)) == 15 + 4 * osl + 10 + 8
     _check_facts(document)
 
     whole = journal.read_text()
@@ -248,7 +248,7 @@ def _check_facts(document: dict[str, Any]) -> None:
     assert len(timed) == len(tabulation.KINDS) - 1 + per_resolution and {s["resolution"] for s in timed} == {8}
     rendered = document["pictures"]["paint"]
     plain = {"Principled BSDF", "preview", "balanced", "exact", "reference"}
-    osl = {pictures.SAMPLED} if "OSL, n varies" in document["lobes"]["rendered"] else set()
+    osl = {pictures.SAMPLED, pictures.SAMPLED_DENOISED} if "OSL, n varies" in document["lobes"]["rendered"] else set()
     assert {row["variant"] for row in rendered} == plain | osl | {"preview, denoised", "exact, denoised"}
     assert {s["model"] for s in document["maps"]["cloth"]} == {model.name for model in maps.MODELS}
     lookup = {

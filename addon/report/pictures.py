@@ -17,6 +17,7 @@ import numpy as np
 from ...bake.atomic_write import replacing_file
 from ...bake.brdf.bake import bake_source
 from ...bake.brdf.modes import MODES
+from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import Bundle, read_bundle
 from ...bake.images.png import png_bytes
 from ...bake.report.chart import Chart, Point
@@ -27,15 +28,16 @@ from ...nodes.osl_script import use_osl, why_no_osl
 from ..material.build_brdf import build_brdf
 from ..material.choices import ALWAYS, OSL, Choices
 from ..rendering.contact_sheet import to_display
-from ..rendering.denoising import denoise_renders, why_not_possible
+from ..rendering.denoising import denoise_by_twin, denoise_renders, why_not_possible
 from ..studio.studio import build_studio, remove_studio, render_linear
 from .principled_match import fit_principled
 
 PRINCIPLED = "Principled BSDF"
 # Mode Exact as one OSL shader, which samples lamps in every version of Blender.
-SAMPLED = "exact, OSL, lamps sampled"
+SAMPLED, SAMPLED_DENOISED = "exact, OSL, lamps sampled", "exact, OSL, denoised"
 # Denoised by the materials' own albedo and normals.
 DENOISED = {"preview, denoised": "preview", "exact, denoised": "exact"}
+_Render = Callable[[int, int, int], Array]  # edge in pixels, samples and seed to the picture
 # What else the machine does takes no part in it, as it would in time by the clock.
 SECONDS = "seconds of processor, all threads together"
 # Difference images are shown this much brighter than the pictures.
@@ -74,8 +76,8 @@ def measure_pictures(
     bundle = read_bundle(path if path.is_dir() else bake_source(source, path).path)
     truth_file = folder / f"truth_{sizes.edge}_{sizes.truth}.npy"
     if not truth_file.is_file():
-        with _shown(bundle, source, _least_noisy()) as scene:
-            truth, _ = _render(scene, sizes, sizes.truth, seed=1)
+        with _shown(bundle, source, _least_noisy()) as render:
+            truth, _ = _timed(render, sizes, sizes.truth, seed=1)
         with replacing_file(truth_file) as temporary, temporary.open("wb") as stream:
             np.save(stream, truth)
     truth = np.load(truth_file, allow_pickle=False)
@@ -83,10 +85,8 @@ def measure_pictures(
     pictures = [_picture(truth, f"exact, {sizes.truth} samples: taken as the truth")]
     differences: list[Picture] = []
     variants = [PRINCIPLED, *MODES]
-    if not why_no_osl():
-        variants.append(SAMPLED)
-    if not why_not_possible():
-        variants += DENOISED
+    osl, denoiser = not why_no_osl(), not why_not_possible()
+    variants += [SAMPLED] * osl + list(DENOISED) * denoiser + [SAMPLED_DENOISED] * (osl and denoiser)
     for k, variant in enumerate(variants):
         progress(k / len(variants))
         key = f"pictures {source.name} {variant} {sizes}"
@@ -100,11 +100,11 @@ def measure_pictures(
 
 def _measured(bundle: Bundle, source: BrdfSource, variant: str, sizes: Sizes, truth: Array) -> dict[str, Any]:
     rows, pictures = [], []
-    with _shown(bundle, source, variant) as scene:
-        _render(scene, sizes, 1, seed=2)  # compiles the graph
-        setup = min(_render(scene, sizes, 1, seed=2)[1] for _ in range(2))
+    with _shown(bundle, source, variant) as render:
+        _timed(render, sizes, 1, seed=2)  # compiles the graph
+        setup = min(_timed(render, sizes, 1, seed=2)[1] for _ in range(2))
         for samples in sizes.samples:
-            pixels, seconds = _render(scene, sizes, samples, seed=2)
+            pixels, seconds = _timed(render, sizes, samples, seed=2)
             error = float(np.sqrt(((pixels - truth) ** 2).mean()) / truth.mean())
             rows.append({"samples": samples, "seconds": max(seconds - setup, 1e-3), "error": error})
             if samples == sizes.shown:
@@ -115,20 +115,28 @@ def _measured(bundle: Bundle, source: BrdfSource, variant: str, sizes: Sizes, tr
 
 
 @contextmanager
-def _shown(bundle: Bundle, source: BrdfSource, variant: str) -> Iterator[bpy.types.Scene]:
-    """The studio with the material; Principled is fitted to the source."""
+def _shown(bundle: Bundle, source: BrdfSource, variant: str) -> Iterator[_Render]:
+    """What renders the studio with the material; Principled is fitted to the source."""
     material = fit_principled(source).material() if variant == PRINCIPLED else bpy.data.materials.new("report")
     try:
         scene = build_studio(material)
         try:
-            if variant == SAMPLED:
+            if variant in (SAMPLED, SAMPLED_DENOISED):
                 build_brdf(bundle, material, choices=Choices(sample=ALWAYS, shader=OSL), scene=scene)
                 use_osl(scene)
             elif variant != PRINCIPLED:
                 if variant in DENOISED:
                     denoise_renders(scene)
                 build_brdf(bundle, material, choices=Choices(mode=DENOISED.get(variant, variant)), scene=scene)
-            yield scene
+            record = BrdfRecord.read(bundle)
+
+            def render(edge: int, samples: int, seed: int) -> Array:
+                scene.render.resolution_x = scene.render.resolution_y = edge
+                scene.cycles.samples, scene.cycles.seed = samples, seed
+                picture = render_linear(scene)
+                return picture if variant != SAMPLED_DENOISED else denoise_by_twin(record, scene, material, picture)
+
+            yield render
         finally:
             remove_studio(scene)
     finally:
@@ -140,11 +148,9 @@ def _least_noisy() -> str:
     return "exact" if why_no_osl() else SAMPLED
 
 
-def _render(scene: bpy.types.Scene, sizes: Sizes, samples: int, seed: int) -> tuple[Array, float]:
-    scene.render.resolution_x = scene.render.resolution_y = sizes.edge
-    scene.cycles.samples, scene.cycles.seed = samples, seed
+def _timed(render: _Render, sizes: Sizes, samples: int, seed: int) -> tuple[Array, float]:
     started = time.process_time()
-    return render_linear(scene).astype(np.float64), time.process_time() - started
+    return render(sizes.edge, samples, seed).astype(np.float64), time.process_time() - started
 
 
 def _entry(linear: Array, caption: str) -> list[str]:
