@@ -137,12 +137,11 @@ def _mixture_group(lamps: bpy.types.Image, parts: _Parts, slots: int, with_world
         seen = [call(parts.lamp, float(k), position, normal) for k in range(slots)]
         return _mixture(lamps, parts, seen, with_world, (position, normal, wi), numbers)
 
-    return node_group(f"MM {_title(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
+    return node_group(f"MM Towards {_targets(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
 
 
-def _title(slots: int, world: bool) -> str:
-    targets = [f"{slots} Lamp{'s' * (slots > 1)}"] * (slots > 0) + ["World"] * world
-    return f"Aim at {' and '.join(targets)}"
+def _targets(slots: int, world: bool) -> str:
+    return " and ".join([f"{slots} Lamp{'s' * (slots > 1)}"] * (slots > 0) + ["World"] * world)
 
 
 def _mixture(
@@ -191,7 +190,7 @@ def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:
     made = expr.node("NodeGroupOutput", {}, dict(zip(_OUTPUTS, results)))
     made.is_active_output = False
     made[SLOTS_KEY], made[WORLD_KEY] = slots, world
-    made.label = _title(slots, world)
+    made.label = f"Aim at {_targets(slots, world)}"
 
 
 def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:

@@ -283,7 +283,8 @@ def test_one_group_has_room_and_is_known_however_it_is_switched(scene: bpy.types
             assert content_hash(group) == group[HASH_KEY] and aimed_light_group(lamp_image()) == group
             needed = nodes_before(active_output(group))
             assert all(node.mute == (node not in needed) for node in group.nodes if hasattr(node, "node_tree"))
-    group.nodes[next(n.name for n in group.nodes if n.bl_idname == "ShaderNodeMath")].operation = "WRAP"
+    inner = next(n.node_tree for n in group.nodes if n.bl_idname == "ShaderNodeGroup")
+    next(n for n in inner.nodes if n.bl_idname == "ShaderNodeMath").operation = "WRAP"
     assert aimed_light_group(lamp_image()) != group  # an artist's now
 
 
