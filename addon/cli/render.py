@@ -61,8 +61,8 @@ def add_to(commands: Any) -> None:
         "--quiet-camera",
         choices=("auto", "never"),
         default="never",
-        help="auto: depth of field that nobody sees, whose lens gives even numbers to draw directions by, at up to 15 %% "
-        "more time; worth it where mode Reference meets a smooth light, at 64 or 128 samples (%(default)s)",
+        help="auto: depth of field that nobody sees, whose lens gives even numbers to draw directions by, at up to "
+        "15 %% more time; worth it where mode Reference meets a smooth light, at 64 or 128 samples (%(default)s)",
     )
     parser.add_argument(
         "--denoise",
