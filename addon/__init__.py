@@ -16,7 +16,7 @@ _MODULES = (
     "ui.properties.quality",
     "ui.import_brdf",
     "lights.light_tables",
-    "material.texture_repair",
+    "material.textures.repair",
     "material.older_files",
     "ui.import_photographs",
     "ui.bake_again",

@@ -13,7 +13,7 @@ import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
 from measured_materials.addon.material import bake_material, rebuild
 from measured_materials.addon.material.choices import Choices
-from measured_materials.addon.material.textures import image_nodes
+from measured_materials.addon.material.textures.kept import image_nodes
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.material import bake_material, rebuild
 from measured_materials.addon.material.choices import Choices
-from measured_materials.addon.material.textures import image_nodes, textures_of
+from measured_materials.addon.material.textures.kept import image_nodes, textures_of
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle

@@ -16,7 +16,7 @@ from measured_materials.addon.material import bake_material, build_brdf, rebuild
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.material.textures import textures_of
+from measured_materials.addon.material.textures.kept import textures_of
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import Finding, measured_trees
 from measured_materials.bake.brdf.bake import bake_source

@@ -19,7 +19,7 @@ import bpy
 import measured_materials
 from measured_materials.addon.lights import light_tables as lamps
 from measured_materials.addon.material.facts import facts_of
-from measured_materials.addon.material.textures import image_nodes
+from measured_materials.addon.material.textures.kept import image_nodes
 from measured_materials.addon.material.kinds import kind_of
 from support.stacks import write_stack
 

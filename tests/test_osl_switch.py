@@ -10,12 +10,12 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
-from measured_materials.addon.material import osl_textures
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import current_choices, effects_of, rebuild_brdf
-from measured_materials.addon.material.textures import image_nodes, textures_of
+from measured_materials.addon.material.textures import script_files
+from measured_materials.addon.material.textures.kept import image_nodes, textures_of
 from measured_materials.addon.rendering.quiet_camera import quiet_camera
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.bake.brdf.bake import bake_source
@@ -60,7 +60,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     class Resources:
         utils = type("Utils", (), {"user_resource": staticmethod(lambda _kind, path: str(tmp_path / path))})
 
-    monkeypatch.setattr(osl_textures, "bpy", Resources)
+    monkeypatch.setattr(script_files, "bpy", Resources)
     return tmp_path / "measured_materials" / "osl"
 
 

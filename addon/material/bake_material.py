@@ -23,7 +23,7 @@ from ..summary.text import one_line
 from .build_brdf import account_of, build_brdf, usual_choices
 from .choices import choices_of, show_choices
 from .facts import facts_of, is_measured, keep_facts, record_of, source_file
-from .textures import keep_textures
+from .textures.kept import keep_textures
 
 
 def import_brdf(

@@ -23,7 +23,7 @@ from .bake_material import free_bundle, remember, target_of
 from .build_shading_map import SWATCH_MAPPING, build_map
 from .facts import record_of, source_file
 from .lighting import show_lighting
-from .textures import keep_textures
+from .textures.kept import keep_textures
 
 # Names of the photographs as JSON where they are not a whole folder.
 FILES_KEY = "measured_materials_photographs"

@@ -18,8 +18,8 @@ from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
 from .choices import NAMES, OF_BRDF, OSL, Choices
-from .osl_textures import texture_files
 from .scene_fit import BrdfPlan, plan_brdf
+from .textures.script_files import texture_files
 
 
 def build_brdf(

@@ -28,7 +28,7 @@ from .facts import facts_of, is_measured, record_of, source_file
 from .lighting import lighting_of, show_lighting, uses_mode
 from .rebuild import current_choices, current_lighting, effects_of, images_of_map, rebuild_brdf, relight
 from .scene_fit import SAMPLED_EFFECT, plan_filter
-from .textures import bundle_path, missing_texture
+from .textures.kept import bundle_path, missing_texture
 
 Source = Path | Sequence[Path] | None
 

@@ -24,7 +24,7 @@ from .build_shading_map import build_map
 from .choices import Choices
 from .facts import facts_of, keep_facts, record_of
 from .scene_fit import Effect
-from .textures import rebuild
+from .textures.kept import rebuild
 
 
 def current_choices(material: bpy.types.Material) -> Choices:

@@ -16,7 +16,7 @@ from common import HERE, empty_scene, felt, lacquer, lamp, open_again, ours, pix
 
 NAME, KIND = sys.argv[sys.argv.index("--") + 1 :][:2]
 FOLDER = HERE / NAME
-data_image, kept = ours("nodes.data_image"), ours("addon.material.textures")
+data_image, kept = ours("nodes.data_image"), ours("addon.material.textures.kept")
 
 
 def build():

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import bpy
 
-from ...bake.atomic_write import replacing_file
-from ...bake.brdf.record import BrdfRecord
-from ...bake.bundle.bundle import read_bundle
-from ...bake.errors import BakeError
-from ...nodes.data_image import LoadedBundle
-from ...nodes.texture_content import file_content, file_of
+from ....bake.atomic_write import replacing_file
+from ....bake.brdf.record import BrdfRecord
+from ....bake.bundle.bundle import read_bundle
+from ....bake.errors import BakeError
+from ....nodes.data_image import LoadedBundle
+from ....nodes.texture_content import file_content, file_of
 
 # In Blender's folder for what extensions write. Files there are called by their content: materials share them, and none
 # is ever written over.

@@ -9,14 +9,14 @@ from typing import Any
 
 import bpy
 
-from ...bake.bundle.bundle import Bundle, is_bundle, read_bundle
-from ...bake.bundle.image_names import title_of
-from ...bake.errors import BakeError
-from ...bake.shading_maps.record import Record, read_record
-from ...nodes.data_image import CONTENT_KEY, PART_KEY, Images, LoadedBundle, bundle_images
-from ...nodes.group import trees_below
-from ...nodes.material_tree import BUNDLE_KEY, part_name
-from ...nodes.texture_content import is_of_content
+from ....bake.bundle.bundle import Bundle, is_bundle, read_bundle
+from ....bake.bundle.image_names import title_of
+from ....bake.errors import BakeError
+from ....bake.shading_maps.record import Record, read_record
+from ....nodes.data_image import CONTENT_KEY, PART_KEY, Images, LoadedBundle, bundle_images
+from ....nodes.group import trees_below
+from ....nodes.material_tree import BUNDLE_KEY, part_name
+from ....nodes.texture_content import is_of_content
 
 # With the name of a bundle's image behind it: the texture.
 TEXTURE_KEY = "measured_materials_texture_"
