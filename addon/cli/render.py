@@ -60,8 +60,8 @@ def add_to(commands: Any) -> None:
         "--quiet-camera",
         choices=("auto", "never"),
         default="never",
-        help="auto: depth of field that nobody sees, whose lens gives even numbers to draw directions by, at up to 15 %% "
-        "more time; worth it where mode Reference meets a smooth light, at 64 or 128 samples (%(default)s)",
+        help="auto: depth of field that nobody sees, whose lens gives even numbers to draw directions by, at up to "
+        "15 %% more time; worth it where mode Reference meets a smooth light, at 64 or 128 samples (%(default)s)",
     )
     parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
