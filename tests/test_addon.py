@@ -114,7 +114,7 @@ def test_settings_survive_the_properties() -> None:
         others = (
             BakeSettings(9, "bezier", (0.25, 0.75), Storage.RGBE, "bspline", "plain", basis="normal"),
             BakeSettings(9, "squared", basis="half"),
-            BakeSettings(9, "fitted"),
+            BakeSettings(9, "fitted", sampler=SamplerLayout()),
         )
         for other in others:
             show_settings(properties, other)

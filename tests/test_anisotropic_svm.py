@@ -13,7 +13,7 @@ from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
-from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from measured_materials.nodes.material import build_material
@@ -37,7 +37,7 @@ def clean_blend() -> Iterator[None]:
 def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     basis, kind = request.param.split()
     settings = BakeSettings(
-        8, kind, storage="log", filter="bspline", sampler=SamplerLayout(16, 16, 16), basis=basis, viewers=(5, 3)
+        8, kind, storage="log", filter="bspline", sampler=HalfVectorWarp(8, 12, 12), basis=basis, viewers=(5, 3)
     )
     out = tmp_path_factory.mktemp(kind) / "satin"
     with coarse_bakes():

@@ -16,7 +16,7 @@ from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
-from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
 from measured_materials.bake.shading_maps.record import read_record
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
@@ -71,7 +71,7 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
         storage="log",
         filter="bspline",
         spline="plain",
-        sampler=SamplerLayout(n_o=8, n_h=8, n_phi=8),
+        sampler=HalfVectorWarp(4, 8, 8, 1e-3),
     )
     with coarse_bakes():
         bundle = read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "paint", settings).path)
@@ -82,7 +82,7 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 @pytest.fixture(scope="module")
 def half_paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     """The same over the half vector, whose coordinates take more nodes."""
-    sampler = SamplerLayout(n_o=8, n_h=8, n_phi=8)
+    sampler = HalfVectorWarp(4, 8, 8, 1e-3)  # of more nodes than alias tables
     settings = BakeSettings(8, "fitted", storage="log", filter="bspline", spline="plain", sampler=sampler, basis="half")
     with coarse_bakes():
         return read_bundle(bake_source(PAINT, tmp_path_factory.mktemp("svm") / "half paint", settings).path)

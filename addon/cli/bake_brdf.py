@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from ...bake.brdf.bake import bake_file, bake_source
 from ...bake.brdf.record import BrdfRecord
-from ...bake.brdf.samplers import KINDS, isotropic_layout
+from ...bake.brdf.samplers import KINDS, USUAL_SIZE, isotropic_layout, kind_of_layout
 from ...bake.brdf.settings import BakeSettings, SplineFit
 from ...bake.bundle.bundle import SUFFIX, read_bundle
 from ...bake.bundle.origin import Origin, file_origin, model_origin
@@ -103,7 +103,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--sampler",
         type=int,
         choices=_SAMPLERS,
-        default=64,
+        default=USUAL_SIZE,
         metavar="N",
         help="how finely directions are drawn, N from 16 to 128: by warps of N/4 x 3N/4 x N/4 cells or alias tables of "
         "N x N x N/2; fewer cells, a smaller bundle and more noise (%(default)s)",
@@ -111,7 +111,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sampler-kind",
         choices=KINDS[::-1],
-        default="warp",
+        default=kind_of_layout(usual.sampler),
         help="warp: two random numbers, a tenth of the bytes; alias: four numbers, quicker by a few percent in "
         "materials that are built of nodes (%(default)s)",
     )

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import bpy
 
+from ...bake.brdf.samplers import kind_of_layout
 from ...bake.errors import BakeError
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
 from ..material.facts import record_of
@@ -57,7 +58,9 @@ class _BrdfForm(Form):
         # Facts of a foreign bundle cannot be read; then all that is not shown is as usual.
         with contextlib.suppress(BakeError):
             baked = record_of(material).settings
-            settings = replace(settings, sampler=baked.sampler, viewers=baked.viewers)
+            same = kind_of_layout(baked.sampler) == properties.sampler
+            sampler = baked.sampler if same else settings.sampler
+            settings = replace(settings, sampler=sampler, viewers=baked.viewers)
         return settings, properties.pack
 
     def chosen(self, operator: Any) -> Source:

@@ -27,6 +27,7 @@ Sampler = CellSampler | WarpSampler
 # "alias" tables over cells, of which four random numbers draw, or a "warp" of two.
 KINDS = ("alias", "warp")
 WARPS = HalfVectorWarp, SlopeWarp
+USUAL_SIZE = 64
 
 
 def kind_of_layout(layout: Layout) -> str:
@@ -34,8 +35,10 @@ def kind_of_layout(layout: Layout) -> str:
     return "warp" if isinstance(layout, WARPS) else "alias"
 
 
-def isotropic_layout(kind: str, size: int) -> IsotropicLayout:
-    """The layout of a kind of `KINDS` whose sizes go with one number, 64 for the usual ones."""
+def isotropic_layout(kind: str, size: int = USUAL_SIZE) -> IsotropicLayout:
+    """The layout of a kind of `KINDS` whose sizes go with one number."""
+    if size == USUAL_SIZE:
+        return SamplerLayout() if kind == "alias" else HalfVectorWarp()
     if kind == "alias":
         return SamplerLayout(size, size, size // 2)
     return HalfVectorWarp(size // 4, min(size * 3 // 4, MOST_CELLS), size // 4)

@@ -109,7 +109,8 @@ def draw(xp: Any, layout: WarpLayout, read: Read, wo: Any, u: Any, v: Any) -> An
     t = inverted(xp, of_t, read(row * columns + stratum(xp, of_t, columns) + (layout.strata + 0.5))[0])
     half = layout.half_at(xp, wo, s, t, v)
     reflected = xp.scale(half, 2 * xp.dot(wo, half)) - wo
-    radius, angle = xp.sqrt(rest), (2 * v - 1) * np.pi
+    # Of no draw but those of the cosine, so that on SVM's stack nothing of it waits from the beginning.
+    radius, angle = xp.sqrt(rest), xp.where(is_matte, 2 * v - 1, 0.0) * np.pi
     cosine = xp.vec(radius * xp.cos(angle), radius * xp.sin(angle), xp.sqrt(1 - rest))
     return xp.where_vector(is_matte, cosine, reflected)
 
@@ -118,12 +119,14 @@ def density(xp: Any, layout: WarpLayout, read: Read, wi: Any, wo: Any) -> Any:
     """Density per solid angle with which `draw` gives wi."""
     rows, columns = layout.shape[-2:]
     s, t, half = layout.place_of(xp, wi, wo)
+    # Before the texture is read, so that on SVM's stack a number waits for it instead of vectors.
+    _, _, cosine = xp.components(wi)
+    of_cosine = xp.maximum(cosine, 0.0) * (1 / np.pi)
+    of_half = layout.pdf(xp, 1.0, half, xp.dot(wo, half.direction))
     row, column = xp.minimum(xp.floor(s), rows - 1.0), xp.minimum(xp.floor(t), columns - 1.0)
     _, value = read(row * columns + column + (layout.strata + 0.5))
-    _, _, cosine = xp.components(wi)
     _, matte = read(0.5)
-    of_half = layout.pdf(xp, value, half, xp.dot(wo, half.direction))
-    return of_half + matte * (xp.maximum(cosine, 0.0) * (1 / np.pi))
+    return value * of_half + matte * of_cosine
 
 
 def matte_part(material: Array, matte: Array) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from typing import Any, get_args
 
 import bpy
 
+from ....bake.brdf.samplers import KINDS, isotropic_layout, kind_of_layout
 from ....bake.brdf.settings import AlphaChoice, BakeSettings, SplineFit
 from ....bake.images.storage import TABLE_STORAGES, Storage
 from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
@@ -86,6 +87,17 @@ _ALPHA_PHI = bpy.props.FloatProperty(
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
+_SAMPLER_WORDS = {
+    "warp": ("Warp", "Two random numbers, which may be of low discrepancy: a small texture"),
+    "alias": ("Alias Tables", "Four random numbers: a texture of nine times as many bytes, a little quicker to render"),
+}
+_SAMPLER = _enum(
+    "Sampler",
+    "How directions of the light are drawn",
+    KINDS[::-1],
+    kind_of_layout(_USUAL.sampler),
+    _SAMPLER_WORDS,
+)
 _ENVELOPE = bpy.props.BoolProperty(
     name="Native Closures",
     description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
@@ -111,6 +123,7 @@ class BakeProperties:
     storage: _STORAGE
     filter: _FILTER
     spline: _SPLINE
+    sampler: _SAMPLER
     envelope: _ENVELOPE
     pack: _PACK
 
@@ -133,6 +146,7 @@ def settings_of(properties: Any) -> BakeSettings:
         storage=Storage(properties.storage),
         filter=properties.filter,
         spline=properties.spline,
+        sampler=isotropic_layout(properties.sampler),
         envelope=properties.envelope,
     )
 
@@ -149,7 +163,7 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
     # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
     properties.parameterization = settings.spacing
     properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
-    properties.storage = str(settings.storage)
+    properties.storage, properties.sampler = str(settings.storage), kind_of_layout(settings.sampler)
     if isinstance(settings.alpha, str):
         properties.alpha = settings.alpha
     else:
@@ -174,6 +188,7 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     if properties.filter == "bspline":
         column.prop(properties, "spline")
     column.prop(properties, "storage")
+    column.prop(properties, "sampler")
     column.prop(properties, "envelope")
     column.prop(properties, "pack")
 
