@@ -68,7 +68,7 @@ DELIBERATE: dict[str, str] = {
 }
 # What groups are for, by the beginning of their names.
 KINDS = {
-    "MM Aim": "Aim",
+    "MM Towards": "Aim",
     "MM Draw Towards Lamp": "Lamp",
     "MM Draw Towards World": "World",
     "MM Lookup": "Lookup",
