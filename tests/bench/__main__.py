@@ -28,6 +28,7 @@ BENCHES = {
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "hard": "numerically hard cases: bound and worst error in numpy, nodes and OSL; unstable formulas and their digits",
+    "mitsuba": "error times seconds beside Mitsuba 3 on the RGL files, in two scenes; makes .venv-mitsuba",
     "planted": "mistakes planted into a copy of the sources, and which of them no test sees; their NAMEs may follow",
     "scale": "10, 60 and 240 materials in one scene beside Principled: build, memory, first sample; --before COMMIT",
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",

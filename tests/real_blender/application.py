@@ -12,6 +12,8 @@ import bpy
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TOOL = Path(bpy.utils.resource_path("LOCAL")) / "scripts/addons_core/bl_pkg/cli/blender_ext.py"
+# What the log says of a shader that is too large, and black.
+NO_STACK = "out of SVM stack space"
 _HEADLESS = 'cd "$0" && exec "$@"'
 # A window that nobody sees, drawn by software. The X server chooses a display that is free.
 _WINDOW = """
@@ -56,11 +58,15 @@ class Blender:
         return self.run("--version").splitlines()[0]
 
     def run(self, *arguments: str, expect: int = 0) -> str:
-        """Its output without a window, after checking the exit code and that no traceback was printed."""
-        done = self._call(_HEADLESS, ["--quiet", "--background", *arguments], 300)
-        if done.returncode != expect or "Traceback" in done.stderr:
+        """Its output without a window, after checking the exit code and that nothing went wrong on the way."""
+        done = self.headless(*arguments)
+        if done.returncode != expect or "Traceback" in done.stderr or NO_STACK in done.stderr:
             sys.exit(f"check: {' '.join(arguments[:3])} gave {done.returncode}\n{done.stdout}\n{done.stderr}")
         return done.stdout
+
+    def headless(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run it without a window, with whatever exit code."""
+        return self._call(_HEADLESS, ["--quiet", "--background", *arguments], 600)
 
     def window(self, *arguments: str, timeout: float) -> subprocess.CompletedProcess[str]:
         """Run it in a window until it quits by itself, with whatever exit code; 124 where it did not in time."""

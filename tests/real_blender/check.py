@@ -14,6 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import lamps_agree
 import numpy as np
 from application import HERE, Blender
 from measured_materials.bake.brdf.preview_sphere import to_srgb
@@ -26,7 +27,7 @@ BAKE = ["bake", "brdf", "lacquer.binary", "cut.binary", "--resolution", "32", "-
 BRUSHED = ["bake", "brdf", "--analytic", "ggx", "alpha=0.1", "alpha_y=0.4", "--storage", "log", "--resolution", "24"]
 BRUSHED += ["--out", "out/brushed.mmat", "--json"]
 RENDER = ["--exr", "--resolution", "64", "--samples", "64", "--json"]
-INSIDE = ("common", "inside", "sampled", "textures", "linked", "undo", "animation", "watch")
+INSIDE = ("inside", "sampled", "textures", "linked", "undo", "animation", "watch")
 # Another arithmetic order under another numpy moves the error in its seventh digit.
 SAME_ERROR = 1e-4
 # 64 x 64 pixels of 64 samples: means of 4.3, 4.5 and 5.2 lay within 1.5 % of each other; a lost lamp, a black
@@ -152,7 +153,7 @@ def main(place: Path) -> None:
         write_merl(share / "flakes.binary", by_name("metallic-paint", flake_alpha=0.3, coat_alpha=0.2))
         (share / "cut.binary").write_bytes((share / "lacquer.binary").read_bytes()[:-8])
         write_felt(share / "felt")
-        for name in INSIDE:
+        for name in (*lamps_agree.PROGRAMS, *INSIDE):
             shutil.copy(HERE / f"{name}.py", share)
         blender = Blender(place, share)
         check("install", True, blender.install())
@@ -165,6 +166,9 @@ def main(place: Path) -> None:
         check("window", inside(blender, "inside"), "operators, panels, saving, loading")
         told = [line.removeprefix("sampled: ") for line in inside_words(blender, "sampled") if "sampled: " in line]
         check("lamps sampled in the shader", told[-1:] == ["all is well"], "; ".join(told[:-1]))
+        for name, good, words in lamps_agree.verdicts(blender, lamps_agree.case_names()):
+            check(f"sampled and mirrored, {name}", good, words)
+        check("stack of graphs that sample lamps", *lamps_agree.stack(blender))
         check("undo", inside(blender, "undo"), "lamps added, undone and redone in the background")
         check_files(blender, share)
         check_animation(blender, share)

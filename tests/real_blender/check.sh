@@ -16,4 +16,4 @@ if [ ! -e "$1" ]; then
     echo "check: skipped, there is no $1"
     exit 0
 fi
-exec timeout 1200 "$python" "$here/check.py" "$1"
+exec timeout 2400 "$python" "$here/check.py" "$1"

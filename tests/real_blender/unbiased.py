@@ -1,0 +1,85 @@
+"""Run inside a real Blender by lamps_agree.py: pictures of `lamp_cases`, lamps sampled in the shader and by the mirror.
+
+Names of cases follow `--`. Of each, NAME.npz holds the pictures (K, H, W, 3) of both and the pixels that count.
+"""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path.cwd()))
+import bpy
+import numpy as np
+from common import HERE, ours, require
+from lamp_cases import CASES, built
+
+SEEDS = 10
+_FORMULAS = {
+    "paint": ("metallic-paint", {"flake_alpha": 0.3, "coat_alpha": 0.2}),
+    "metal": ("ward", {"diffuse": (0.1, 0.05, 0.02), "specular": (0.5, 0.4, 0.3), "alpha": 0.25}),
+}
+
+
+def bundles():
+    """Those of the formulas, baked where they are not there yet."""
+    settings = ours("bake.brdf.settings").BakeSettings(
+        resolution=24,
+        alpha=(0.5, 0.4),
+        sampler=ours("bake.sampling.half_vector_cells").SamplerLayout(n_o=32, n_h=32, n_phi=16),
+    )
+    found = {}
+    for name, (formula, parameters) in _FORMULAS.items():
+        folder = HERE / f"{name}.mmat"
+        if not folder.is_dir():
+            source = ours("bake.sources.analytic").by_name(formula, **parameters)
+            ours("bake.brdf.bake").bake_source(source, folder, settings)
+        found[name] = ours("bake.bundle.bundle").read_bundle(folder)
+    return found
+
+
+def materials(scene, sample):
+    """Of mode Exact, by name; refused where lamps cannot be sampled."""
+    choices = ours("addon.material.choices").Choices(mode="exact", sample=sample)
+    build = ours("addon.material.build_brdf").build_brdf
+    return {name: build(bundle, choices=choices, scene=scene)[0] for name, bundle in bundles().items()}
+
+
+def pictures(scene, first, samples):
+    """(K, H, W, 3) under seeds of their own."""
+    found = []
+    for seed in range(first, first + SEEDS):
+        scene.cycles.seed, scene.cycles.samples = seed, samples
+        found.append(ours("addon.studio.studio").render_linear(scene))
+    return np.stack(found)
+
+
+def grown(pixels):
+    """With all that are at most two away, as far as the filter of pixels reaches."""
+    ways = range(-2, 3)
+    return np.any([np.roll(pixels, (y, x), (0, 1)) for y in ways for x in ways], axis=0)
+
+
+def compared(name):
+    """Render a case both ways."""
+    case = CASES[name]
+    scene, dress = built(case)
+    dress(materials(scene, "never"))
+    mirrored = pictures(scene, 1, case.samples)
+    dress(materials(scene, "always"))
+    bpy.context.view_layer.update()
+    groups = {
+        g["measured_materials_lamps"] for g in bpy.data.node_groups if "measured_materials_sampled" in g and g.users
+    }
+    require(min(groups, default=0) > 0, f"{name}: no lamp is sampled: {groups}")
+    sampled = pictures(scene, 101, case.samples)
+    mean = 0.5 * (mirrored + sampled).mean((0, 3))
+    lit = mean > 0.05 * mean.mean()
+    lit &= ~grown(mean > case.brightest * np.median(mean[lit]))
+    np.savez(HERE / f"{name}.npz", mirrored=mirrored, sampled=sampled, mask=lit)
+
+
+if not hasattr(bpy.types, "ShaderNodeRaycast"):
+    print("unbiased: no Raycast node in this Blender")
+else:
+    for name in sys.argv[sys.argv.index("--") + 1 :]:
+        compared(name)
+print("unbiased: all is well")
