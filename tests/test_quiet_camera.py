@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.cli.main import main
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
 from measured_materials.addon.rendering import quiet_camera as module
 from measured_materials.addon.rendering.quiet_camera import blur_of, even_samples, is_even, is_used, quiet_camera
+from measured_materials.addon.studio import studio
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
@@ -117,6 +120,24 @@ def test_operator(paint: Bundle, sphere: TestScene, registered: None) -> None:  
         sphere.scene.render.engine = "BLENDER_WORKBENCH"
         assert not bpy.ops.measured_materials.quiet_camera.poll()
     assert module.MOST_BLUR == 1
+
+
+@pytest.mark.parametrize("choice, quiet", [("auto", True), ("never", False)])
+def test_render_of_the_command_line(paint: Bundle, tmp_path: Path, choice: str, quiet: bool, monkeypatch: Any) -> None:
+    """Depth of field while the studio is rendered, focused at what wears the material; only where asked for."""
+    seen: list[tuple[bool, float]] = []
+
+    def rendered(scene: bpy.types.Scene, *_: Any, **__: Any) -> np.ndarray:
+        dof = scene.camera.data.dof
+        seen.append((dof.use_dof, dof.focus_distance))
+        return np.zeros((8, 8, 3), np.float32)
+
+    monkeypatch.setattr(studio, "render_linear", rendered)
+    size = ["--resolution", "8", "--samples", "1", "--out", str(tmp_path / "a.png")]
+    assert main(["render", str(paint.path), "--quiet-camera", choice, *size]) == 0
+    assert [used for used, _ in seen] == [quiet]
+    if quiet:
+        assert 5 < seen[0][1] < 7
 
 
 # --- the picture ----------------------------------------------------------------------------------------
