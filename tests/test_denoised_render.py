@@ -14,6 +14,7 @@ from measured_materials.addon.rendering import denoising
 from measured_materials.addon.rendering.denoising import Denoising, plan_denoising
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
@@ -111,6 +112,18 @@ def test_texture_of_a_swatch_stays(tmp_path: Path, capsys: pytest.CaptureFixture
     # Found: 0.93 (of the noisy picture 0.68), and 0.88.
     assert np.corrcoef(detail.ravel(), kept.ravel())[0, 1] > 0.88
     assert 0.78 < kept.std() / detail.std() < 1.1
+
+
+def test_older_bundles_are_rendered_as_they_are(paint: Path) -> None:
+    """Those that know their albedo at too few angles to write it."""
+    bundle = read_bundle(paint)
+    few = {"theta_o_deg": [0, 30, 60], "directional": [[0.5] * 3] * 3}
+    record = BrdfRecord.parse({**bundle.material, "albedo": {**bundle.material["albedo"], **few}}, paint)
+    found = plan_denoising("auto", 16, record)
+    assert not found.done and "known at 3 angles only" in found.why
+    with pytest.raises(BakeError, match="3 angles"):
+        plan_denoising("always", 16, record)
+    assert plan_denoising("auto", 16, BrdfRecord.read(bundle)).done
 
 
 def test_when_a_picture_is_denoised(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -202,7 +202,7 @@ def _render(
     from ..rendering.denoising import plan_denoising
     from ..studio.studio import build_studio, remove_studio
 
-    denoised = plan_denoising(options.denoise, options.samples)
+    denoised = plan_denoising(options.denoise, options.samples, record)
     progress("building", 0.0)
     material = bpy.data.materials.new(record.files().path.stem)
     try:

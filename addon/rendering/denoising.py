@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from ...bake.brdf.record import BrdfRecord
 from ...bake.errors import BakeError
+from ...bake.shading_maps.record import Record
 from ...nodes import compat
 from ...nodes.feature_passes import (
+    albedo_polynomial,
     compositor_of,
     compositor_output,
     denoise_by_features,
@@ -55,11 +57,11 @@ class Denoising:
         return f"{what} denoised by the material's albedo and normals: {self.why}; --denoise never leaves the noise"
 
 
-def plan_denoising(choice: str, samples: int) -> Denoising:
-    """What to do about the noise of a picture. Raises BakeError where what is asked for cannot be had."""
+def plan_denoising(choice: str, samples: int, record: Record | None = None) -> Denoising:
+    """What to do about the noise of a picture of a bundle. Raises BakeError where what is asked for cannot be had."""
     if choice == NEVER:
         return Denoising(False, "asked for")
-    lacking = why_not_possible()
+    lacking = why_not_possible() or _unknown_albedo(record)
     if choice == ALWAYS:
         if lacking:
             raise BakeError("--denoise always", f"cannot be had: {lacking}", "leave it to auto, which does without")
@@ -79,6 +81,16 @@ def why_not_possible() -> str:
     except (ImportError, AttributeError):
         built_in = False
     return "" if built_in else "this Blender lacks Open Image Denoise"
+
+
+def _unknown_albedo(record: Record | None) -> str:
+    """Why a bundle cannot write its albedo; empty if it can. A shading map's is in its texels."""
+    if isinstance(record, BrdfRecord):
+        try:
+            albedo_polynomial(record)
+        except BakeError as error:
+            return error.cause
+    return ""
 
 
 def denoise_renders(scene: bpy.types.Scene) -> None:
