@@ -66,7 +66,7 @@ class Blender:
 
     def headless(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run it without a window, with whatever exit code."""
-        return self._call(_HEADLESS, ["--quiet", "--background", *arguments], 600)
+        return self._call(_HEADLESS, ["--quiet", "--background", *arguments], 1200)
 
     def window(self, *arguments: str, timeout: float) -> subprocess.CompletedProcess[str]:
         """Run it in a window until it quits by itself, with whatever exit code; 124 where it did not in time."""

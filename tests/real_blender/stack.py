@@ -1,6 +1,6 @@
 """Run inside a real Blender by lamps_agree.py: the largest graphs that sample lamps, within Cycles' 255 stack floats.
 
-Anisotropic and isotropic, a B-spline whose slices are blended, codes that the shader decodes, four lamps, a denoiser's
+Anisotropic, a B-spline whose slices are blended, codes that the shader decodes, four lamps, a denoiser's
 passes. Of each the floats that an artist's own nodes may keep alive beside it are told.
 """
 
@@ -14,7 +14,6 @@ from common import HERE, empty_scene, lamp, ours, require
 ROOM = 39  # ten nodes that hold a colour and a number each, as in tests/test_svm_limits.py
 _SOURCES = {
     "satin": ("ward", {"alpha": 0.2, "alpha_y": 0.5, "diffuse": (0.3, 0.2, 0.1), "specular": 0.4}),
-    "paint": ("metallic-paint", {"flake_alpha": 0.3, "coat_alpha": 0.2}),
 }
 
 
