@@ -112,7 +112,7 @@ def both(bundle: Bundle, mode: str, samples: int, seeds: int) -> tuple[Array, Ar
 
 def test_material_equals_that_of_nodes(satin: Bundle) -> None:
     """With its mirror, whose random numbers are others; a planted 2 % is found."""
-    assert_same(*both(satin, "exact", 256, 6), 0.0, 0.01)
+    assert_same(*both(satin, "exact", 448, 6), 0.0, 0.01)
 
 
 def test_preview_is_the_same_picture(satin: Bundle) -> None:
