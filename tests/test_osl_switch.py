@@ -16,7 +16,6 @@ from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import current_choices, effects_of, rebuild_brdf
 from measured_materials.addon.material.textures import script_files
 from measured_materials.addon.material.textures.kept import image_nodes, textures_of
-from measured_materials.addon.rendering.quiet_camera import quiet_camera
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -69,7 +68,6 @@ def scene() -> Iterator[TestScene]:
     """A sphere under a lamp, of which Exact samples as it is set up."""
     with lit_sphere(None, 24, resolution=16) as made:
         made.sphere.shadow_terminator_geometry_offset = 0
-        quiet_camera(made.scene, [made.sphere])
         yield made
 
 

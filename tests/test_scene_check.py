@@ -14,7 +14,6 @@ import bpy
 import measured_materials
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
-from measured_materials.addon.rendering.quiet_camera import quiet_camera
 from measured_materials.addon.scene_check import material_rules, pass_rules, scene_rules
 from measured_materials.addon.scene_check.check import check_scene, measured_names, mend, mend_scene
 from measured_materials.addon.scene_check.findings import NOTE, SLOW, WRONG, Finding
@@ -200,7 +199,6 @@ def test_linked_materials_are_told_and_left_alone(bundle: Bundle, tmp_path: Path
         target.materials = source.materials
     with lit_sphere(target.materials[0], 16) as scene:
         scene.sphere.shadow_terminator_geometry_offset = 0
-        quiet_camera(scene.scene, [scene.sphere])
         found = rules(scene)
         assert set(found) == {"bump_correction"} and found["bump_correction"].mend is None
         assert not mend_scene(scene.scene)
@@ -222,7 +220,6 @@ def test_linked_groups_with_too_few_slots(bundle: Bundle, tmp_path: Path, has_ro
         target.materials = source.materials
     with lit_sphere(target.materials[0], 16) as scene:
         scene.sphere.shadow_terminator_geometry_offset = 0
-        quiet_camera(scene.scene, [scene.sphere])
         another_lamp("POINT", energy=9, shadow_soft_size=0.1)(scene)
         found = rules(scene)
         if has_room:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
-from measured_materials.addon.rendering.quiet_camera import quiet_camera
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
 from support.checked_scenes import clean_blend, matte  # noqa: F401
@@ -20,7 +19,6 @@ HAZE = RAYS | BOUNCES | {"Is Shadow Ray"}
 def scene_of(bundle: Bundle, mode: str = "reference") -> TestScene:
     scene = lit_sphere(build_material(bundle, mode=mode, lamps=lamp_image()), 24, resolution=16)
     scene.sphere.shadow_terminator_geometry_offset = 0
-    quiet_camera(scene.scene, [scene.sphere])
     return scene
 
 

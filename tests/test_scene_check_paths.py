@@ -11,7 +11,6 @@ import bpy
 import pytest
 from mathutils import Matrix
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
-from measured_materials.addon.rendering.quiet_camera import quiet_camera
 from measured_materials.addon.scene_check.check import mend
 from measured_materials.addon.scene_check.light_node_rules import emission_outputs
 from measured_materials.bake.bundle.bundle import Bundle
@@ -34,7 +33,6 @@ from support.scenes import TestScene, diffuse_material, lit_sphere
 def scene_of(bundle: Bundle, mode: str = "reference") -> TestScene:
     scene = lit_sphere(build_material(bundle, mode=mode, lamps=lamp_image()), 24, resolution=16)
     scene.sphere.shadow_terminator_geometry_offset = 0
-    quiet_camera(scene.scene, [scene.sphere])
     return scene
 
 

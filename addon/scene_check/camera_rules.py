@@ -1,26 +1,12 @@
-"""Rules of the scene check: the camera's lens as a source of even numbers, and how many samples suit it."""
+"""A rule of the scene check: how many samples suit the even numbers of the camera's lens."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
-from ...bake.errors import BakeError
 from ...nodes.lens_group import LENS_KEY
-from ..rendering.quiet_camera import FLAT, even_samples, is_even, is_used, quiet_camera
-from .findings import NOTE, Finding, Subject, editable, measured_trees, setting
-
-
-def no_lens(subject: Subject) -> Iterator[Finding]:
-    """Depth of field is off, whose lens materials could draw from."""
-    camera = subject.scene.camera
-    if camera is None or camera.type != "CAMERA" or camera.data.type not in FLAT or not draws_from_lens(subject):
-        return
-    if camera.data.dof.use_dof:
-        return
-    why = "at f/64 nobody sees it, and materials draw from the lens' even numbers: Quiet Camera sets it up"
-    mend = editable(camera.data, partial(_quieten, subject))
-    yield Finding("quiet_camera", NOTE, f"camera {camera.name}", "Depth of Field is off", "", why, mend)
+from ..rendering.quiet_camera import even_samples, is_even, is_used
+from .findings import NOTE, Finding, Subject, measured_trees, setting
 
 
 def uneven_samples(subject: Subject) -> Iterator[Finding]:
@@ -39,11 +25,4 @@ def draws_from_lens(subject: Subject) -> bool:
     return any(LENS_KEY in tree for material in subject.mirrors for tree in measured_trees(material))
 
 
-def _quieten(subject: Subject) -> None:
-    try:
-        quiet_camera(subject.scene, subject.shown)
-    except BakeError:  # what was found is gone by now
-        return
-
-
-RULES = (no_lens, uneven_samples)
+RULES = (uneven_samples,)

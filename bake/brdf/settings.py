@@ -8,6 +8,7 @@ from typing import Literal, get_args
 from ..envelope.viewers import MOST_EACH_WAY
 from ..errors import check_choice, check_setting
 from ..images.storage import TABLE_STORAGES, Storage
+from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.inverse_tables import MOST_CELLS
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
@@ -36,7 +37,7 @@ class BakeSettings:
     filter : that the material reconstructs with
     spline : coefficients for filter "bspline": the samples themselves as in Mallett & Yuksel 2016, fitted >= 0, or
         whichever of the two has the smaller measured error (a peak between two samples is better left smooth)
-    sampler : kind and sizes of the samplers: a warp of the unit square, or alias tables
+    sampler : kind and sizes of the samplers: alias tables, or a warp of the unit square
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
@@ -48,7 +49,7 @@ class BakeSettings:
     storage: Storage = Storage.HALF
     filter: Filter = "trilinear"
     spline: SplineFit = "auto"
-    sampler: IsotropicLayout = field(default_factory=HalfVectorWarp)
+    sampler: IsotropicLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
     basis: Basis | Literal["auto"] = "auto"
     viewers: tuple[int, int] = (24, 8)

@@ -156,8 +156,6 @@ EDGES = [
     Edge("volume_light_path", haze("Is Shadow Ray"), haze("Is Camera Ray"), anew=True),
     Edge("world_light_path", world_nodes("Ray Depth"), world_nodes("Is Camera Ray"), anew=True),
     Edge("lamp_light_path", lamp_nodes("Ray Depth"), lamp_nodes("Is Glossy Ray"), anew=True),
-    Edge("quiet_camera", of_the_camera("PERSP", False), of_the_camera("PANO", False)),
-    Edge("quiet_camera", of_the_camera("ORTHO", False), of_the_camera("ORTHO", True)),
     *(Edge("uneven_samples", cycles("samples", samples), cycles("samples", 64)) for samples in (63, 65, 100)),
     Edge(
         "uneven_samples",

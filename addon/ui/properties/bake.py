@@ -88,13 +88,13 @@ _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USU
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _SAMPLER_WORDS = {
-    "warp": ("Warp", "Two random numbers, which may be of low discrepancy: a small texture"),
-    "alias": ("Alias Tables", "Four random numbers: a texture of nine times as many bytes, a little quicker to render"),
+    "alias": ("Alias Tables", "Four random numbers: less noise, and a little quicker to render"),
+    "warp": ("Warp", "Two random numbers, which may be of low discrepancy: a ninth of the sampler's bytes"),
 }
 _SAMPLER = _enum(
     "Sampler",
     "How directions of the light are drawn",
-    KINDS[::-1],
+    KINDS,
     kind_of_layout(_USUAL.sampler),
     _SAMPLER_WORDS,
 )
