@@ -16,7 +16,7 @@ _MODULES = (
     "ui.properties.quality",
     "ui.import_brdf",
     "lights.light_tables",
-    "material.textures.repair",
+    "material.texture_repair",
     "material.older_files",
     "ui.import_photographs",
     "ui.bake_again",

@@ -283,6 +283,7 @@ class Stage:
 
     def __init__(self, material: Any) -> None:
         self.material, self.layout, self.object = material, Recorder([]), None
+        self.scene = bpy.context.scene
 
     def drawn(self, kind: Any) -> list[str]:
         kind.draw(self, self)

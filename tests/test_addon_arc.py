@@ -12,7 +12,8 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
-from measured_materials.addon.material import bake_photographs, rebuild, textures
+from measured_materials.addon.material import bake_photographs, rebuild
+from measured_materials.addon.material.textures import kept as textures
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import SHADING_MAP, kind_of
 from measured_materials.addon.material.lighting import lighting_of, show_lighting

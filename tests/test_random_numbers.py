@@ -80,7 +80,8 @@ TABLE = [
     "Random U",
     "Random V x2",
 ]
-SLOPES = [WARP_U, WARP_SLOPE]
+SLOPES = [CELL, ALIAS, "Random U", "Random V"]
+WARP_SLOPES = [WARP_U, WARP_SLOPE]
 WARP = [WARP_U, WARP_AZIMUTH]
 AIM = [
     "Aim: Random Lamp",
@@ -114,7 +115,10 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> Bundles:
             sampler = SamplerLayout(8, 8, 4) if name == "isotropic" else HalfVectorWarp(4, 8, 4, 1e-2)
             settings = BakeSettings(resolution=8, alpha=(0.5, 0.3), sampler=sampler, storage=Storage.FLOAT32)
             return read_bundle(bake_source(ward, folder / name, settings).path)
-        settings = BakeSettings(8, envelope=name == "brushed with envelope", basis="half", viewers=(8, 4))
+        sampler = HalfVectorWarp() if name == "brushed warp" else SamplerLayout()
+        settings = BakeSettings(
+            8, envelope=name == "brushed with envelope", basis="half", viewers=(8, 4), sampler=sampler
+        )
         ggx = analytic.Ggx(alpha=0.2, alpha_y=0.4)
         return read_bundle(bake_source(ggx, folder / name, settings).path)
 
@@ -141,6 +145,7 @@ MATERIALS: dict[str, tuple[Build, list[str]]] = {
     "spline": (of_table("isotropic", "reference", filter="bspline"), [*TABLE, "Lookup: Random x3", *AIM]),
     "anisotropic exact": (of_table("brushed with envelope", "exact", lamp_share=True), [*SLOPES, *CHOICE, *AIM]),
     "anisotropic reference": (of_table("brushed", "reference"), [*SLOPES, "Lookup: Random x2", *AIM]),
+    "anisotropic warp": (of_table("brushed warp", "reference"), [*WARP_SLOPES, "Lookup: Random x2", *AIM]),
     "map exact": (of_map(Lobe("lambert")), [*LOBE, "Slices: Random", *CHOICE, *AIM]),
     "map reference": (of_map(Lobe("ggx", 0.4), mode="reference"), [*LOBE, *THIRD, "Slices: Random", *AIM]),
     "map of Phong": (of_map(Lobe("phong", 12.0, 0.4)), [*PHONG, *THIRD, "Slices: Random", *CHOICE, *AIM]),

@@ -18,9 +18,8 @@ import bpy
 import numpy as np
 import measured_materials
 from measured_materials.addon.material.facts import is_measured, record_of
-from measured_materials.addon.material import bake_material as measured_material
+from measured_materials.addon.material import bake_material as measured_material, texture_repair
 from measured_materials.addon.scene_check import check as scene_check
-from measured_materials.addon.material.textures import repair
 from measured_materials.addon.material.textures.kept import TEXTURE_KEY, textures_of
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.brdf.bake import bake_source
@@ -105,7 +104,7 @@ def is_right(bundles=None):
 
 
 def wrong():
-    return {material.name: repair.wrong_textures(material) for material in bpy.data.materials}
+    return {material.name: texture_repair.wrong_textures(material) for material in bpy.data.materials}
 
 
 def rules():
@@ -218,7 +217,7 @@ build(bake(), pack=True)
 canvas, satin = (bpy.data.materials[name] for name in ("canvas", "satin"))
 other = textures_of(satin)["table"].packed_file.data
 table = textures_of(canvas)["table"]
-assert not repair.wrong_textures(canvas)
+assert not texture_repair.wrong_textures(canvas)
 table.pack(data=other, data_len=len(other))
 save()
 open_again()

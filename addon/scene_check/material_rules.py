@@ -23,7 +23,7 @@ from ..material.choices import AUTO
 from ..material.facts import is_measured
 from ..material.kinds import BRDF, kind_of
 from ..material.scene_fit import SAMPLED_EFFECT, plan_sampling
-from ..material.textures.repair import expected, is_another, load_right, right_file
+from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
 _OTHER = "a file of the same name was taken, and the material renders with another's numbers"

@@ -12,7 +12,7 @@ from ..material.choices import OSL
 from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import effects_of
-from ..material.textures.repair import wrong_textures
+from ..material.texture_repair import wrong_textures
 from ..summary.parts import parts_of
 from .bake_again import MEASURED_MATERIALS_OT_bake_again
 from .context import ForMeasured, shown_material

@@ -1,1 +1,1 @@
-"""Textures of a material: those that it keeps, their repair, and as files for scripts."""
+"""Textures of a material: those that it keeps, and as files for scripts."""

@@ -15,8 +15,8 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ....bake.bundle.image_names import common_name, is_unique_name, title_of
-from ....nodes.data_image import (
+from ...bake.bundle.image_names import common_name, is_unique_name, title_of
+from ...nodes.data_image import (
     CONTENT_KEY,
     PART_KEY,
     file_name,
@@ -24,10 +24,10 @@ from ....nodes.data_image import (
     movable_path,
     rename_packed,
 )
-from ....nodes.texture_content import content_of, forget, is_of_content
-from ...events import listen, stop_listening
-from ..facts import facts_of, images_of, is_measured
-from .kept import bundle_path, textures_of
+from ...nodes.texture_content import content_of, forget, is_of_content
+from ..events import listen, stop_listening
+from .facts import facts_of, images_of, is_measured
+from .textures.kept import bundle_path, textures_of
 
 
 def expected(image: bpy.types.Image, material: bpy.types.Material) -> tuple[str, str] | None:
