@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.material import bake_photographs, rebuild
-from measured_materials.addon.material.textures import kept as textures
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import SHADING_MAP, kind_of
 from measured_materials.addon.material.lighting import lighting_of, show_lighting
+from measured_materials.addon.material.textures import kept as textures
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.addon.summary.bake_stages import USUAL_SIZE
 from measured_materials.addon.ui import import_photographs, panel
