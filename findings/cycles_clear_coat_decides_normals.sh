@@ -12,7 +12,7 @@
 # Why: the pass sums the normals of a sample's closures by their weights, and a bake their roughness. What a closure
 # reflects counts when one is chosen to follow, and in the light; not here. A coat of IOR 1 keeps its whole weight.
 #
-# Surprised is whoever switches a coat off by its IOR, as glTF and MaterialX files may have it, and then denoises or bakes by
+# Surprised is whoever switches a coat off by its IOR rather than by its weight, and then denoises or bakes by
 # the Normal pass of bumps below it: half of the bumps is gone from the pass, and none from the picture.
 #
 # To live with it: switch coats off by Coat Weight 0. It is of use too: a material whose closures have random normals can
