@@ -275,7 +275,7 @@ def test_a_moving_lamp_and_a_shutter_that_is_not_centred(room: LampRoom) -> None
     render.use_motion_blur, render.motion_blur_position = True, "START"
     assert not survey_scene(room.scene, for_render=True).inexact
     lamp.keyframe_insert("location", frame=1)
-    assert "POINT may move" in survey_scene(room.scene, for_render=True).inexact
+    assert f"{lamp.name} may move" in survey_scene(room.scene, for_render=True).inexact
     render.motion_blur_position = "CENTER"
     assert not survey_scene(room.scene, for_render=True).inexact
     render.use_motion_blur, render.motion_blur_position = False, "END"
@@ -289,7 +289,7 @@ def test_a_moving_lamp_and_a_shutter_that_is_not_centred(room: LampRoom) -> None
     empty.instance_type, empty.instance_collection = "COLLECTION", held
     assert not survey_scene(room.scene, for_render=True).inexact
     empty.keyframe_insert("location", frame=1)
-    assert "empty may move" in survey_scene(room.scene, for_render=True).inexact
+    assert f"{empty.name} may move" in survey_scene(room.scene, for_render=True).inexact
 
 
 def test_the_table_of_light_follows_the_lamps(room: LampRoom) -> None:

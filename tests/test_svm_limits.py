@@ -30,8 +30,8 @@ from support.coarse_bakes import coarse_bakes
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 from support.swatches import map_bundle, rough_map
 
-# Floats left for what artists put before the material's inputs: ten nodes that hold a colour and a number each.
-ROOM = 39
+# Floats left for what artists put before the material's inputs: nine nodes that hold a colour and a number each.
+ROOM = 36
 PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.2)
 BRDFS = {f"{mode}, {filter}": (mode, filter) for mode in MODES for filter in ("trilinear", "bspline")}
 MAPS = {

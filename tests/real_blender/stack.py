@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path.cwd()))
 import bpy
 from common import HERE, empty_scene, lamp, ours, require
 
-ROOM = 39  # ten nodes that hold a colour and a number each, as in tests/test_svm_limits.py
+ROOM = 36  # nine nodes that hold a colour and a number each, as in tests/test_svm_limits.py
 _SOURCES = {
     "satin": ("ward", {"alpha": 0.2, "alpha_y": 0.5, "diffuse": (0.3, 0.2, 0.1), "specular": 0.4}),
 }
