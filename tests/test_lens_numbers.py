@@ -12,6 +12,7 @@ import pytest
 from mathutils import Matrix
 from measured_materials.addon.lights.motion import changes
 from measured_materials.addon.lights.moving_camera import follow_cameras
+from measured_materials.nodes import compat
 from measured_materials.nodes.lens_group import MOVES, lens_group, lens_groups, value_node
 from support.clean_blend import clean_blend  # noqa: F401
 from support.lens_scenes import DISTANCE, EDGE, SAMPLES, Change, LensScene, evenness, lens_scene
@@ -64,8 +65,7 @@ def _add_before(scene: LensScene, shader: str, **inputs: float) -> None:
     """A pane of this closure half way to the wall."""
     pane = scene._add("pane", scene.wall.data.copy())
     pane.location.z = -DISTANCE / 2
-    material = bpy.data.materials.new("pane")
-    material.use_nodes = True
+    material = compat.new_material("pane")
     tree = material.node_tree
     tree.nodes.clear()
     closure, output = tree.nodes.new(shader), tree.nodes.new("ShaderNodeOutputMaterial")
