@@ -72,10 +72,10 @@ class MEASURED_MATERIALS_OT_use_osl(bpy.types.Operator):
         learn_the_world(scene)
         materials = [material for material in materials_in(scene) if kind_of(material) is BRDF]
         built = _each(self, materials, lambda material: _shade_by(material, shader, scene))
-        # Whatever stays of nodes: OSL would read its files at random.
-        mend(found for found in check_scene(scene) or () if found.rule == "osl_files")
         if self.nodes and not any(is_scripted(material) for material in bpy.data.materials):
             scene.cycles.shading_system = False
+        # Whatever is of nodes, where OSL is on: it would read their files at random.
+        mend(found for found in check_scene(scene) or () if found.rule == "osl_files")
         by = "nodes" if self.nodes else "OSL scripts, which render on the CPU"
         self.report({"INFO"}, f"{_counted(built)} built as {by}")
         return {"FINISHED"}
