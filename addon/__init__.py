@@ -22,8 +22,10 @@ _MODULES = (
     "ui.bake_again",
     "ui.fit_to_scene",
     "ui.quiet_camera",
-    "ui.panel",
-    "ui.check_scene",
+    "ui.panels.pictures",
+    "ui.panels.live_check",
+    "ui.panels.panel",
+    "ui.panels.check_scene",
     "ui.add_cosine_lobe",
     "cli.blender_command",
 )

@@ -187,8 +187,24 @@ def trees_below(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
         here = pending.pop()
         if here not in found:
             found[here] = None
-            pending += [inner for node in here.nodes if (inner := getattr(node, "node_tree", None))]
+            pending += _groups_of(here)
     return list(found)
+
+
+# Groups that a tree's own nodes call, by its session_uid.
+_called: Keeping[int, list[bpy.types.NodeTree]] = Keeping()
+
+
+def looking_once() -> AbstractContextManager[None]:
+    """Inside, a tree is searched for groups once. For readers, which change no tree."""
+    return _called.kept()
+
+
+def _groups_of(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    known = {} if _called.found is None else _called.found
+    if tree.session_uid not in known:
+        known[tree.session_uid] = [group for node in tree.nodes if (group := getattr(node, "node_tree", None))]
+    return known[tree.session_uid]
 
 
 # Hashes of trees, by their session_uid.

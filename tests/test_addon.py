@@ -13,8 +13,9 @@ from measured_materials.addon.cli.inspect import inspect_bundle
 from measured_materials.addon.material import bake_material
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.ui import import_brdf, panel
+from measured_materials.addon.ui import import_brdf
 from measured_materials.addon.ui.context import shown_material
+from measured_materials.addon.ui.panels import panel
 from measured_materials.addon.ui.properties.bake import settings_of, show_settings
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -270,6 +271,9 @@ class Recorder:
     def separator(self) -> None:
         pass
 
+    def template_icon(self, *, icon_value: int, scale: float) -> None:
+        assert scale > 0
+
     def column(self, **options: Any) -> Recorder:
         return self
 
@@ -279,9 +283,10 @@ class Recorder:
 class Stage:
     """What a panel sees."""
 
-    engine = "CYCLES"
+    engine, region = "CYCLES", None
 
     def __init__(self, material: Any) -> None:
+        self.preferences = bpy.context.preferences
         self.material, self.layout, self.object = material, Recorder([]), None
         self.scene = bpy.context.scene
 
@@ -292,24 +297,21 @@ class Stage:
 
 def test_panel_tells_source_error_and_sizes(lacquer: Any) -> None:
     texts = Stage(lacquer).drawn(panel._Panel)
-    for text in (
-        "lacquer",
-        "MERL",
-        "RMS error",
-        "8 x 8 x 16, normal basis, bezier",
-        "manually",
-        "In files",
-        "In memory",
-    ):
+    assert {"lacquer", "mode", "measured_materials.check_scene"} <= set(texts) and "Format: MERL" in texts
+    assert "times the render time of a Principled BSDF" in " ".join(texts)
+    texts = Stage(lacquer).drawn(panel._DetailsPanel)
+    for text in ("MERL", "RMS error", "8 x 8 x 16, normal basis, bezier", "manually", "In files", "In memory"):
         assert text in texts
     stage = Stage(lacquer)
     stage.engine = "BLENDER_WORKBENCH"
-    assert any("approximates" in text for text in stage.drawn(panel._Panel))
+    assert "approximates" in " ".join(stage.drawn(panel._Panel))
 
 
 def test_the_panel_and_inspect_tell_the_same_in_one_order(lacquer: Any) -> None:
     """But for the sizes, which `inspect` tells of each image."""
-    drawn, lines = Stage(lacquer).drawn(panel._Panel), inspect_bundle(Path(lacquer[BUNDLE_KEY])).lines
+    stage = Stage(lacquer)
+    stage.region = type("Region", (), {"width": 4000})  # wide enough for every row
+    drawn, lines = stage.drawn(panel._DetailsPanel), inspect_bundle(Path(lacquer[BUNDLE_KEY])).lines
     rows = [row for row in zip(drawn[::2], drawn[1::2], strict=True) if not row[0].startswith("In ")]
     told = [row for line in lines for row in rows if line.startswith(f"{row[0]} ") and line.endswith(f"  {row[1]}")]
     assert told == rows and len(rows) > 8
@@ -332,6 +334,6 @@ def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
 def test_panel_survives_foreign_facts(lacquer: Any) -> None:
     for text in ("", "[]", "{", "{}", '{"source": 1}', "[" * 99999):
         lacquer[FACTS_KEY] = text
-        assert Stage(lacquer).drawn(panel._Panel), text
+        assert Stage(lacquer).drawn(panel._Panel) and Stage(lacquer).drawn(panel._DetailsPanel), text
         Stage(lacquer).drawn(panel._BakePanel)
         shown_material(bpy.context)

@@ -19,7 +19,8 @@ from measured_materials.addon.material.lighting import lighting_of, show_lightin
 from measured_materials.addon.material.textures import kept as textures
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.addon.summary.bake_stages import USUAL_SIZE
-from measured_materials.addon.ui import import_photographs, panel
+from measured_materials.addon.ui import import_photographs
+from measured_materials.addon.ui.panels import panel
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
@@ -239,7 +240,7 @@ def test_lost_textures_are_told_and_nothing_changes(stack: Path, plate: Any, tmp
     assert material.measured_lighting.sigma == 0 and shape_of(group_of(material)) == before
     material.measured_quality.mode = "preview"
     assert "is gone" in material.measured_quality.problem and material.measured_quality.mode == "exact"
-    for kind in (panel._LightingPanel, panel._QualityPanel):
+    for kind in (panel._LightingPanel, panel._EffectsPanel):
         assert any("felt.mmat" in text for text in Stage(material).drawn(kind))
     (tmp_path / "moved.mmat").rename(tmp_path / "felt.mmat")
     assert SHADING_MAP.why_not_rebuildable(material) == ""
@@ -356,23 +357,24 @@ def test_lost_photographs_can_be_replaced(felt: Any, stack: Path, tmp_path: Path
 
 
 def test_panel_tells_photographs_energy_and_light(felt: Any) -> None:
-    texts = Stage(felt).drawn(panel._Panel)
+    texts = Stage(felt).drawn(panel._DetailsPanel)
     for text in ("felt", "5 lights, 5 levels", "8 slices of 20 x 16", "lambert", "Held-out", "Envelope", "In memory"):
         assert text in texts
     stage = Stage(felt)
     stage.engine = "BLENDER_EEVEE_NEXT"
-    assert any("EEVEE approximates" in text for text in stage.drawn(panel._Panel))
+    assert "EEVEE approximates" in " ".join(stage.drawn(panel._Panel))
 
 
 def test_panels_offer_what_has_an_effect(felt: Any) -> None:
     assert panel._LightingPanel.poll(Stage(felt)) and panel._BakePanel.poll(Stage(felt))
     texts = Stage(felt).drawn(panel._LightingPanel)
     assert {"lobe", "sigma", "above", "technique", "tiling"} <= set(texts) and not {"ggx_alpha", "mode"} & set(texts)
-    assert {"mode", "aim", "detail"} <= set(texts := Stage(felt).drawn(panel._QualityPanel)) and "filter" not in texts
+    assert {"aim", "detail"} <= set(texts := Stage(felt).drawn(panel._EffectsPanel)) and "filter" not in texts
+    assert "mode" in Stage(felt).drawn(panel._Panel)
     felt.measured_lighting.lobe, felt.measured_lighting.technique = "phong", "lit_texture"
     texts = Stage(felt).drawn(panel._LightingPanel)
     assert {"phong_exponent", "phong_diffuse"} <= set(texts) and not {"above", "mode"} & set(texts)
-    assert "mode" not in Stage(felt).drawn(panel._QualityPanel)
+    assert "mode" not in Stage(felt).drawn(panel._Panel)
     texts = Stage(felt).drawn(panel._BakePanel)
     assert {"size", "slices", "measured_materials.bake_again"} <= set(texts)
     assert not {"rank", "crop", "gamma", "albedo", "azimuth", "brdf", "corner_top_left"} & set(texts)
@@ -387,7 +389,7 @@ def test_panels_offer_what_has_an_effect(felt: Any) -> None:
 )
 def test_panel_survives_foreign_facts(text: str, felt: Any) -> None:
     felt[FACTS_KEY] = text
-    assert Stage(felt).drawn(panel._Panel)
+    assert Stage(felt).drawn(panel._Panel) and Stage(felt).drawn(panel._DetailsPanel)
     Stage(felt).drawn(panel._BakePanel)
     Stage(felt).drawn(panel._LightingPanel)
     felt.measured_lighting.sigma = 0.9

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
-from measured_materials.addon.ui.tangent_rows import tangent_nodes
+from measured_materials.addon.ui.panels.tangent_rows import tangent_nodes
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle

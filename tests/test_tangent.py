@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.ui.tangent_rows import draw_tangent, tangent_nodes
+from measured_materials.addon.ui.panels.tangent_rows import draw_tangent, tangent_nodes
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle

@@ -6,8 +6,9 @@ from collections.abc import Container, Iterable
 
 import bpy
 
+from ...nodes.group import looking_once
 from . import camera_rules, light_path_rules, material_rules, mix_rules, pass_rules, scene_rules
-from .findings import NOTE, SEVERITIES, Finding, subject_of
+from .findings import NOTE, SEVERITIES, Finding, Subject, subject_of
 
 _ROUNDS = 3
 
@@ -17,7 +18,11 @@ def check_scene(scene: bpy.types.Scene) -> list[Finding] | None:
 
     Nothing is changed, but that Cycles is switched on where it was not.
     """
-    subject = subject_of(scene)
+    with looking_once():
+        return _found(subject_of(scene))
+
+
+def _found(subject: Subject) -> list[Finding] | None:
     if not subject.wearers:
         return None
     rules = (

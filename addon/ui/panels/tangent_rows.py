@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ...nodes.material_tree import measured_nodes
+from ....nodes.material_tree import measured_nodes
 
 _ROTATION = "Rotation"
 

@@ -1,0 +1,1 @@
+"""Panels of measured materials, and the scene check that they show."""

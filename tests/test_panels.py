@@ -1,0 +1,94 @@
+"""Panels: text that fits, and a scene check that follows what is edited."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from measured_materials.addon.scene_check.findings import NOTE, WRONG, Finding
+from measured_materials.addon.ui.panels import live_check
+from measured_materials.addon.ui.panels.places import in_both_places
+from measured_materials.addon.ui.panels.wrapped_text import wrapped
+from test_addon import lacquer, measurement, plate, registered  # noqa: F401
+
+
+@given(st.text(st.characters(blacklist_categories=["Cs"]), max_size=80), st.integers(3, 30))
+def test_no_line_is_wider_than_its_room_and_no_letter_is_lost(text: str, width: int) -> None:
+    lines = wrapped(text, width, len)
+    assert all(len(line) <= width for line in lines)
+    assert "".join("".join(lines).split()) == "".join(wrapped(text, 10**6, len)[0].split())
+
+
+def test_lines_break_at_spaces_where_there_are_some() -> None:
+    assert wrapped("one two three", 7, len) == ["one two", "three"]
+    assert wrapped("a/very/long/name.exr is gone", 10, len) == ["a/very/lon", "g/name.exr", "is gone"]
+    assert wrapped("", 9, len) == [""]
+
+
+def test_a_panel_stands_in_both_places() -> None:
+    class Panel:
+        """What both show."""
+
+        bl_label = "x"
+
+    first, second = in_both_places(Panel, "x")
+    assert first.bl_parent_id == "MEASURED_MATERIALS_PT_material" and first.bl_context == "material"
+    assert second.bl_parent_id == "MEASURED_MATERIALS_PT_shader" and second.bl_space_type == "NODE_EDITOR"
+    assert not hasattr(in_both_places(Panel)[0], "bl_parent_id")
+
+
+def _found(*severities: str) -> list[Finding]:
+    return [Finding(f"rule{i}", kind, "Scene", "on", "off", "why", None) for i, kind in enumerate(severities)]
+
+
+def test_notes_spoil_nothing() -> None:
+    live_check.keep(bpy.context.scene, _found(WRONG, NOTE))
+    assert live_check.shown.harmful == 1 and not live_check.shown.fixable
+    live_check.loaded()
+    assert live_check.shown.rows is None
+
+
+def test_the_check_follows_an_edit_and_its_undoing(lacquer: bpy.types.Material) -> None:  # noqa: F811
+    """By the timer's own function, once the artist rests."""
+    scene = bpy.context.scene
+    scene.cycles.sample_clamp_indirect = 0
+    live_check.check_now(scene)
+    assert live_check.is_current(scene)
+    before = live_check.shown.harmful
+    scene.cycles.sample_clamp_indirect = 10
+    live_check.changed()
+    assert not live_check.is_current(scene)
+    wait = live_check.look_again()
+    assert wait is not None and live_check.shown.harmful == before, "while edits come it waits"
+    live_check.shown.edited = live_check.shown.ended = 0.0
+    assert live_check.look_again() is None and live_check.is_current(scene)
+    assert live_check.shown.harmful == before + 1
+    scene.cycles.sample_clamp_indirect = 0
+    live_check.changed()
+    live_check.shown.edited = live_check.shown.ended = 0.0
+    live_check.look_again()
+    assert live_check.shown.harmful == before
+
+
+def test_blender_tells_of_edits(lacquer: bpy.types.Material) -> None:  # noqa: F811
+    live_check.check_now(bpy.context.scene)
+    live_check.shown.stale = False
+    bpy.context.object.location.x += 1
+    bpy.context.view_layer.update()
+    assert live_check.shown.stale
+
+
+def test_a_long_check_waits_for_the_button(lacquer: bpy.types.Material) -> None:  # noqa: F811
+    scene = bpy.context.scene
+    live_check.check_now(scene)
+    live_check.shown.seconds = 1.0
+    live_check.changed()
+    live_check.shown.edited = live_check.shown.ended = 0.0
+    assert live_check.look_again() is None and live_check.shown.stale and not live_check.follows(scene)
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> None:
+    """Nothing of the test before."""
+    live_check.loaded()
