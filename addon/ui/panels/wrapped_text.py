@@ -10,9 +10,9 @@ import bpy
 
 from ...summary.text import one_line
 
-# At a UI scale of 1, in pixels: what a panel keeps at its sides, a category tab included; an icon; a panel's width
+# At a UI scale of 1, in pixels: what a panel keeps at its sides; a sidebar's tabs; an icon; a panel's width
 # and a letter's where there is no window to ask.
-_MARGIN, _ICON, _USUAL_WIDTH, _USUAL_LETTER = 58, 22, 300, 6.0
+_MARGIN, _TABS, _ICON, _USUAL_WIDTH, _USUAL_LETTER = 40, 22, 22, 300, 6.0
 
 
 def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:
@@ -51,7 +51,8 @@ class Lines:
         self._scale = 1.0 if bpy.app.background else context.preferences.system.ui_scale
         region = getattr(context, "region", None)
         shown = region.width / self._scale if region is not None and region.width > 1 else _USUAL_WIDTH
-        self.width = (shown if width is None else width) - _MARGIN
+        tabs = _TABS if region is not None and getattr(region, "type", "") == "UI" else 0
+        self.width = (shown - tabs if width is None else width) - _MARGIN
         self._points = context.preferences.ui_styles[0].widget.points
 
     def measure(self, text: str) -> float:
