@@ -1,13 +1,15 @@
 """A bundle as a Cycles material of one OSL shader: the twin of `nodes.material`, on the CPU.
 
 Its textures are files, named by their whole path, for OSL cannot read what is packed into a .blend: where they are
-moved the material must be built again. The table of lamps alone comes through image nodes. It lives in the .blend and
-changes with every edit and frame; OSL's texture system would show a file as it was when first read.
+moved the material must be built again. The tables of lamps and world alone come through image nodes. They live in the
+.blend and change with edits and frames; OSL's texture system would show a file as it was when first read. The world's is
+asked at directions that scripts draw: where materials aim, two more scripts stand before the shader, and an image node
+after each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +26,22 @@ from ..bake.sampling.lamp_light import LIGHT_TEXELS
 from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
 from . import expr
-from .aimed_light_group import MAX_SLOTS
+from .aimed_light_group import MAX_SLOTS, world_texel
 from .group import call, node_group
 from .lens_group import lens_numbers
+from .light_images import world_table
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
-from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
+from .osl_parameters import CELLS, cell_constants, grid_constants, share_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
 
-SHADER = "measured_material.osl"
+SHADER, AIM_SHADER, WORLD_SHADER = "measured_material.osl", "measured_aim.osl", "measured_world.osl"
 # Where the images of a bundle are as files, by their names.
 Files = Callable[[str], Path]
 _TEXELS = ("Centre", "U", "V", "Axis")
+_SCENE = ("Sky", "World", "Strongest")
+# Of the shader's parameters, those that `AIM_SHADER` has too.
+_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Lens", "Sampler", *CELLS)
 
 
 def build_osl_material(
@@ -88,7 +94,7 @@ def build_osl_material(
         if mode != "preview":
             inputs["Lens"] = expr.vec(*lens_numbers())
         if lamps is not None and mode != "preview":
-            inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
+            inputs |= aimed_inputs(inputs, lamps, lights) | {"Points": points if lights is not None else 0}
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
     built = build_from(
@@ -157,17 +163,44 @@ def _closure_constants(record: BrdfRecord, name: str, image: str, files: Files) 
     return constants | {f"{name}{key}": value for key, value in told.items()}
 
 
-def lamp_inputs(lamps: bpy.types.Image, lights: bpy.types.Image | None) -> dict[str, Any]:
-    """The lamps of the table, as far as the shader aims at them or samples them, and the sky."""
+def aimed_inputs(
+    inputs: Mapping[str, Any], lamps: bpy.types.Image, lights: bpy.types.Image | None
+) -> dict[str, Any]:
+    """The direction that `AIM_SHADER` draws, and the lamps of the table as far as the shader itself asks for them.
+
+    Parameters
+    ----------
+    inputs : of the shader, among which are those of the sampler
+    lights : where the shader samples lamps; it then aims at the world alone
+    """
     count = min(lamps.size[1], MAX_SLOTS)
     told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
-    if lights is not None:
+    sky, towards, strongest = (told.pop(name) for name in _SCENE)
+    world, seen = world_table(), {name: inputs[name] for name in _OF_AIM if name in inputs}
+    place = output(script_node(WORLD_SHADER, shader_source(WORLD_SHADER), {"Lens": inputs["Lens"]}), "Place")
+    alias, acceptance = call(_world_group(world), place)
+    seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
+    seen |= {"Lamps": count} | told if lights is None else {}
+    aim = script_node(AIM_SHADER, shader_source(AIM_SHADER), seen)
+    texel, _ = call(_world_group(world), output(aim, "Place"))
+    drawn = {name: output(aim, name) for name in ("Direction", "Densities")} | {"WorldTexel": texel}
+    if lights is None:
+        told = {"Centre1": told["Centre1"]}  # of the mirror's share under one lamp
+    else:
         told |= dict(zip(_light_parameters(count), call(_lights_group(lights, count))))
-    return {"Lamps": count} | told
+    return {"Lamps": count, "Sky": sky, "Strongest": strongest} | drawn | told
+
+
+def _world_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(texture coordinates) to the world's texel there, as colour and alpha."""
+    outputs = {"Texel": "vector", "Acceptance": "float"}
+    return node_group(
+        "MM OSL World", {"Place": "vector"}, outputs, lambda at: world_texel(world, at), switched="extension"
+    )
 
 
 def _lamp_parameters(count: int) -> list[str]:
-    return ["Sky", "World", "Strongest", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
+    return [*_SCENE, *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
 
 
 def _light_parameters(count: int) -> list[str]:

@@ -200,6 +200,8 @@ OSL_DELIBERATE = {0: AN_AIMED_DRAW_OR_THE_MATERIALS, 1: AN_AIMED_DRAW_OR_THE_MAT
 
 def test_every_number_of_the_osl_twin_is_taken_once() -> None:
     text = (SHADERS / "measured_material.osl").read_text(encoding="utf-8")
+    aim = (SHADERS / "measured_aim.osl").read_text(encoding="utf-8")
+    place = (SHADERS / "measured_world.osl").read_text(encoding="utf-8")
     # Where lamps are sampled the shader ends; it draws the mirror and takes one choice as elsewhere.
     start, stop = text.index("    if (Points > 0) {"), text.index("    if (Lamps > 0 && Shares")
     sampled = [int(index) for index in re.findall(r"xi\[(\d)\]", text[start:stop])]

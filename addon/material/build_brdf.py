@@ -49,7 +49,7 @@ def build_brdf(
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
     osl = choices.shader == OSL
-    targets, sampling = what_to_aim_at(report, osl=osl), sampling_of(report, osl=osl)
+    targets, sampling = what_to_aim_at(report), sampling_of(report, osl=osl)
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None

@@ -283,7 +283,7 @@ def not_aimed(subject: Subject) -> Iterator[Finding]:
     unaimed = [m for m in subject.mirrors if is_measured(m) and not _aims(m)]
     report = light_tables.survey_scene(subject.scene, for_render=True) if unaimed else None
     for material in unaimed:
-        targets = aim_targets.what_to_aim_at(report, osl=is_scripted(material))
+        targets = aim_targets.what_to_aim_at(report)
         if rebuild.current_choices(material).aim != AUTO or not targets:
             continue
         kind, mend = kind_of(material), None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from .mistake import Mistake
 
 WALK = "tests/test_random_numbers.py::test_every_number_decides_one_thing"
+OSL_WORLD = "tests/test_osl_world.py::test_a_world_is_aimed_at_without_bias"
 OSL_WALK = "tests/test_random_numbers.py::test_every_number_of_the_osl_twin_is_taken_once"
 DARK = "tests/test_dark_room.py::test_nodes_in_a_dark_room"
 DARK_OSL = "tests/test_dark_room.py::test_osl_in_a_dark_room"
@@ -88,7 +89,7 @@ MISTAKES = (
     ),
     Mistake(
         "osl-place-shares-the-slice",
-        "nodes/osl/measured_material.osl",
+        "nodes/osl/measured_aim.osl",
         "xi[6], xi[7], xi[0], xi[1]",
         "xi[6], xi[7], xi[4], xi[1]",
         (OSL_WALK,),
@@ -274,11 +275,27 @@ MISTAKES = (
         "below the share the number is even from 0 to the share only: aliases are hardly ever taken",
     ),
     Mistake(
-        "osl-expects-no-structure",
+        "osl-world-alias-by-the-whole-number",
         "nodes/osl/measured_lamps.h",
-        "sky[0] + mm_expected_world_light(toward, sky[2], n)",
-        "sky[0]",
-        ("tests/test_osl_cards.py::test_aiming",),
-        "OSL aims too often where the world's own bright parts give the light: noise",
+        "u_aim < share * cell.acceptance",
+        "u_aim < cell.acceptance",
+        ("tests/test_osl_cards.py::test_aiming[4-5.0]",),
+        "the same in OSL",
+    ),
+    Mistake(
+        "osl-world-without-its-share",
+        "nodes/osl/measured_lamps.h",
+        "  of_world = world * share / total;",
+        "  of_world = share;",
+        ("tests/test_osl_cards.py::test_aiming[4-5.0]", f"{OSL_WORLD}[reference-lamp]"),
+        "beside lamps the world's draws count for too much: dark",
+    ),
+    Mistake(
+        "osl-world-counted-where-lamps-are-sampled",
+        "nodes/osl/measured_material.osl",
+        "pdf = mm_whole_density(Densities, WorldTexel, of_table);",
+        "pdf = of_table;",
+        (f"{OSL_WORLD}[sampled]",),
+        "what is drawn towards the world counts as if the sampler had drawn it: bright",
     ),
 )
