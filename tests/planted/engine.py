@@ -34,8 +34,8 @@ MISTAKES = (
     Mistake(
         "osl-share-not-limited",
         "nodes/osl/measured_lamps.h",
-        "(total + elsewhere), sky[1])",
-        "(total + elsewhere), 1.0)",
+        "(total + sky[0]), sky[1])",
+        "(total + sky[0]), 1.0)",
         (f"{DARK_OSL}[reference]",),
         "the OSL twin loses bounce light in a dark room",
     ),
