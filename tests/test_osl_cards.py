@@ -297,7 +297,9 @@ def test_aiming(count: int, flux: float) -> None:
         accepted = (u_aim < share * texels[row, column, 3])[:, None]
         cell = np.where(accepted, np.stack([column, row], -1), texels[row, column, :2])
         place = np.stack([numbers[0] * 32 - column, numbers[1] * 16 - row], -1)
-        towards.append(draw_in_world(xp_numpy, 32, 16, *(xyz(part) for part in (cell, 0 * cell)), 1, xyz(_inside(place))))
+        towards.append(
+            draw_in_world(xp_numpy, 32, 16, *(xyz(part) for part in (cell, 0 * cell)), 1, xyz(_inside(place)))
+        )
     towards = np.stack(towards)[index, np.arange(size)]
     truth = np.where(aimed[:, None], towards, w)
     # Where a condition holds only just, float32 may decide it the other way.

@@ -42,6 +42,8 @@ def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
         return Sampling("nodes cannot ask what a ray meets before Blender 5.1; OSL can, on the CPU")
     if report.inexact:
         return Sampling(report.inexact)
+    if osl and not report.world_inexact:
+        return Sampling(beside="the world, sampled in the shader too")
     if not report.slots:
         return Sampling(needless="no lamp that can be sampled")
     if not report.world.aimed:
