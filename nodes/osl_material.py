@@ -1,8 +1,9 @@
 """A bundle as a Cycles material of one OSL shader: the twin of `nodes.material`, on the CPU.
 
 Its textures are files, named by their whole path, for OSL cannot read what is packed into a .blend: where they are
-moved the material must be built again. The tables of lamps and world alone come through image nodes (`nodes.osl_aim`). They live
-in the .blend and change with edits and frames; OSL's texture system would show a file as it was when first read.
+moved the material must be built again. The tables of lamps and world alone come through image nodes (`nodes.osl_aim`).
+They live in the .blend and change with edits and frames; OSL's texture system would show a file as it was when first
+read.
 """
 
 from __future__ import annotations

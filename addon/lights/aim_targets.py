@@ -43,7 +43,7 @@ def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
     if report.inexact:
         return Sampling(report.inexact)
     if osl and not report.world_inexact:
-        return Sampling(beside="the world, sampled in the shader too")
+        return Sampling(beside="the world, sampled in the shader too: half the noise of a mirror that is aimed at it")
     if not report.slots:
         return Sampling(needless="no lamp that can be sampled")
     if not report.world.aimed:

@@ -1,4 +1,4 @@
-"""Whether the light of a scene's lamps and world is known so exactly that a shader may sample it (method.md, section 10).
+"""Whether the light of a scene's lamps and world is known so exactly that a shader may sample it (method.md, part 10).
 
 What is not known is left to a mirror, which meets whatever there is: noisier, and right.
 """

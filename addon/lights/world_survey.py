@@ -39,7 +39,7 @@ _SUB_SAMPLES, _WIDTH = 16, 1024
 
 @dataclass(frozen=True)
 class WorldPicture:
-    """A picture by its image's session_uid, the rows of what turns the world's directions to its own, and its strength."""
+    """A picture: its image's session_uid, rows of what turns the world's directions to its own, and its strength."""
 
     image: int
     interpolation: str
