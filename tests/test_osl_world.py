@@ -11,9 +11,13 @@ import pytest
 from mathutils import Euler
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.lights.seen_world import surroundings_of, world_light_image
+from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.rebuild import rebuild_brdf
+from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.bake.bundle.bundle import Bundle
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
@@ -23,6 +27,7 @@ from support.direct_light import World
 from support.monte_carlo import assert_agree, compare
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
+from test_addon import registered  # noqa: F401
 from test_unbiased import FINDS, add_lamp, add_world, room, stage
 
 TURN = Euler((0.4, 0.9, -1.3))
@@ -149,10 +154,29 @@ def test_a_world_that_is_not_known_is_not_sampled(paint: Bundle, in_room: TestSc
     texture.image = texture.image.copy()
     assert now() == 0
     in_room.show(built(scene, paint, "world"))
+    assert now() == 0  # while the older material is there
     for material in [m for m in bpy.data.materials if not m.users]:
         bpy.data.materials.remove(material)
     bpy.data.orphans_purge()
     assert now() == 2.5
+
+
+def test_scripts_of_another_world_are_told(registered: None, paint: Bundle, in_room: TestScene) -> None:  # noqa: F811
+    """And fitted again sample the world that there is now."""
+    scene = in_room.scene
+    material = material_from(BakeResult(paint.path, paint.material, 0.0), pack=True)
+    in_room.show(material)
+    use_osl(scene)
+    rebuild_brdf(material, Choices(shader="osl"), scene)
+    update_scene(scene)
+    assert lit() == 1 and not [finding.rule for finding in check_scene(scene) or ()]
+    texture_of(scene).image = texture_of(scene).image.copy()
+    update_scene(scene)
+    (found,) = check_scene(scene) or ()
+    assert lit() == 0 and found.rule == "not_sampled" and "world's picture" in found.found
+    mend([found])
+    update_scene(scene)
+    assert lit() == 1 and not check_scene(scene)
 
 
 def test_the_account_says_what_is_done(paint: Bundle, in_room: TestScene) -> None:
