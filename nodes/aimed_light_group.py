@@ -234,7 +234,7 @@ def _world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
 
     def build(u1: Any, u2: Any, u_aim: Any, share: Any) -> Any:
         at, cell, place = choose_cell(expr, *world.size, u1, u2)
-        alias, acceptance = _world_texel(world, at)
+        alias, acceptance = world_texel(world, at)
         # Below the share u_aim is even from 0 to it: it may decide about the alias too.
         return draw_in_world(expr, *world.size, cell, alias, u_aim < share * acceptance, place)
 
@@ -247,11 +247,12 @@ def _world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
 
     def build(wi: Any) -> Any:
         u, v = world_coordinates(expr, wi)
-        return expr.components(_world_texel(world, expr.vec(u, v, 0.0))[0])[2]
+        return expr.components(world_texel(world, expr.vec(u, v, 0.0))[0])[2]
 
     return node_group("MM Density Towards World", {"wi": "vector"}, {"Density": "float"}, build, switched=_SWITCHED)
 
 
-def _world_texel(world: bpy.types.Image, at: Any) -> tuple[Any, Any]:
+def world_texel(world: bpy.types.Image, at: Any) -> tuple[Any, Any]:
+    """Colour and alpha of the world's table at texture coordinates, in nodes."""
     made = expr.node("ShaderNodeTexImage", {"image": world, "interpolation": "Closest", "extension": "EXTEND"}, {0: at})
     return expr.Vector(made.outputs["Color"]), expr.Scalar(made.outputs["Alpha"])

@@ -10,6 +10,7 @@ from ..bake.sampling.world import COLUMNS, ROWS
 from . import expr
 
 WORLD = "MM World"
+WORLD_LIGHT_TEXELS = 3
 
 
 def new_table(name: str, columns: int, rows: int) -> bpy.types.Image:

@@ -1,8 +1,9 @@
 """A bundle as a Cycles material of one OSL shader: the twin of `nodes.material`, on the CPU.
 
 Its textures are files, named by their whole path, for OSL cannot read what is packed into a .blend: where they are
-moved the material must be built again. The table of lamps alone comes through image nodes. It lives in the .blend and
-changes with every edit and frame; OSL's texture system would show a file as it was when first read.
+moved the material must be built again. The tables of lamps and world alone come through image nodes (`nodes.osl_aim`).
+They live in the .blend and change with edits and frames; OSL's texture system would show a file as it was when first
+read.
 """
 
 from __future__ import annotations
@@ -20,22 +21,19 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import MATERIAL, Bundle
 from ..bake.envelope.viewers import ViewerGrid
 from ..bake.errors import BakeError
-from ..bake.sampling.lamp_light import LIGHT_TEXELS
-from ..bake.sampling.lamps import TEXELS
 from ..bake.tables.table import FILTERS
 from . import expr
-from .aimed_light_group import MAX_SLOTS
-from .group import call, node_group
+from .group import node_group
 from .lens_group import lens_numbers
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
+from .osl_aim import Surroundings, aimed_inputs
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
 
 SHADER = "measured_material.osl"
 # Where the images of a bundle are as files, by their names.
 Files = Callable[[str], Path]
-_TEXELS = ("Centre", "U", "V", "Axis")
 
 
 def build_osl_material(
@@ -45,6 +43,7 @@ def build_osl_material(
     mode: str | None = None,
     lamps: bpy.types.Image | None = None,
     lights: bpy.types.Image | None = None,
+    surroundings: Surroundings | None = None,
     points: int = 1,
     filter: str | None = None,
     stochastic: bool = True,
@@ -63,6 +62,7 @@ def build_osl_material(
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     lights : table of what they emit, see `bake.sampling.lamp_light`: modes "exact" and "balanced" then sample lamps
         themselves. The lamps have to be those that `addon.lights.exact_lamps` finds exact
+    surroundings : the world's picture, where the material samples that too; used with `lights` only
     points : of each lamp that are sampled
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
@@ -88,7 +88,9 @@ def build_osl_material(
         if mode != "preview":
             inputs["Lens"] = expr.vec(*lens_numbers())
         if lamps is not None and mode != "preview":
-            inputs |= lamp_inputs(lamps, lights) | {"Points": points if lights is not None else 0}
+            inputs |= aimed_inputs(inputs, lamps, lights, surroundings) | {
+                "Points": points if lights is not None else 0
+            }
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
     built = build_from(
@@ -155,61 +157,3 @@ def _closure_constants(record: BrdfRecord, name: str, image: str, files: Files) 
     words = " ".join(f"{lobe} {along:.9g} {across:.9g}" for lobe, along, across in widths)
     told = {"Nodes": fit.viewers.shape[0], "Azimuths": azimuths, "HalfTurn": int(half_turn), "Closures": words}
     return constants | {f"{name}{key}": value for key, value in told.items()}
-
-
-def lamp_inputs(lamps: bpy.types.Image, lights: bpy.types.Image | None) -> dict[str, Any]:
-    """The lamps of the table, as far as the shader aims at them or samples them, and the sky."""
-    count = min(lamps.size[1], MAX_SLOTS)
-    told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
-    if lights is not None:
-        told |= dict(zip(_light_parameters(count), call(_lights_group(lights, count))))
-    return {"Lamps": count} | told
-
-
-def _lamp_parameters(count: int) -> list[str]:
-    return ["Sky", "World", "Strongest", *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
-
-
-def _light_parameters(count: int) -> list[str]:
-    return [f"{texel}{k}" for k in range(1, count + 1) for texel in ("Radiance", "Beam", "Facing")]
-
-
-def _lights_group(lights: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
-    """No input to the parameters of the shader that say what lamps emit."""
-    rows = lights.size[1]
-
-    def build() -> tuple[Any, ...]:
-        values = []
-        for row in range(count):
-            (radiance, facing), (beam, _) = (
-                expr.image_tap(lights, (column + 0.5) / LIGHT_TEXELS, 1 - (row + 0.5) / rows, "Closest")
-                for column in range(LIGHT_TEXELS)
-            )
-            values += [radiance, beam, facing]
-        return tuple(values)
-
-    kinds = {name: "float" if name.startswith("Facing") else "vector" for name in _light_parameters(count)}
-    return node_group("MM OSL Lamp Light", {}, kinds, build, switched="extension")
-
-
-def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
-    """No input to the parameters of the shader that describe lamps."""
-    rows = lamps.size[1]
-    if lamps.size[0] != TEXELS:
-        raise ValueError(f"{lamps.size[0]} texels a row; a lamp has {TEXELS}")
-
-    def texel(row: int, column: int) -> tuple[Any, Any]:
-        return expr.image_tap(lamps, (column + 0.5) / TEXELS, 1 - (row + 0.5) / rows, "Closest")
-
-    def build() -> tuple[Any, ...]:
-        scene, strength = texel(0, 4)
-        sky, largest, in_scene = expr.components(scene)
-        world, flux = texel(1, 4) if rows > 1 else (expr.vec(0.0, 0.0, 0.0), 0.0)
-        values = [expr.vec(sky, largest, flux), world, expr.vec(in_scene, strength, 0.0)]
-        for row in range(count):
-            vectors, numbers = zip(*(texel(row, column) for column in range(len(_TEXELS))))
-            kind, power, _, fourth = numbers
-            values += [*vectors, expr.vec(kind, power, fourth)]
-        return tuple(values)
-
-    return node_group("MM OSL Lamps", {}, dict.fromkeys(_lamp_parameters(count), "vector"), build, switched="extension")

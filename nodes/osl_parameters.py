@@ -16,6 +16,9 @@ from ..bake.tables.atlas import AtlasLayout
 from ..bake.tables.grids.grid import Grid
 from ..bake.tables.log_codes import LogCodes
 
+# Parameters of a sampler's bins and cells.
+CELLS = ("Bins", "BinsPhi", "CellRows", "CellColumns", "Warp", "WidthX", "WidthY", "HalfTurn", "Strata", "Linear")
+
 
 def texture_file(file: Path) -> str:
     """Whole path of an image, for OSL to read. Raises BakeError."""

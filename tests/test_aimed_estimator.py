@@ -113,8 +113,10 @@ def test_estimator_of_osl(name: str) -> None:
     texels = ", ".join(f"vector({', '.join(map(repr, texel[:3].tolist()))})" for texel in row[:4])
     facts = f"vector({row[0, 3]!r}, {row[1, 3]!r}, {row[3, 3]!r})"
     body = f"""MMLamp lamps[MM_MOST_LAMPS] = {{ {{{texels}, {facts}}} }};
-      wi = mm_aim(lamps, 1, vector({SKY}, {LARGEST}, 0), vector(0), point(0), vector(0, 0, 1), onto,
-                  u_lamp, u_aim, u1, u2, aimed, rest);"""
+      MMWorldCell cell = {{1, 1, color(0), 1}};
+      float of_world;
+      wi = mm_aim(lamps, 1, vector({SKY}, {LARGEST}, 0), vector(0), cell, point(0), vector(0, 0, 1), onto,
+                  u_lamp, u_aim, u1, u2, aimed, of_world, rest);"""
     outputs = {"wi": "vector", "aimed": "float", "rest": "float"}
     inputs = {"onto": onto, "u_lamp": u_lamp, "u_aim": u_aim, "u1": u1, "u2": u2}
     wi, aimed, rest = header_card(body, outputs, "measured_lamps.h", **inputs)

@@ -28,6 +28,15 @@ from measured_materials.bake.sampling.lamps import (
     expected_light,
     lamp_table,
 )
+from measured_materials.bake.sampling.world import (
+    COLUMNS,
+    ROWS,
+    choose_cell,
+    draw_in_world,
+    expected_world_light,
+    world_coordinates,
+    world_texels,
+)
 from measured_materials.bake.sources import analytic
 from measured_materials.bake.tables.atlas import pack
 from measured_materials.bake.tables.grids import parameterization as par
@@ -228,8 +237,8 @@ LAMPS = [
 ]
 
 
-def lamps_body(count: int, lamps: list[Lamp] = LAMPS) -> str:
-    """Statements that aim at the first of four rows of lamps, other light 0.6 and largest share 0.8."""
+def lamps_body(count: int, lamps: list[Lamp] = LAMPS, flux: float = 0.0, toward: object = (0, 0, 0)) -> str:
+    """Statements that aim at the first of four rows of lamps and at a world, other light 0.6 and largest share 0.8."""
 
     def triple(numbers: object) -> str:
         return f"vector({', '.join(f'{x:.9g}' for x in numbers)})"
@@ -237,13 +246,28 @@ def lamps_body(count: int, lamps: list[Lamp] = LAMPS) -> str:
     rows = lamp_table(lamps, 4)
     vectors = [[triple(r[k, :3]) for k in range(4)] + [triple((r[0, 3], r[1, 3], r[3, 3]))] for r in rows]
     table = ", ".join("{" + ", ".join(row) + "}" for row in vectors)
-    call = f"mm_aim(lamps, {count}, vector(0.4, 0.8, 0.2), vector(0), p, n, w, u_lamp, u_aim, u1, u2, aimed, rest)"
-    return f"MMLamp lamps[MM_MOST_LAMPS] = {{{table}}}; wi = {call};"
+    numbers = "u_lamp, u_aim, u1, u2, aimed, of_world, rest"
+    call = f"mm_aim(lamps, {count}, vector(0.6, 0.8, {flux}), {triple(toward)}, cell, p, n, w, {numbers})"
+    rest = "MMWorldCell cell = {32, 16, color(alias), acceptance};"
+    return f"MMLamp lamps[MM_MOST_LAMPS] = {{{table}}}; {rest} wi = {call};"
 
 
-@pytest.mark.parametrize("count", [1, 4])
-def test_aiming(count: int) -> None:
-    """Direction and density of aimed draws, over every kind of lamp."""
+AIMED = {"wi": "vector", "aimed": "float", "of_world": "float", "rest": "float"}
+
+
+def xyz(place: np.ndarray) -> np.ndarray:
+    """With a third number, as `draw_in_world` takes it."""
+    return np.concatenate([place, np.zeros_like(place[:, :1])], -1)
+
+
+def _inside(place: np.ndarray) -> np.ndarray:
+    """`choose_cell` keeps draws away from a cell's edges."""
+    return 2.5e-4 + (1 - 5e-4) * place
+
+
+@pytest.mark.parametrize("count, flux", [(1, 0.0), (4, 0.0), (0, 5.0), (4, 5.0)])
+def test_aiming(count: int, flux: float) -> None:
+    """Direction and density of aimed draws, over every kind of lamp and a world."""
     rng = np.random.default_rng(0)
     size = 2000
     p = rng.uniform(-0.3, 0.3, (size, 3)).astype(np.float32)
@@ -253,29 +277,58 @@ def test_aiming(count: int) -> None:
     )
     u_lamp, u_aim, u1, u2 = rng.random((4, size)).astype(np.float32)
     inputs = {"p": p, "n": n, "w": w, "u_lamp": u_lamp, "u_aim": u_aim, "u1": u1, "u2": u2}
-    outputs = {"wi": "vector", "aimed": "float", "rest": "float"}
-    found, aimed_density, rest = header_card(lamps_body(count), outputs, "measured_lamps.h", **inputs)
+    toward, texels = np.array((0.4, -0.3, 0.9)), world_texels(rng.random((16, 32)) ** 6 * (rng.random((16, 32)) > 0.4))
+    column, row = (np.minimum((u * k).astype(int), k - 1) for u, k in ((u1, 32), (u2, 16)))
+    inputs |= {"alias": texels[row, column, :3], "acceptance": texels[row, column, 3]}
+    body = lamps_body(count, flux=flux / 4, toward=flux / 10 * toward)
+    found, aimed_density, of_world, rest = header_card(body, AIMED, "measured_lamps.h", **inputs)
 
     aims = [aim_numpy(row, p.astype(float)) for row in lamp_table(LAMPS, 4)[:count]]
-    light = np.stack([expected_light(xp_numpy, a, n.astype(float), lamp.power) for a, lamp in zip(aims, LAMPS)])
+    light = [expected_light(xp_numpy, a, n.astype(float), lamp.power) for a, lamp in zip(aims, LAMPS)]
+    world = expected_world_light(xp_numpy, flux / 10 * toward, flux / 4, n.astype(float))
+    light = np.stack([*light, world] if flux else light)
     total = light.sum(0)
     share = np.minimum(total / (total + 0.6), 0.8)
-    index = np.minimum((u_lamp * total > np.cumsum(light, 0)).sum(0), count - 1)
+    index = np.minimum((u_lamp * total > np.cumsum(light, 0)).sum(0), len(light) - 1)
     aimed = u_aim < share
     numbers = u1.astype(float), u2.astype(float)
-    towards = np.stack([draw_towards(xp_numpy, a, *numbers) for a in aims])[index, np.arange(size)]
+    towards = [draw_towards(xp_numpy, a, *numbers) for a in aims]
+    if flux:
+        accepted = (u_aim < share * texels[row, column, 3])[:, None]
+        cell = np.where(accepted, np.stack([column, row], -1), texels[row, column, :2])
+        place = np.stack([numbers[0] * 32 - column, numbers[1] * 16 - row], -1)
+        towards.append(
+            draw_in_world(xp_numpy, 32, 16, *(xyz(part) for part in (cell, 0 * cell)), 1, xyz(_inside(place)))
+        )
+    towards = np.stack(towards)[index, np.arange(size)]
     truth = np.where(aimed[:, None], towards, w)
     # Where a condition holds only just, float32 may decide it the other way.
-    same = np.abs(found - truth).max(-1) < 1e-5
+    same = np.abs(found - truth).max(-1) < 2e-5
     assert same.mean() > 0.998
     assert np.abs(rest - (1 - share))[same].max() < 1e-5
+    assert of_world == pytest.approx(world * share / np.maximum(total, 1e-30), rel=1e-5)
     density = sum(
         part * density_towards(xp_numpy, a, truth, (aimed & (index == k)).astype(float))
         for k, (a, part) in enumerate(zip(aims, light))
     )
-    density = np.divide(density * share, total, out=np.zeros(size), where=total > 0)
+    density = np.divide(density * share + np.zeros(size), total, out=np.zeros(size), where=total > 0)
     wrong = np.abs(aimed_density - density) > 2e-4 * np.maximum(density, 1e-3)
     assert wrong[same].mean() < 0.002
+
+
+def test_place_in_the_world_s_table() -> None:
+    """Of a draw, both ends of the numbers included, and of any direction."""
+    rng = np.random.default_rng(2)
+    u1, u2 = rng.random((2, 500)).astype(np.float32)
+    u1[:4], u2[:4] = (0, 1, 0, 1), (0, 0, 1, 1)
+    wi = spherical(np.arccos(rng.uniform(-1, 1, 500)), rng.uniform(-3.1, 3.1, 500)).astype(np.float32)
+    body = "at = mm_world_place(MM_WORLD_COLUMNS, MM_WORLD_ROWS, u1, u2); place = mm_world_coordinates(wi);"
+    found, place = header_card(body, {"at": "vector", "place": "vector"}, "measured_lamps.h", u1=u1, u2=u2, wi=wi)
+    at, _, _ = choose_cell(xp_numpy, COLUMNS, ROWS, u1.astype(float), u2.astype(float))
+    # Next to an edge float32 may choose the other cell.
+    assert (np.abs(found - at).max(-1) < 1e-6).mean() > 0.99
+    assert np.abs(found[:4] - at[:4]).max() < 1e-6
+    assert np.abs(place[:, :2] - np.stack(world_coordinates(xp_numpy, wi.astype(float)), -1)).max() < 4 * EPS
 
 
 def test_aiming_leaves_dark_lamps_alone() -> None:
@@ -284,8 +337,9 @@ def test_aiming_leaves_dark_lamps_alone() -> None:
     w = spherical(np.linspace(0, 1.5, 50), 0.3).astype(np.float32)
     u = np.linspace(0, 1, 50).astype(np.float32)
     inputs = {"p": 0 * w, "n": 0 * w + np.float32([0, 0, 1]), "w": w, "u_lamp": u, "u_aim": 0 * u, "u1": u, "u2": u}
-    outputs = {"wi": "vector", "aimed": "float", "rest": "float"}
-    wi, aimed, rest = header_card(lamps_body(4, [below]), outputs, "measured_lamps.h", **inputs)
+    inputs |= {"alias": 0 * w, "acceptance": u}
+    wi, aimed, of_world, rest = header_card(lamps_body(4, [below]), AIMED, "measured_lamps.h", **inputs)
+    assert (of_world == 0).all()
     assert (wi == w).all() and (aimed == 0).all() and (rest == 1).all()
 
 

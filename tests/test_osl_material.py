@@ -199,16 +199,21 @@ def part(name: str, inputs: dict[str, Any]) -> Any:
 def test_the_blend_holds_the_compiled_shader_and_no_folder(
     grey: Bundle, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The shader itself is in the node, the compiler's temporary files and search paths are not."""
+    """The shaders themselves are in the nodes, the compiler's temporary files and search paths are not."""
     monkeypatch.setattr(bpy.context.scene.render, "engine", engine)
     material = build_osl_material(grey, lamps=lamp_image())
     group = next(n.node_tree for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    script = next(n for n in group.nodes if n.bl_idname == "ShaderNodeScript")
-    assert script.mode == "INTERNAL" and script.bytecode.startswith("OpenShadingLanguage")
-    for text in (script.bytecode, script.script.as_string()):
-        assert tempfile.gettempdir() + "/" not in text and str(Path(bpy.__file__).parent) not in text
-    shown = {socket.identifier for socket in script.inputs if not socket.hide and socket.is_linked}
-    assert {"Normal", "Tint", "Sky", "Centre1", "Facts4"} <= shown and "Table" not in shown
+    shown = {}
+    for script in (n for n in group.nodes if n.bl_idname == "ShaderNodeScript"):
+        assert script.mode == "INTERNAL" and script.bytecode.startswith("OpenShadingLanguage")
+        for text in (script.bytecode, script.script.as_string()):
+            assert tempfile.gettempdir() + "/" not in text and str(Path(bpy.__file__).parent) not in text
+        inputs = {socket.identifier for socket in script.inputs if not socket.hide and socket.is_linked}
+        shown[script.script.name] = inputs
+    assert set(shown) == {"measured_world.osl", "measured_aim.osl", "measured_material.osl"}
+    assert {"Normal", "Sky", "Centre1", "Facts4", "Alias"} <= shown["measured_aim.osl"]
+    seen = shown["measured_material.osl"]
+    assert {"Normal", "Tint", "Sky", "Direction", "WorldTexel"} <= seen and "Table" not in seen
 
 
 def test_building_again_keeps_links_and_leaves_nothing(grey: Bundle) -> None:

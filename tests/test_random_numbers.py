@@ -199,19 +199,31 @@ OSL_DELIBERATE = {0: AN_AIMED_DRAW_OR_THE_MATERIALS, 1: AN_AIMED_DRAW_OR_THE_MAT
 
 
 def test_every_number_of_the_osl_twin_is_taken_once() -> None:
-    text = (SHADERS / "measured_material.osl").read_text(encoding="utf-8")
+    text, aim, place = (
+        (SHADERS / f"measured_{name}.osl").read_text(encoding="utf-8") for name in ("material", "aim", "world")
+    )
     # Where lamps are sampled the shader ends; it draws the mirror and takes one choice as elsewhere.
     start, stop = text.index("    if (Points > 0) {"), text.index("    if (Lamps > 0 && Shares")
-    sampled = [int(index) for index in re.findall(r"xi\[(\d)\]", text[start:stop])]
-    # 6 and 7 twice: they may be the lens' numbers.
+    # 4 thrice: what the table gives of lamps, world and mirror is added. 6 and 7 twice: they may be the lens' numbers.
     assert "mm_by_lens(Lens, xi[6], xi[7]);" in text[start:stop]
-    assert sorted(sampled) == [0, 1, 2, 3, 4, 4, 5, 6, 6, 7, 7]
+    assert _taken(text[start:stop]) == [0, 1, 2, 3, 4, 4, 4, 5, 6, 6, 7, 7]
     text = text[:start] + text[stop:]
-    taken = [int(index) for index in re.findall(r"xi\[(\d)\](?!;)", text.replace("float xi[9];", ""))]
-    assert text.count("mm_by_lens(") == 1 and "mm_by_lens(Lens, xi[0], xi[1]);" in text
-    assert sorted(taken) == sorted([*range(9), *OSL_DELIBERATE, 0, 1])
-    # And never as a whole but where they are drawn.
-    assert re.findall(r"\bxi\b(?!\[)", text) == ["xi"]
+    assert _taken(text) == [0, 0, 1, 1, 2, 3, 4, 5, 8]
+    # The other draw of a mirror, or one towards a light; beside it one towards the world, which is added.
+    middle = aim.index("  if (Lit > 0) {")
+    other = aim.index("  else {", middle)
+    drawn = _taken(aim[:middle]) + _taken(aim[other:])
+    assert sorted(drawn) == sorted([*range(4), 6, 7, *OSL_DELIBERATE, 0, 1])
+    assert _taken(aim[middle:other]) == [0, 1, 7] and _taken(place) == [0, 0, 1, 1]
+    for whole in (text, aim, place):
+        assert whole.count("mm_by_lens(") == 1 and "mm_by_lens(Lens, xi[0], xi[1]);" in whole
+        # And never as a whole but where they are drawn.
+        assert re.findall(r"\bxi\b(?!\[)", whole) == ["xi"]
+
+
+def _taken(text: str) -> list[int]:
+    """Which of `xi` a text names, in order."""
+    return sorted(int(index) for index in re.findall(r"xi\[(\d)\](?!;)", text.replace("float xi[9];", "")))
 
 
 def test_three_keys_make_the_nine_numbers_of_osl() -> None:

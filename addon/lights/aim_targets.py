@@ -13,24 +13,24 @@ _HARDLY_ANY = 1e-3
 
 @dataclass(frozen=True)
 class Sampling:
-    """Why a scene's lamps cannot be sampled in the shader without bias, or need not be; empty where that is not so."""
+    """Why a scene's lamps cannot be sampled in the shader without bias, or need not be; empty where that is not so.
+
+    `beside` is what mirrors of such a material are aimed at all the same, in words; empty if at nothing.
+    """
 
     impossible: str = ""
     needless: str = ""
+    beside: str = ""
 
 
 UNKNOWN = Sampling("nothing is known of its lamps")
 
 
-def what_to_aim_at(report: LampReport, *, osl: bool = False) -> str:
+def what_to_aim_at(report: LampReport) -> str:
     """Describe what is aimed at and why it pays; empty if there is nothing. The report is `survey_scene`'s for a
     render.
-
-    Parameters
-    ----------
-    osl : by an OSL shader, which does not aim at worlds
     """
-    if not report.slots and (osl or not report.world.aimed):
+    if not report.slots and not report.world.aimed:
         return ""
     words = report.words()[0]
     return words[:1].lower() + words[1:]
@@ -42,11 +42,15 @@ def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
         return Sampling("nodes cannot ask what a ray meets before Blender 5.1; OSL can, on the CPU")
     if report.inexact:
         return Sampling(report.inexact)
+    if osl and not report.world_inexact:
+        return Sampling(beside="the world, sampled in the shader too: half the noise of a mirror that is aimed at it")
     if not report.slots:
         return Sampling(needless="no lamp that can be sampled")
-    if report.world.aimed and not osl:  # whose shader does not aim at worlds
-        return Sampling(needless="aiming at the world is worth more")
-    return Sampling()
+    if not report.world.aimed:
+        return Sampling()
+    if osl:  # whose shader does both
+        return Sampling(beside="the world, by the mirror of the rest")
+    return Sampling(needless="aiming at the world is worth more")
 
 
 def lamps_are_alone(report: LampReport) -> bool:

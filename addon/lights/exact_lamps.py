@@ -1,4 +1,4 @@
-"""Whether the light of a scene's lamps is known so exactly that a shader may sample it (method.md, section 10).
+"""Whether the light of a scene's lamps and world is known so exactly that a shader may sample it (method.md, part 10).
 
 What is not known is left to a mirror, which meets whatever there is: noisier, and right.
 """
@@ -66,6 +66,15 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
         if max(scales) - min(scales) > _EVEN_SCALE * max(scales):
             return "its cone is scaled unevenly"
     return ""
+
+
+def why_world_not_exact(world: bpy.types.World) -> str:
+    """Why the light of a world of one picture is not known exactly to a shader; empty if it is."""
+    if world.lightgroup:
+        return f"the world's light goes to light group {world.lightgroup}"
+    if world.cycles.max_bounces < _BOUNCES:
+        return "the world's light ends after some bounces"
+    return "the world is animated" if changes(world) else ""
 
 
 def why_not_in(scene: bpy.types.Scene, volume: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ...nodes.keeping import Keeping
-from .exact_lamps import volume_in_file, why_not_exact, why_not_in
+from .exact_lamps import volume_in_file, why_not_exact, why_not_in, why_world_not_exact
 from .lamp_survey import LampReport, lamp_settings, rendered_layers, survey_scene
 from .motion import changes
 from .world_survey import world_light
@@ -56,7 +56,7 @@ def _state(scene: bpy.types.Scene) -> Any:
     layers = [(layer.name, *_visibility(layer.layer_collection)) for layer in rendered_layers(scene)]
     volume = volume_in_file()
     unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"]
-    unknown += why_not_in(scene, volume), volume
+    unknown += why_not_in(scene, volume), volume, why_world_not_exact(scene.world) if scene.world else ""
     return scene.frame_current_final, places, shown, lamps, layers, world_light(scene.world), unknown
 
 

@@ -19,7 +19,7 @@ from ...nodes import compat
 from ...nodes.aimed_light_group import MAX_SLOTS
 from ...nodes.group import is_measured_tree
 from . import world_survey
-from .exact_lamps import emitted_light, volume_in_file, why_not_exact, why_not_in
+from .exact_lamps import emitted_light, volume_in_file, why_not_exact, why_not_in, why_world_not_exact
 from .motion import changes
 from .world_survey import WorldLight
 
@@ -40,6 +40,7 @@ class LampReport:
     lights : what each lamp aimed at emits
     inexact : why that is not known exactly enough for a shader to sample it, in words; empty if it is
     volume : the file's first volume, in words; empty if there is none
+    world_inexact : why no shader may sample the world, in words; empty if one may
     """
 
     lamps: list[Lamp]
@@ -50,6 +51,7 @@ class LampReport:
     lights: list[LampLight] = field(default_factory=list)
     inexact: str = ""
     volume: str = ""
+    world_inexact: str = ""
 
     @property
     def slots(self) -> int:
@@ -125,8 +127,16 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     lamps, lights = ([entry[k] for entry in named[:CAPACITY]] for k in (1, 2))
     inexact += [f"{obj.name}: {reason}" for obj in to_come if (reason := why_not_exact(obj, obj.matrix_world))]
     volume = volume_in_file()
-    unknown = inexact[0] if inexact else why_not_in(depsgraphs[0].scene, volume)
-    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown, volume)
+    everywhere = why_not_in(depsgraphs[0].scene, volume)
+    unknown = inexact[0] if inexact else everywhere
+    of_world = everywhere or _why_world_inexact(depsgraphs[0].scene.world, world)
+    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown, volume, of_world)
+
+
+def _why_world_inexact(world: bpy.types.World | None, light: WorldLight) -> str:
+    if world is None or not light.aimed:
+        return light.why_not
+    return why_world_not_exact(world) if light.picture else "the world is more than one picture"
 
 
 def lamp_settings(obj: bpy.types.Object) -> Any:

@@ -26,7 +26,7 @@ from ...nodes.aimed_light_group import SLOTS_KEY, aim_by, aimed_light_group, can
 from ...nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
 from ...nodes.light_images import new_table, world_table
 from ..events import listen, stop_listening
-from . import image_reload, world_survey
+from . import image_reload, seen_world, world_survey
 from .exact_lamps import volume_in_file
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
 from .moving_camera import follow_cameras
@@ -147,6 +147,8 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
     changed += [image for image in _tables() if _write(image, table)]
     lights = light_table_of(report)
     changed += [image for image in _light_tables() if _write(image, lights)]
+    shown = seen_world.world_light_table(report)
+    changed += [image for image in seen_world.world_light_images() if _write(image, shown)]
     if viewport:
         for image in changed:
             image_reload.for_the_viewport(image)
@@ -212,7 +214,7 @@ def pack_tables() -> None:
 
     A table that was lost holds zeros, and nothing is aimed by it. (That of the world is packed whenever it is written.)
     """
-    for image in (*_tables(), *_light_tables()):
+    for image in (*_tables(), *_light_tables(), *seen_world.world_light_images()):
         if image.is_dirty and image.library is None and image.users:
             image.pack()
 
@@ -289,7 +291,8 @@ def _after_a_frame(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
         with _tried_again_where_locked():
             update_lamps(depsgraph, switch=depsgraph.mode == "VIEWPORT" and _is_main_thread())
         if depsgraph.mode == "RENDER" and depsgraph.scene.render.use_persistent_data:
-            for image in (*_tables(), *_light_tables(), *world_survey.tables()):
+            small = (*_tables(), *_light_tables(), *seen_world.world_light_images())
+            for image in (*small, *world_survey.tables()):
                 image_reload.for_a_render(depsgraph.scene, image)
 
 

@@ -38,6 +38,16 @@ _SUB_SAMPLES, _WIDTH = 16, 1024
 
 
 @dataclass(frozen=True)
+class WorldPicture:
+    """A picture: its image's session_uid, rows of what turns the world's directions to its own, and its strength."""
+
+    image: int
+    interpolation: str
+    rows: tuple[tuple[float, ...], ...]
+    strength: float
+
+
+@dataclass(frozen=True)
 class WorldLight:
     """A world as far as it is known.
 
@@ -48,6 +58,7 @@ class WorldLight:
     key : what the table to aim by is known by
     measured : it took a rendering to know it, which its file had better keep
     why_not : reason why it is not aimed at; empty if it is
+    picture : all of its light, where it is one picture
     """
 
     irradiance: float
@@ -55,6 +66,7 @@ class WorldLight:
     key: str = ""
     measured: bool = False
     why_not: str = ""
+    picture: WorldPicture | None = None
 
     @property
     def aimed(self) -> bool:
@@ -70,6 +82,7 @@ class _Picture:
     read: Callable[[], Array]
     to_world: Matrix
     strength: float
+    seen: WorldPicture
 
 
 _known: dict[str, tuple[WorldStructure, Array]] = {}
@@ -99,7 +112,7 @@ def world_light(world: bpy.types.World | None) -> WorldLight:
     structure = _scaled(structure, picture.strength if picture else 1.0)
     irradiance = structure.background + structure.flux / 4
     why_not = "" if structure.pays else _why_not_worth_it(structure)
-    return WorldLight(irradiance, structure, key, picture is None, why_not)
+    return WorldLight(irradiance, structure, key, picture is None, why_not, picture.seen if picture else None)
 
 
 def measure_world(scene: bpy.types.Scene) -> WorldLight:
@@ -281,7 +294,8 @@ def _picture(surface: bpy.types.NodeSocket) -> _Picture | None:
     changed = file.stat().st_mtime_ns if file and file.is_file() else 0
     about = (image.name_full, image.session_uid, str(file), changed, size, image.colorspace_settings.name)
     key = json.dumps([*about, [[round(x, 6) for x in row] for row in matrix]])
-    return _Picture(key, lambda: _radiance(image), matrix.transposed(), found[1])
+    seen = WorldPicture(image.session_uid, texture.interpolation, tuple(map(tuple, matrix)), found[1])
+    return _Picture(key, lambda: _radiance(image), matrix.transposed(), found[1], seen)
 
 
 def _to_picture(vector: bpy.types.NodeSocket | None) -> Matrix | None:

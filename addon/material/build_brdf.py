@@ -17,6 +17,7 @@ from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.light_tables import lamp_image, lamp_light_image
+from ..lights.seen_world import surroundings_of
 from .choices import NAMES, OF_BRDF, OSL, Choices
 from .scene_fit import BrdfPlan, plan_brdf
 from .textures.script_files import texture_files
@@ -49,7 +50,7 @@ def build_brdf(
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
     osl = choices.shader == OSL
-    targets, sampling = what_to_aim_at(report, osl=osl), sampling_of(report, osl=osl)
+    targets, sampling = what_to_aim_at(report), sampling_of(report, osl=osl)
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None
@@ -61,6 +62,7 @@ def build_brdf(
             filter=plan.filter,
             lamps=lamps,
             lights=lights,
+            surroundings=surroundings_of(report) if plan.sample else None,
             files=texture_files(record),
             normals=plan.normals,
         )

@@ -97,6 +97,8 @@ def plan_brdf(
             aimed = plan_aim(choices, to_aim_at, ready=ready)
             aim = aimed.kept or is_ready(choices, ready)
             effects.append(aimed)
+        elif sampling.beside:
+            effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
     osl = residual and choices.shader == OSL
     features = passes and residual and not osl

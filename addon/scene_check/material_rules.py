@@ -18,6 +18,7 @@ from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.osl_script import is_scripted
 from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
+from ..lights.lamp_survey import LampReport
 from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
@@ -260,17 +261,32 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
         sampling = aim_targets.sampling_of(report, osl=is_scripted(material))
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
-        if sampled == plan_sampling(choices, sampling).kept or not (sampled or residual_of(material)):
+        kept = plan_sampling(choices, sampling).kept
+        stale = kept and is_scripted(material) and _shows_another_world(material, report)
+        if (sampled == kept and not stale) or not (sampled or residual_of(material)):
             continue
         mend = None
         if not BRDF.why_not_rebuildable(material):
             mend = editable(material, partial(BRDF.refit, material, subject.scene))
         found = f"lamps are no longer sampled: {sampling.impossible or sampling.needless}"
         why = "its mirror is not aimed at them, and meets a small one by chance only"
+        if sampled and stale:
+            found = "the world's picture is not sampled, though it can be"
+            why = "the world was another when it was fitted; a mirror that is aimed has about twice the noise"
         if not sampled:
             found = "lamps are not sampled, though they can be"
             why = "it was fitted when they could not; a mirror that is aimed has about three times the noise"
         yield Finding("not_sampled", SLOW, _name(material), found, "fitted to the scene", why, mend)
+
+
+def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:
+    """Whether a script that samples lamps holds no picture of the world, or another, though it could hold that one."""
+    picture = report.world.picture
+    if report.world_inexact or picture is None:
+        return False
+    nodes = (node for tree in measured_trees(material) for node in tree.nodes)
+    shown = {n.image.session_uid for n in nodes if n.bl_idname == "ShaderNodeTexEnvironment" and n.image}
+    return shown != {picture.image}
 
 
 def residual_of(material: bpy.types.Material) -> bool:
@@ -283,7 +299,7 @@ def not_aimed(subject: Subject) -> Iterator[Finding]:
     unaimed = [m for m in subject.mirrors if is_measured(m) and not _aims(m)]
     report = light_tables.survey_scene(subject.scene, for_render=True) if unaimed else None
     for material in unaimed:
-        targets = aim_targets.what_to_aim_at(report, osl=is_scripted(material))
+        targets = aim_targets.what_to_aim_at(report)
         if rebuild.current_choices(material).aim != AUTO or not targets:
             continue
         kind, mend = kind_of(material), None

@@ -46,7 +46,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
 
 
 class MEASURED_MATERIALS_OT_use_osl(bpy.types.Operator):
-    """Build this scene's measured BRDFs as OSL scripts, which sample lamps themselves, and render on the CPU"""
+    """Build this scene's measured BRDFs as OSL scripts, which sample lights themselves, and render on the CPU"""
 
     bl_idname = "measured_materials.use_osl"
     bl_label = "Shade by OSL"

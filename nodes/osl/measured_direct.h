@@ -123,15 +123,37 @@ color mm_met_light(
   return all;
 }
 
+// Whether a direction leaves the scene, on the side from which a mirror reflects too.
+int mm_leaves(point position, vector wi)
+{
+  return dot(wi, Ng) > 0 && !trace(position, wi, "maxdist", MM_ENDLESS);
+}
+
+// Light that a table reflects from a direction drawn towards the world with this density, with the balance heuristic
+// against a mirror as in mm_lamp_light; nothing where something stands before the world.
+color mm_world_light(
+    MMSampler sampler, MMTable table, MMGrid grid, MMFrame frame, point position, float chance, vector wi,
+    float density, color radiance, float slice)
+{
+  vector local = mm_to_local(frame, wi);
+  if (local[2] <= 0 || density <= 0 || !mm_leaves(position, wi))
+    return 0;
+  float shared = density + chance * mm_density(sampler, local, frame.wo);
+  return mm_lookup(table, grid, local, frame.wo, slice) * radiance * (local[2] / shared);
+}
+
 // nodes/sampled_closure.py: how often the mirror's ray is followed past a lamp, for what is seen behind it. Cycles ends
 // paths at random once they have bounced or passed something transparent: then never, or, past a lamp that is not much
 // brighter than the sky, always and beside the closures, for which -1 stands.
-float mm_followed(color lamp, float sky)
+// To a world whose light is known it is followed hardly ever: all the same then, were the table out of date.
+float mm_followed(color lamp, float sky, int to_world)
 {
   int depth = 0;
   int transparent = 0;
   getattribute("path:ray_depth", depth);
   getattribute("path:transparent_depth", transparent);
+  if (to_world)
+    return depth + transparent > 0 ? 0 : MM_LEAST_FOLLOWED;
   float bright = luminance(lamp);
   float background = sky / M_PI;
   if (depth + transparent > 0)

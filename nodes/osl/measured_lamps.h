@@ -4,6 +4,7 @@
 #define MEASURED_LAMPS_H
 
 #include "measured_materials.h"
+#include "measured_world.h"
 
 #define MM_MOST_LAMPS 4 // nodes/aimed_light_group.py: MAX_SLOTS
 #define MM_ELLIPSE 1
@@ -122,12 +123,6 @@ float mm_expected_light(MMAim aim, vector n, float power)
   return reaches * height * facing * falloff * power;
 }
 
-// bake/sampling/world.py: expected_world_light
-float mm_expected_world_light(vector toward, float flux, vector n)
-{
-  return max(dot(toward, n) + flux, 0.1 * flux);
-}
-
 #define MM_BOUNCED 0.1 // bake/envelope/lamp_share.py
 
 // bake/envelope/lamp_share.py: ShareLayout.shape, and share_coordinates from the left and from below
@@ -182,12 +177,14 @@ float mm_lamp_probability(
   return mix(usual, seen[0], light / (light * lamps + arriving * MM_BOUNCED + sky));
 }
 
-// Exchange wi for a direction towards a lamp, now and then. Of a sampler of density p, the whole density of the
-// direction returned is aimed + rest p. Sky is the irradiance of what is neither lamp nor structure of the world, the
-// largest share of aimed draws, and the structure's flux; toward is where that comes from. It is left to chance.
+// Exchange wi for a direction towards a lamp or the bright parts of the world, now and then. Of a sampler of density p, the
+// whole density of the direction returned is aimed + of_world q + rest p, q the world's own. Sky is the irradiance of all
+// that is not aimed at, the largest share of aimed draws, and the flux of the world's structure, 0 where it is not aimed
+// at; toward is where that comes from.
 vector mm_aim(
-    MMLamp lamps[MM_MOST_LAMPS], int count, vector sky, vector toward, point position, vector n, vector wi,
-    float u_lamp, float u_aim, float u1, float u2, output float aimed, output float rest)
+    MMLamp lamps[MM_MOST_LAMPS], int count, vector sky, vector toward, MMWorldCell cell, point position, vector n,
+    vector wi, float u_lamp, float u_aim, float u1, float u2, output float aimed, output float of_world,
+    output float rest)
 {
   MMAim aims[MM_MOST_LAMPS];
   float light[MM_MOST_LAMPS];
@@ -198,25 +195,31 @@ vector mm_aim(
     light[k] = mm_expected_light(aim, n, lamps[k].facts[1]);
     total += light[k];
   }
-  float elsewhere = sky[0] + mm_expected_world_light(toward, sky[2], n);
-  float share = min(total / (total + elsewhere), sky[1]);
+  float world = mm_expected_world_light(toward, sky[2], n);
+  total += world;
+  float share = min(total / (total + sky[0]), sky[1]);
   vector chosen = wi;
   int target = -1;
   if (u_aim < share) {
-    // Which lamp: how many of the running sums the number has passed.
-    float passed = light[0];
+    // Which light: how many of the running sums the number has passed. The world comes last.
+    float passed = 0;
     target = 0;
-    for (int k = 1; k < count; ++k) {
-      target += u_lamp * total > passed;
+    for (int k = 0; k < count; ++k) {
       passed += light[k];
+      target += u_lamp * total > passed && (world > 0 || k < count - 1);
     }
-    chosen = mm_draw_towards(aims[target], u1, u2);
+    if (target < count)
+      chosen = mm_draw_towards(aims[target], u1, u2);
+    else
+      // Below the share u_aim is even from 0 to it: it may decide about the alias too.
+      chosen = mm_draw_in_world(cell, u_aim < share * cell.acceptance, u1, u2);
   }
   float density = 0;
   for (int k = 0; k < count; ++k)
     if (light[k] > 0)
       density += light[k] * mm_density_towards(aims[k], chosen, k == target);
   aimed = density * share / total;
+  of_world = world * share / total;
   rest = 1 - share;
   return chosen;
 }

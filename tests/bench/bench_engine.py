@@ -27,13 +27,11 @@ from engine_materials import KINDS, QUICK, Kind, bake_all, bundle_path
 from engine_plot import plot
 from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit
 from materials import SHARED
-from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import AUTO, NEVER, Choices
 from measured_materials.addon.report.principled_match import Principled, fit_principled
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
-from measured_materials.nodes.osl_material import build_osl_material
 from record import put
 from rich.console import Console
 from rich.table import Table
@@ -52,6 +50,7 @@ VARIANTS = {
 }
 SHOWN = (*VARIANTS, SAMPLED)
 WITH_LAMPS = ("small lamp", "sun and sky")
+SAMPLED_LIGHTS = (*WITH_LAMPS, "HDR world")
 MOST_TIME, MOST_FIREFLY, LEAST_GAIN = 1.3, 20.0, 12.0
 
 
@@ -127,8 +126,8 @@ def _in_light(bundle: Bundle, stand_in: Principled, light: str, sizes: Sizes) ->
             # Under an even sky there is nothing to aim at: both are one graph.
             if light != "sky" or choices.aim == AUTO:
                 materials[name] = build_brdf(bundle, choices=choices, scene=scene)[0]
-        if light in WITH_LAMPS:
-            materials[SAMPLED] = build_osl_material(bundle, mode="exact", lamps=lamp_image(), lights=lamp_light_image())
+        if light in SAMPLED_LIGHTS:
+            materials[SAMPLED] = build_brdf(bundle, choices=Choices(mode="exact", shader="osl"), scene=scene)[0]
         found = compare(scene, materials, sizes)
     for material in materials.values():
         bpy.data.materials.remove(material)
@@ -137,7 +136,7 @@ def _in_light(bundle: Bundle, stand_in: Principled, light: str, sizes: Sizes) ->
             blocks.remove(block)
     if light == "sky":
         found |= {name: found[name.removesuffix(", not aimed")] for name in VARIANTS if name not in found}
-    # Without lamps there is nothing to sample: what is aimed is the material.
+    # Under an even sky there is nothing to sample: what is aimed is the material.
     return {SAMPLED: found[EXACT]} | found
 
 

@@ -25,12 +25,11 @@ import bpy
 import numpy as np
 from engine_scenes import show
 from materials import SHARED
-from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.lights.light_tables import update_scene
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import Choices
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array
-from measured_materials.nodes.osl_material import build_osl_material
 from mitsuba_environment import mitsuba_python, render
 from peer_bakes import bake_all, bundle_path
 from peer_scenes import SCENES, environment, facts, lit, on_sphere, timed
@@ -167,12 +166,12 @@ class _Pair:
             update_scene(scene)
             materials = {
                 NODES: build_brdf(bundle, choices=Choices(mode="exact"), scene=scene)[0],
-                OSL: _sampled(bundle),
+                OSL: _sampled(bundle, scene),
                 REFERENCE: build_brdf(bundle, choices=Choices(mode="reference"), scene=scene)[0],
             }
             judged = {name: self._judge(scene, material) for name, material in materials.items()}
             by_mirror, by_lamp = (self._truth(scene, materials[name]) for name in (REFERENCE, OSL))
-            other = _sampled(read_bundle(bundle_path(self.file, self.folder, exchanged=True)))
+            other = _sampled(read_bundle(bundle_path(self.file, self.folder, exchanged=True)), scene)
             exchanged = self._truth(scene, other)
         for material in (*materials.values(), other):
             bpy.data.materials.remove(material)
@@ -236,8 +235,9 @@ def _that_run(python: str, file: Path) -> list[str]:
     return found
 
 
-def _sampled(bundle: Bundle) -> bpy.types.Material:
-    return build_osl_material(bundle, mode="exact", lamps=lamp_image(), lights=lamp_light_image())
+def _sampled(bundle: Bundle, scene: bpy.types.Scene) -> bpy.types.Material:
+    """As OSL, with the lamps and the world's picture sampled."""
+    return build_brdf(bundle, choices=Choices(mode="exact", shader="osl"), scene=scene)[0]
 
 
 def _truth_of(pictures: Array) -> Truth:

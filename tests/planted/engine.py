@@ -5,6 +5,7 @@ from __future__ import annotations
 from .mistake import Mistake
 
 WALK = "tests/test_random_numbers.py::test_every_number_decides_one_thing"
+OSL_WORLD = "tests/test_osl_world.py::test_a_world_is_aimed_at_without_bias"
 OSL_WALK = "tests/test_random_numbers.py::test_every_number_of_the_osl_twin_is_taken_once"
 DARK = "tests/test_dark_room.py::test_nodes_in_a_dark_room"
 DARK_OSL = "tests/test_dark_room.py::test_osl_in_a_dark_room"
@@ -33,8 +34,8 @@ MISTAKES = (
     Mistake(
         "osl-share-not-limited",
         "nodes/osl/measured_lamps.h",
-        "(total + elsewhere), sky[1])",
-        "(total + elsewhere), 1.0)",
+        "(total + sky[0]), sky[1])",
+        "(total + sky[0]), 1.0)",
         (f"{DARK_OSL}[reference]",),
         "the OSL twin loses bounce light in a dark room",
     ),
@@ -88,7 +89,7 @@ MISTAKES = (
     ),
     Mistake(
         "osl-place-shares-the-slice",
-        "nodes/osl/measured_material.osl",
+        "nodes/osl/measured_aim.osl",
         "xi[6], xi[7], xi[0], xi[1]",
         "xi[6], xi[7], xi[4], xi[1]",
         (OSL_WALK,),
@@ -274,11 +275,59 @@ MISTAKES = (
         "below the share the number is even from 0 to the share only: aliases are hardly ever taken",
     ),
     Mistake(
-        "osl-expects-no-structure",
+        "osl-world-alias-by-the-whole-number",
         "nodes/osl/measured_lamps.h",
-        "sky[0] + mm_expected_world_light(toward, sky[2], n)",
-        "sky[0]",
-        ("tests/test_osl_cards.py::test_aiming",),
-        "OSL aims too often where the world's own bright parts give the light: noise",
+        "u_aim < share * cell.acceptance",
+        "u_aim < cell.acceptance",
+        ("tests/test_osl_cards.py::test_aiming[4-5.0]",),
+        "the same in OSL",
+    ),
+    Mistake(
+        "osl-world-without-its-share",
+        "nodes/osl/measured_lamps.h",
+        "  of_world = world * share / total;",
+        "  of_world = share;",
+        ("tests/test_osl_cards.py::test_aiming[4-5.0]", f"{OSL_WORLD}[reference-lamp]"),
+        "beside lamps the world's draws count for too much: dark",
+    ),
+    Mistake(
+        "osl-world-counted-where-lamps-are-sampled",
+        "nodes/osl/measured_material.osl",
+        "pdf = mm_whole_density(Densities, WorldTexel, of_table);",
+        "pdf = of_table;",
+        (f"{OSL_WORLD}[sampled]",),
+        "what is drawn towards the world counts as if the sampler had drawn it: bright",
+    ),
+    Mistake(
+        "osl-sampled-world-counted-twice",
+        "nodes/osl/measured_material.osl",
+        "counted += Around * (Lit * WorldTexel[2] / (WorldTexel[2] + chance * of_table));",
+        "counted += 0;",
+        (f"{OSL_WORLD}[world-turned]",),
+        "the mirror brings all of the world's light, and the drawn direction its part again",
+    ),
+    Mistake(
+        "osl-world-seen-through-everything",
+        "nodes/osl/measured_direct.h",
+        "return dot(wi, Ng) > 0 && !trace(",
+        "return dot(wi, Ng) > 0 || trace(",
+        ("tests/test_osl_world.py::test_bounce_light_and_noise_of_a_sampled_world",),
+        "nothing casts a shadow in the world's light",
+    ),
+    Mistake(
+        "osl-world-not-turned",
+        "nodes/osl/measured_aim.osl",
+        "dot(Row1, WorldDirection), dot(Row2, WorldDirection)",
+        "dot(Row2, WorldDirection), dot(Row1, WorldDirection)",
+        (f"{OSL_WORLD}[world-turned]",),
+        "the light that is drawn comes from elsewhere than what is seen",
+    ),
+    Mistake(
+        "another-world-s-picture-is-shown",
+        "addon/lights/seen_world.py",
+        "and not report.world_inexact and all_show(picture)",
+        "and not report.world_inexact",
+        ("tests/test_osl_world.py::test_a_world_that_is_not_known_is_not_sampled",),
+        "materials built under another picture go on to emit its light",
     ),
 )

@@ -45,7 +45,7 @@ _AIM = bpy.props.EnumProperty(
 )
 _SAMPLE = bpy.props.EnumProperty(
     name="Sample Lamps",
-    description="Let the shader sample the scene's lamps itself rather than aim a mirror at them: less noise",
+    description="Let the shader sample lamps, in OSL also the picture of the world, itself rather than aim a mirror",
     items=[
         (AUTO, "Automatic", "Where this Blender can, and the lamps' light is known exactly"),
         ("always", "Always", "Also where aiming is worth more; refused where the picture would be wrong"),
@@ -80,7 +80,11 @@ _SHADER = bpy.props.EnumProperty(
     description="What the material is built of",
     items=[
         (NODES, "Nodes", "Renders on every device, and in EEVEE"),
-        (OSL, "OSL", "One script, for Cycles on the CPU alone: samples lamps itself, before Blender 5.1 too"),
+        (
+            OSL,
+            "OSL",
+            "Scripts, for Cycles on the CPU alone: sample lamps before Blender 5.1 too, and the world's picture",
+        ),
     ],
     default=NODES,
     options=set(),

@@ -1,0 +1,165 @@
+"""What OSL materials aim at and sample: tables of lamps and world, by image nodes between our scripts.
+
+The world's table is asked at directions that scripts draw. Where materials aim, two more scripts therefore stand before
+the shader, and an image node after each. Where the shader samples the world's picture itself, that comes in by
+Environment Textures, which show what Cycles sees behind the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ..bake.sampling.lamp_light import LIGHT_TEXELS
+from ..bake.sampling.lamps import TEXELS
+from . import expr
+from .aimed_light_group import MAX_SLOTS, world_texel
+from .group import call, node_group
+from .light_images import WORLD_LIGHT_TEXELS, world_table
+from .osl_parameters import CELLS
+from .osl_script import output, script_node, shader_source
+
+AIM_SHADER, WORLD_SHADER = "measured_aim.osl", "measured_world.osl"
+# Name of the groups that hold a world's picture.
+PICTURE = "MM OSL World Picture"
+_TEXELS = ("Centre", "U", "V", "Axis")
+_SCENE = ("Sky", "World", "Strongest")
+# Of the shader's parameters, those that `AIM_SHADER` has too.
+_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Lens", "Sampler", *CELLS)
+_LIT = ("Lit", "Row1", "Row2", "Row3")
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """A world's picture, how it is interpolated, and the table of its strength and rotation.
+
+    Texel k of the table is row k of the matrix that turns directions of the world to those of the picture; in alpha of
+    the first, the picture's strength, or 0 where its light is not known exactly.
+    """
+
+    image: bpy.types.Image
+    interpolation: str
+    table: bpy.types.Image
+
+
+def aimed_inputs(
+    inputs: Mapping[str, Any],
+    lamps: bpy.types.Image,
+    lights: bpy.types.Image | None,
+    surroundings: Surroundings | None = None,
+) -> dict[str, Any]:
+    """The direction that `AIM_SHADER` draws, and lamps and world as far as the shader itself asks for them.
+
+    Parameters
+    ----------
+    inputs : of the shader, among which are those of the sampler
+    lights : where the shader samples lamps; it then aims at the world alone
+    surroundings : where it also samples the world's picture; used with `lights` only
+    """
+    count = min(lamps.size[1], MAX_SLOTS)
+    told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
+    sky, towards, strongest = (told.pop(name) for name in _SCENE)
+    world, seen = world_table(), {name: inputs[name] for name in _OF_AIM if name in inputs}
+    place = output(script_node(WORLD_SHADER, shader_source(WORLD_SHADER), {"Lens": inputs["Lens"]}), "Place")
+    alias, acceptance = call(_world_group(world), place)
+    seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
+    seen |= {"Lamps": count} | told if lights is None else {}
+    sampled = surroundings is not None and lights is not None
+    lit = dict(zip(_LIT, call(_lit_group(surroundings.table)))) if sampled else {}
+    aim = script_node(AIM_SHADER, shader_source(AIM_SHADER), seen | lit)
+    texel, _ = call(_world_group(world), output(aim, "Place"))
+    drawn = {name: output(aim, name) for name in ("Direction", "Densities")} | {"WorldTexel": texel}
+    if sampled:
+        texel, _ = call(_world_group(world), output(aim, "WorldPlace"))
+        around = _picture_group(surroundings)
+        drawn |= {"Lit": lit["Lit"], "WorldDirection": output(aim, "WorldDirection"), "WorldDrawn": texel}
+        drawn |= {"Around": call(around, output(aim, "Picture"))}
+        drawn |= {"WorldAround": call(around, output(aim, "WorldPicture"))}
+    if lights is None:
+        told = {"Centre1": told["Centre1"]}  # of the mirror's share under one lamp
+    else:
+        told |= dict(zip(_light_parameters(count), call(_lights_group(lights, count))))
+    return {"Lamps": count, "Sky": sky, "Strongest": strongest} | drawn | told
+
+
+def _world_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """(texture coordinates) to the world's texel there, as colour and alpha."""
+    outputs = {"Texel": "vector", "Acceptance": "float"}
+    return node_group(
+        "MM OSL World", {"Place": "vector"}, outputs, lambda at: world_texel(world, at), switched="extension"
+    )
+
+
+def _lit_group(table: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """No input to how bright the world's picture is shown, and how directions are turned to it."""
+
+    def build() -> tuple[Any, ...]:
+        taps = [
+            expr.image_tap(table, (k + 0.5) / WORLD_LIGHT_TEXELS, 0.5, "Closest") for k in range(WORLD_LIGHT_TEXELS)
+        ]
+        return taps[0][1], *(row for row, _ in taps)
+
+    kinds = dict(zip(_LIT, ("float", "vector", "vector", "vector")))
+    return node_group("MM OSL World Light", {}, kinds, build, switched="extension")
+
+
+def _picture_group(around: Surroundings) -> bpy.types.ShaderNodeTree:
+    """(direction of the picture) to its colour there, as Cycles has it behind the scene."""
+
+    def build(direction: Any) -> Any:
+        setting = {"image": around.image, "interpolation": around.interpolation}
+        return expr.Vector(expr.node("ShaderNodeTexEnvironment", setting, {0: direction}).outputs["Color"])
+
+    return node_group(PICTURE, {"Direction": "vector"}, {"Color": "vector"}, build)
+
+
+def _lamp_parameters(count: int) -> list[str]:
+    return [*_SCENE, *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
+
+
+def _light_parameters(count: int) -> list[str]:
+    return [f"{texel}{k}" for k in range(1, count + 1) for texel in ("Radiance", "Beam", "Facing")]
+
+
+def _lights_group(lights: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
+    """No input to the parameters of the shader that say what lamps emit."""
+    rows = lights.size[1]
+
+    def build() -> tuple[Any, ...]:
+        values = []
+        for row in range(count):
+            (radiance, facing), (beam, _) = (
+                expr.image_tap(lights, (column + 0.5) / LIGHT_TEXELS, 1 - (row + 0.5) / rows, "Closest")
+                for column in range(LIGHT_TEXELS)
+            )
+            values += [radiance, beam, facing]
+        return tuple(values)
+
+    kinds = {name: "float" if name.startswith("Facing") else "vector" for name in _light_parameters(count)}
+    return node_group("MM OSL Lamp Light", {}, kinds, build, switched="extension")
+
+
+def _lamps_group(lamps: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
+    """No input to the parameters of the shader that describe lamps."""
+    rows = lamps.size[1]
+    if lamps.size[0] != TEXELS:
+        raise ValueError(f"{lamps.size[0]} texels a row; a lamp has {TEXELS}")
+
+    def texel(row: int, column: int) -> tuple[Any, Any]:
+        return expr.image_tap(lamps, (column + 0.5) / TEXELS, 1 - (row + 0.5) / rows, "Closest")
+
+    def build() -> tuple[Any, ...]:
+        scene, strength = texel(0, 4)
+        sky, largest, in_scene = expr.components(scene)
+        world, flux = texel(1, 4) if rows > 1 else (expr.vec(0.0, 0.0, 0.0), 0.0)
+        values = [expr.vec(sky, largest, flux), world, expr.vec(in_scene, strength, 0.0)]
+        for row in range(count):
+            vectors, numbers = zip(*(texel(row, column) for column in range(len(_TEXELS))))
+            kind, power, _, fourth = numbers
+            values += [*vectors, expr.vec(kind, power, fourth)]
+        return tuple(values)
+
+    return node_group("MM OSL Lamps", {}, dict.fromkeys(_lamp_parameters(count), "vector"), build, switched="extension")
