@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,14 +37,23 @@ KIND_OF_STAGE = ", anisotropic"
 
 
 def bake_file(
-    file: str | Path, out: str | Path, settings: BakeSettings | None = None, progress: Progress | None = None
+    file: str | Path,
+    out: str | Path,
+    settings: BakeSettings | None = None,
+    progress: Progress | None = None,
+    on_read: Callable[[BrdfSource, dict[str, str]], None] | None = None,
 ) -> BakeResult:
-    """Bake a measurement in any known format. Raises BakeError; then nothing is written."""
+    """Bake a measurement in any known format. Raises BakeError; then nothing is written.
+
+    `on_read` is called with the source and its origin before they are baked.
+    """
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source = read_source(file)
-    result = bake_source(source, out, settings, progress, file_origin(file))
+    source, origin = read_source(file), file_origin(file)
+    if on_read:
+        on_read(source, origin)
+    result = bake_source(source, out, settings, progress, origin)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 
 
