@@ -14,6 +14,8 @@ _MODULES = (
     "ui.properties.photographs",
     "ui.properties.lighting",
     "ui.properties.quality",
+    "ui.background.bake_queue",
+    "ui.background.watch_bakes",
     "ui.import_brdf",
     "lights.light_tables",
     "material.texture_repair",
