@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ....bake.errors import BakeError
 from ... import events
@@ -36,12 +37,13 @@ _PATIENCE = 30.0
 class Queue:
     """Bakes to come, the one that runs, and what is to be said at the end.
 
-    `listening` says whether Esc is heard somewhere, by the operator of `watch_bakes`.
+    `listening` says whether Esc is heard somewhere, by the operator of `watch_bakes`; `told`,
+    whether the status bar shows our words.
     """
 
     def __init__(self) -> None:
         self.waiting: list[Task] = []
-        self.listening = False
+        self.listening = self.told = False
         self.task: Task | None = None
         self.job: BakeJob | None = None
         self._estimate: ProgressEstimate | None = None
@@ -255,8 +257,14 @@ def _tell(words: str, kind: str = "INFO") -> None:
 
 
 def _status(words: str | None) -> None:
-    for workspace in bpy.data.workspaces:
-        workspace.status_text_set(words)
+    """Show this in the status bar of every workspace, or Blender's own words again."""
+    # Without a window, or before one was drawn, Blender crashes on this.
+    if (words is None and not queue.told) or not bpy.context.window_manager.windows:
+        return
+    queue.told = words is not None
+    with _window():
+        for workspace in bpy.data.workspaces:
+            workspace.status_text_set(words)
 
 
 def _skip(direction: str) -> None:
@@ -273,14 +281,17 @@ def _skip(direction: str) -> None:
     bpy.app.timers.register(go, first_interval=0.0)
 
 
+@persistent
 def _after_undo(*_: Any) -> None:
     _skip("undo")
 
 
+@persistent
 def _after_redo(*_: Any) -> None:
     _skip("redo")
 
 
+@persistent
 def _before_load(*_: Any) -> None:
     queue.stop()
 
