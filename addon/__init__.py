@@ -21,6 +21,7 @@ _MODULES = (
     "material.texture_repair",
     "material.older_files",
     "ui.import_photographs",
+    "ui.import_bundle",
     "ui.bake_again",
     "ui.fit_to_scene",
     "ui.quiet_camera",

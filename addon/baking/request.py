@@ -17,6 +17,8 @@ from ...bake.sources.analytic import by_name
 
 # Texels of the longer side of a swatch's quick bake.
 _QUICK_SIZE = 128
+# Directions that its errors are measured at, which nobody reads.
+_QUICK_PAIRS = 1024
 _QUICK_BRDF: dict[str, Any] = {"basis": "half", "parameterization": "squared", "alpha": "error", "envelope": False}
 
 
@@ -74,7 +76,8 @@ def run_request(
 
     def bake_quickly(source: Any, origin: dict[str, str]) -> None:
         if quick:
-            quick[1](bake_source(source, quick[0], quick_settings(settings), origin=origin).path)
+            small = bake_source(source, quick[0], quick_settings(settings), origin=origin, pairs=_QUICK_PAIRS)
+            quick[1](small.path)
 
     return bake_file(request.source, target, settings, progress, bake_quickly)
 

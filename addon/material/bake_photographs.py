@@ -70,12 +70,15 @@ def folder_of(source: Path | Sequence[Path]) -> Path:
 
 def swatch_from(
     result: BakeResult,
-    source: Path | Sequence[Path],
+    source: Path | Sequence[Path] | None,
     material: bpy.types.Material | None = None,
     *,
     pack: bool,
 ) -> bpy.types.Material:
-    """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
+    """The material of a bundle baked from photographs, which may not be known; a given one keeps its users.
+
+    Raises BakeError.
+    """
     bundle = read_bundle(result.path)
     fresh = material is None
     record = ShadingMapRecord.read(bundle)
@@ -91,11 +94,12 @@ def swatch_from(
         material,
         bundle,
         pack=pack,
-        file=folder_of(source),
+        file=None if source is None else folder_of(source),
         map={**bundle.material["map"], "means": means.tolist()},
         rendering=rendering,
     )
-    material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
+    whole = source is None or isinstance(source, Path)
+    material[FILES_KEY] = "" if whole else json.dumps([path.name for path in source])
     show_lighting(material, record.render)
     return material
 

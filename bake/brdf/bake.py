@@ -63,6 +63,7 @@ def bake_source(
     settings: BakeSettings | None = None,
     progress: Progress | None = None,
     origin: dict[str, str] | None = None,
+    pairs: int | None = None,
 ) -> BakeResult:
     """Bake any source, analytic ones included, to the bundle `out`.
 
@@ -70,6 +71,7 @@ def bake_source(
     ----------
     progress : called with the stage's name and its share done
     origin : of the measurement, "file" and "sha256", kept in the bundle
+    pairs : of directions that errors are measured at; by default as many as make them sure
 
     Raises
     ------
@@ -78,7 +80,7 @@ def bake_source(
     """
     settings = settings or BakeSettings()
     started = time.perf_counter()
-    bake = _Bake(source, settings, _named(progress, source))
+    bake = _Bake(source, settings, _named(progress, source), pairs or _ERROR_PAIRS)
     choice, grid = bake.choose_grid()
     made = bake.tabulate(grid)
     reflection = reflection_of(bake.source, grid, choice, settings)
@@ -127,9 +129,9 @@ class _Bake:
     treatment : what was changed of the source, counted at these directions
     """
 
-    def __init__(self, source: BrdfSource, settings: BakeSettings, say: Progress) -> None:
+    def __init__(self, source: BrdfSource, settings: BakeSettings, say: Progress, pairs: int) -> None:
         self.source, self.settings, self.say = TreatedSource(source), settings, say
-        self.pairs = direction_pairs(_ERROR_PAIRS, turned=not source.isotropic)
+        self.pairs = direction_pairs(pairs, turned=not source.isotropic)
         self.truth = self.source.evaluate(self.pairs.wi, self.pairs.wo)
         self.treatment = self.source.treatment()
         if not self.truth.any():
