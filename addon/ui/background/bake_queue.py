@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import shutil
 import sys
 import time
 import traceback
@@ -17,6 +18,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from ....bake.bundle.result import BakeResult
 from ....bake.errors import BakeError
 from ... import events
 from ...baking.hosts import hosts
@@ -50,6 +52,7 @@ class Queue:
         self._problems: list[str] = []
         self._shown, self._total, self._number = False, 0, 0
         self._told_at, self._held_since = 0.0, 0.0
+        self._result: BakeResult | None = None
 
     def is_busy(self) -> bool:
         """Whether anything is left to do."""
@@ -69,6 +72,7 @@ class Queue:
         self.waiting.clear()
         if self.job is not None:
             self.job.cancel()
+        self._take_back()
         self.task = self.job = None
         self._problems.clear()
         self.listening = False
@@ -77,14 +81,21 @@ class Queue:
     def cancel(self) -> None:
         """End the bake that runs, and take back what it has shown."""
         task, job = self.task, self.job
-        self.task = self.job = None
         if job is not None:
             job.cancel()
             job.close()
+        self._take_back()
+        self.task = self.job = None
         if task is not None and task.drop():
             _push(f"Cancel {task.label}")
         if task is not None:
             _tell(f"{task.request.title}: the bake was cancelled, and nothing of it was kept")
+
+    def _take_back(self) -> None:
+        """Remove a bundle that was put in its place for a material that is not made after all."""
+        result, self._result = self._result, None
+        if result is not None and self.task is not None and self.task.is_new:
+            shutil.rmtree(result.path, ignore_errors=True)
 
     def step(self) -> None:
         """Follow the bake that runs, and start the next."""
@@ -95,6 +106,8 @@ class Queue:
         if not self.task.is_wanted():
             title = self.task.request.title
             self.job.cancel()
+            self.job.close()
+            self._take_back()
             self.task = self.job = None
             _tell(f"{title}: the material is gone, and its bake was cancelled")
             return
@@ -110,7 +123,7 @@ class Queue:
 
     def _begin(self, task: Task) -> None:
         self._number += 1
-        self._shown, self.task = False, task
+        self._shown, self.task, self._result = False, task, None
         self._estimate = ProgressEstimate(bake_stages(task.request.settings))
         try:
             self.job = BakeJob(task.request, task.target(), hosts(task.request, bpy.app.binary_path))
@@ -132,14 +145,16 @@ class Queue:
         self.task.shown()
 
     def _finish(self) -> None:
+        """Put the bundle in its place and make the material."""
         assert self.task and self.job
-        task, job = self.task, self.job
+        task = self.task
         try:
-            words = task.finish(job.finish())
+            self._result = self.job.finish()
+            words = task.finish(self._result)
         except BakeError as error:
             self._fail(error)
             return
-        self.task = self.job = None
+        self.task = self.job = self._result = None
         _push(task.label)
         _tell(words)
 
@@ -172,6 +187,8 @@ class Queue:
             return
         for line in problems:
             _tell(line, "WARNING")
+        if bpy.app.background:  # where Blender crashes on a popup
+            return
 
         def draw(popup: Any, _context: bpy.types.Context) -> None:
             for line in problems:

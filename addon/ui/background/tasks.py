@@ -30,8 +30,12 @@ FRESH, BAKING = "fresh", "baking"
 
 
 class Task(ABC):
-    """One bake and its end."""
+    """One bake and its end.
 
+    `is_new` says that its bundle replaces none.
+    """
+
+    is_new = False
     label: str
     request: BakeRequest
 
@@ -76,6 +80,7 @@ class ImportTask(Task):
     obj: bpy.types.Object | None
     settled: Callable[[bpy.types.Material], None]
     label: str = "Import Measured Material"
+    is_new = True
     _obj: int = 0
     _material: int = 0
     _before: tuple[int, int] = (0, 0)
@@ -126,19 +131,23 @@ class ImportTask(Task):
     def drop(self) -> bool:
         material = found("materials", self._material) if self._material else None
         if material is None:
+            self._remove_made()
             return False
         obj, (slot, uid) = found("objects", self._obj), self._before
         before = found("materials", uid) if uid else None
         if obj is not None and slot < len(obj.material_slots) and obj.material_slots[slot].material == material:
             obj.material_slots[slot].material = before
         bpy.data.materials.remove(material)
+        self._remove_made()
+        return True
+
+    def _remove_made(self) -> None:
         # Users before what they use, in whatever order they were made.
         for _ in range(len(self._made)):
             unused = [one for key, uid in self._made if (one := found(key, uid)) is not None and not one.users]
             if not unused:
                 break
             bpy.data.batch_remove(unused)
-        return True
 
     def _build(self, result: BakeResult, material: Any, *, quick: bool) -> bpy.types.Material:
         source, pack = self.request.source, self.pack or quick
@@ -162,7 +171,7 @@ class AgainTask(Task):
 
     Parameters
     ----------
-    chosen : what it is baked from, if not what it was
+    material : to bake again
     told : called with the material when it is done, of what is doubtful
     """
 
@@ -195,7 +204,8 @@ class AgainTask(Task):
             given: Any = list(source) if isinstance(source, tuple) else source
             swatch_from(result, given, material, pack=self.pack)
         else:
-            material_from(result, material, pack=self.pack, file=source if isinstance(source, Path) else None)
+            with built_together():
+                material_from(result, material, pack=self.pack, file=source if isinstance(source, Path) else None)
         with contextlib.suppress(KeyError):
             del material[STATE_KEY]
         self.told(material)
