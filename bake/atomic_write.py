@@ -61,6 +61,32 @@ def replacing_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+@contextlib.contextmanager
+def staging_folder(target: Path) -> Iterator[Path]:
+    """Give a folder beside `target` for work that may become it by `publish_folder`; gone at the end of the block.
+
+    Should this process die before that, the next writer of `target` removes it. Raises OSError.
+    """
+    remove_leftovers(target)
+    staging = _sibling(target, _PARTIAL)
+    try:
+        staging.mkdir()
+        with _claim(staging):
+            yield staging
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def publish_folder(whole: Path, target: Path) -> None:
+    """Have a folder that lies on the same disk become `target`, in the place of an older one. Raises OSError.
+
+    As at the end of `replacing_folder`; an older folder may be left at `whole`.
+    """
+    recover(target)
+    _publish(whole, target)
+    _flush_names(target.parent)
+
+
 def recover(target: Path) -> None:
     """Put back a folder that a writer had moved aside when it was killed; nothing if `target` exists."""
     if os.path.lexists(target):

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli.console.progress import Progress, readable_time
+from measured_materials.addon.cli.console.progress import Progress
 from measured_materials.addon.summary.bake_stages import bake_stages, share_done
+from measured_materials.addon.summary.progress_estimate import readable_time
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout

@@ -5,6 +5,7 @@ What is particular to shading maps is in `bake_photographs`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +58,23 @@ def bake_again(
 
 
 def material_from(
-    result: BakeResult, material: bpy.types.Material | None = None, *, pack: bool, file: Path | None = None
+    result: BakeResult,
+    material: bpy.types.Material | None = None,
+    *,
+    pack: bool,
+    file: Path | None = None,
+    mode: str | None = None,
 ) -> bpy.types.Material:
-    """The material of a bundle just baked from `file`; a given one keeps its users. Raises BakeError."""
+    """The material of a bundle just baked from `file`; a given one keeps its users, and its mode unless one is given.
+
+    Raises BakeError.
+    """
     bundle = read_bundle(result.path)
     record = BrdfRecord.read(bundle)
-    choices = usual_choices(record)
+    choices = usual_choices(record, mode)
     if material is not None and is_measured(material) and record.has("envelope"):
         choices = choices_of(material.measured_quality)
+        choices = replace(choices, mode=mode or choices.mode)
     material, plan = build_brdf(record, material, choices=choices, pack=pack)
     keep_textures(material, bundle, pack=pack, others=record.images)
     remember(material, bundle, pack=pack, file=file, rendering=account_of(choices, plan))
@@ -163,13 +173,19 @@ def target_of(material: bpy.types.Material, file: Path | None) -> Path:
 
 def analytic_of(material: bpy.types.Material) -> Any:
     """The model that the material was baked from. Raises BakeError where it was not one."""
+    name, parameters = model_of(material)
+    return by_name(name, **parameters)
+
+
+def model_of(material: bpy.types.Material) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of the model that the material was baked from. Raises BakeError where it was not one."""
     source = facts_of(material).get("source")
     about = dict(source["facts"]) if isinstance(source, dict) and isinstance(source.get("facts"), dict) else {}
     if about.pop("format", None) != "analytic":
         raise BakeError(material.name, "was not baked from a model", "choose the measurement")
     model = str(about.pop("model", ""))
     parameters = {key: tuple(value) if isinstance(value, list) else value for key, value in about.items()}
-    return by_name(model, **parameters)
+    return model, parameters
 
 
 def exists(path: Path) -> bool:

@@ -33,8 +33,8 @@ def import_arc(
     source: Path | Sequence[Path], folder: Path, settings: ArcSettings, *, pack: bool, progress: Progress | None = None
 ) -> bpy.types.Material:
     """Bake a folder of photographs, or photographs, to a bundle in `folder` and make a material. Raises BakeError."""
-    target = free_bundle(folder, _folder_of(source).resolve().name or "swatch")
-    return _material_from(bake_arc(source, target, settings, progress, decode), source, pack=pack)
+    target = free_bundle(folder, folder_of(source).resolve().name or "swatch")
+    return swatch_from(bake_arc(source, target, settings, progress, decode), source, pack=pack)
 
 
 def bake_arc_again(
@@ -48,8 +48,8 @@ def bake_arc_again(
     """Bake the material's photographs, or others, and rebuild it in place. Raises BakeError."""
     if source is None:
         source = photographs_of(material)
-    target = target_of(material, _folder_of(source))
-    return _material_from(bake_arc(source, target, settings, progress, decode), source, material, pack=pack)
+    target = target_of(material, folder_of(source))
+    return swatch_from(bake_arc(source, target, settings, progress, decode), source, material, pack=pack)
 
 
 def photographs_of(material: bpy.types.Material) -> Path | list[Path]:
@@ -64,18 +64,21 @@ def photographs_of(material: bpy.types.Material) -> Path | list[Path]:
         return folder
 
 
-def _folder_of(source: Path | Sequence[Path]) -> Path:
+def folder_of(source: Path | Sequence[Path]) -> Path:
     return source if isinstance(source, Path) else source[0].parent
 
 
-def _material_from(
+def swatch_from(
     result: BakeResult,
-    source: Path | Sequence[Path],
+    source: Path | Sequence[Path] | None,
     material: bpy.types.Material | None = None,
     *,
     pack: bool,
 ) -> bpy.types.Material:
-    """The material of a bundle just baked; a given one keeps its users. Raises BakeError."""
+    """The material of a bundle baked from photographs, which may not be known; a given one keeps its users.
+
+    Raises BakeError.
+    """
     bundle = read_bundle(result.path)
     fresh = material is None
     record = ShadingMapRecord.read(bundle)
@@ -91,11 +94,12 @@ def _material_from(
         material,
         bundle,
         pack=pack,
-        file=_folder_of(source),
+        file=None if source is None else folder_of(source),
         map={**bundle.material["map"], "means": means.tolist()},
         rendering=rendering,
     )
-    material[FILES_KEY] = "" if isinstance(source, Path) else json.dumps([path.name for path in source])
+    whole = source is None or isinstance(source, Path)
+    material[FILES_KEY] = "" if whole else json.dumps([path.name for path in source])
     show_lighting(material, record.render)
     return material
 

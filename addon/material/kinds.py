@@ -18,11 +18,12 @@ from ...bake.brdf.common import kind_of as kind_told
 from ...bake.bundle.bundle import is_bundle
 from ...bake.bundle.result import Progress
 from ...bake.errors import BakeError
+from ..baking.request import Model
 from ..summary.brdf_rows import error_rows
 from ..summary.cost_estimate import expectation
 from ..summary.text import one_line
-from .bake_material import analytic_of, bake_again, error_words, exists
-from .bake_photographs import bake_arc_again, map_words
+from .bake_material import analytic_of, bake_again, error_words, exists, model_of
+from .bake_photographs import bake_arc_again, map_words, photographs_of
 from .choices import choices_of, is_rebuilding, show_choices, without_rebuilding
 from .facts import facts_of, is_measured, record_of, source_file
 from .lighting import lighting_of, show_lighting, uses_mode
@@ -64,6 +65,10 @@ class Kind(ABC):
         self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
     ) -> None:
         """Bake what the material was baked from, or another source, and rebuild it in place. Raises BakeError."""
+
+    @abstractmethod
+    def bakeable_source(self, material: bpy.types.Material) -> Path | Model | list[Path]:
+        """What the material was baked from. Raises BakeError where it does not say."""
 
     @abstractmethod
     def words(self, material: bpy.types.Material) -> str:
@@ -126,6 +131,9 @@ class _Brdf(Kind):
     ) -> None:
         bake_again(material, settings, pack=pack, file=source, progress=progress)
 
+    def bakeable_source(self, material: bpy.types.Material) -> Path | Model | list[Path]:
+        return source_file(material) or Model(*model_of(material))
+
     def words(self, material: bpy.types.Material) -> str:
         return error_words(material)
 
@@ -177,6 +185,9 @@ class _ShadingMap(Kind):
         self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
     ) -> None:
         bake_arc_again(material, settings, pack=pack, source=source, progress=progress)
+
+    def bakeable_source(self, material: bpy.types.Material) -> Path | Model | list[Path]:
+        return photographs_of(material)
 
     def words(self, material: bpy.types.Material) -> str:
         return map_words(material)

@@ -1,14 +1,19 @@
 """Operator: bake a measured material again, with other settings or from another file, in place."""
 
 # No postponed annotations here: Blender reads the properties from them.
+from pathlib import Path
+
 import bpy
 
 from ...bake.errors import BakeError
+from ..baking.request import BakeRequest
 from ..material.facts import is_measured, source_file
 from ..material.kinds import kind_of
 from ..summary.text import one_line
+from .background.bake_queue import queue
+from .background.tasks import AgainTask, with_source
 from .context import shown_material
-from .import_photographs import tell_warnings
+from .import_photographs import say_warnings, tell_warnings
 from .kind_forms import form_of
 from .window_progress import window_progress
 
@@ -39,6 +44,9 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
     choose: _CHOOSE
     filter_glob: _FILTER_GLOB
 
+    # Set where a person pressed the button: only then is there a window to bake beside.
+    asked = False
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Whether there is a measured material that can be changed."""
@@ -53,6 +61,7 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the file where the material's own is gone."""
+        self.asked = True
         material = shown_material(context)
         kind = kind_of(material)
         lost = kind.why_not_bakeable(material)
@@ -70,12 +79,25 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
         """Bake and rebuild."""
         material = shown_material(context)
         try:
+            if self.asked and not bpy.app.background:
+                self._bake_beside(material)
+                return {"CANCELLED"}  # so far nothing has changed that could be undone
             told = self._bake(context, material)
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, f"{material.name}: {told}")
         return {"FINISHED"}
+
+    def _bake_beside(self, material: bpy.types.Material) -> None:
+        """Put the bake into the queue."""
+        kind = kind_of(material)
+        settings, pack = form_of(kind).settings(material)
+        source = form_of(kind).chosen(self)
+        if source is None:
+            source = kind.bakeable_source(material)
+        request = with_source(BakeRequest(Path(), settings), source)
+        queue.add([AgainTask(request, material, pack, say_warnings)])
 
     def _bake(self, context: bpy.types.Context, material: bpy.types.Material) -> str:
         kind = kind_of(material)

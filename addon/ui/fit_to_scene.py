@@ -3,8 +3,9 @@ know."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
+from typing import Any
 
 import bpy
 
@@ -28,6 +29,10 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
     bl_label = "Fit to Scene"
     bl_options = {"UNDO"}
 
+    _steps: Generator[tuple[int, str], None, None]
+    _timer: Any = None
+    _fitted = 0
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Whether there is anything to fit."""
@@ -35,6 +40,40 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
             cls.poll_message_set("There is no measured material in this file")
             return False
         return True
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Rebuild one after the other, while Blender goes on drawing."""
+        if bpy.app.background:
+            return self.execute(context)
+        learn_the_world(context.scene)
+        self._steps = _rebuilding(self, context.scene)
+        self._timer = context.window_manager.event_timer_add(0.01, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """One material; Esc leaves what was not reached as it is. All else waits, or undo would come between."""
+        if event.type == "ESC" and event.value == "PRESS":
+            return self._end(context, "stopped: ")
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        try:
+            self._fitted, words = next(self._steps)
+        except StopIteration:
+            return self._end(context)
+        context.workspace.status_text_set(f"Fitting to {context.scene.name}: {words}   |   Esc: Stop")
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when the window or the file is closed."""
+        self._steps.close()
+        context.window_manager.event_timer_remove(self._timer)
+
+    def _end(self, context: bpy.types.Context, stopped: str = "") -> set[str]:
+        self.cancel(context)
+        context.workspace.status_text_set(None)
+        self.report({"INFO"}, f"{stopped}{_counted(self._fitted)} fitted to {context.scene.name}")
+        return {"FINISHED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Rebuild; a material that cannot be rebuilt is reported and does not stop the others."""
@@ -129,6 +168,16 @@ def _each(
             except BakeError as error:
                 operator.report({"WARNING"}, one_line(f"{material.name}: {error.cause}; {error.remedy}"))
     return built
+
+
+def _rebuilding(operator: bpy.types.Operator, scene: bpy.types.Scene) -> Generator[tuple[int, str], None, None]:
+    """Fit the scene's materials one by one, and give how many are fitted, and words on the next."""
+    materials, fitted = materials_in(scene), 0
+    for number, material in enumerate(materials):
+        words = f"{one_line(material.name)}, {number + 1} of {len(materials)}"
+        yield fitted, words
+        fitted += _each(operator, [material], lambda one: kind_of(one).refit(one, scene))
+    yield fitted, ""
 
 
 def _counted(materials: int) -> str:

@@ -6,11 +6,15 @@ from typing import Any
 
 import bpy
 
+from ...bake.brdf.settings import BakeSettings
 from ...bake.errors import BakeError
 from ...bake.sources import READERS, known_formats
+from ..baking.request import BakeRequest
 from ..material.bake_material import assign, bundle_folder, error_words, import_brdf, told_place
 from ..material.together import built_together
 from ..summary.text import one_line
+from .background.bake_queue import queue
+from .background.tasks import ImportTask
 from .import_operator import DropTarget, ImportProperties, registration
 from .properties.bake import BakeProperties, draw_settings, settings_of, show_settings
 from .window_progress import window_progress
@@ -50,6 +54,9 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
+        if self.asked and not bpy.app.background:
+            self._bake_beside(context, paths, settings)
+            return {"CANCELLED"}  # so far nothing has changed that could be undone
         made = []
         with window_progress(context, settings, len(paths)) as progress_of, built_together():
             for number, path in enumerate(paths):
@@ -68,6 +75,30 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
         place = told_place(self, made[0], self.target(context))
         self.report({"INFO"}, f"{made[0].name}{place}: {error_words(made[0])}" + _others(len(made) - 1))
         return {"FINISHED"}
+
+    def _bake_beside(self, context: bpy.types.Context, paths: list[Path], settings: BakeSettings) -> None:
+        """Put the bakes into the queue; the first one's material goes to the object."""
+        pack = self.pack
+
+        def settle(material: bpy.types.Material) -> None:
+            show_settings(material.measured_materials, settings)
+            material.measured_materials.pack = pack
+
+        target = self.target(context)
+        tasks = [
+            ImportTask(
+                BakeRequest(path, settings, quick=True),
+                bundle_folder(self.bundles, path),
+                path.stem,
+                pack,
+                target if number == 0 else None,
+                settle,
+                "Import Measured BRDF",
+            )
+            for number, path in enumerate(paths)
+        ]
+        queue.add(tasks)
+        self.remember(context, BakeProperties)
 
     def _paths(self) -> list[Path]:
         names = [element.name for element in self.files if element.name]

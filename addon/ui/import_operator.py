@@ -34,8 +34,12 @@ class ImportProperties:
     object_name: _OBJECT
     bundles: _BUNDLES
 
+    # Set where a person was asked: only then is there a window to bake beside; scripts wait for the result.
+    asked = False
+
     def ask(self: Any, context: bpy.types.Context, event: bpy.types.Event, title: str) -> set[str]:
         """Ask for files or, where they were dropped and have a title, for settings only."""
+        self.asked = True
         if not title:
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
@@ -50,6 +54,12 @@ class ImportProperties:
         column.prop(self, "bundles")
         if self.object_name:
             column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
+
+    def remember(self: Any, context: bpy.types.Context, *of: type) -> None:
+        """Have Blender offer these settings the next time, as it does of operators that end at once."""
+        last = context.window_manager.operator_properties_last(self.bl_idname)
+        for name in (name for group in of for name in group.__annotations__):
+            setattr(last, name, getattr(self, name))
 
     def target(self: Any, context: bpy.types.Context) -> bpy.types.Object | None:
         """Object that gets the material."""

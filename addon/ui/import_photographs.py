@@ -8,11 +8,13 @@ import bpy
 
 from ...bake.errors import BakeError
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
-from ...bake.shading_maps.record import ShadingMapRecord
+from ...bake.shading_maps.bake import ArcSettings
+from ..baking.request import BakeRequest
 from ..material.bake_material import bundle_folder, told_place
-from ..material.bake_photographs import import_arc, map_words
-from ..material.facts import record_of
+from ..material.bake_photographs import folder_of, import_arc, map_words
 from ..summary.text import one_line
+from .background.bake_queue import queue
+from .background.tasks import ImportTask, warnings_of
 from .import_operator import DropTarget, ImportProperties, registration
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
@@ -55,7 +57,10 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             return {"CANCELLED"}
         try:
             settings = arc_settings_of(self, self, self.mode)
-            folder = bundle_folder(self.bundles, source if isinstance(source, Path) else source[0].parent)
+            folder = bundle_folder(self.bundles, folder_of(source))
+            if self.asked and not bpy.app.background:
+                self._bake_beside(context, source, folder, settings)
+                return {"CANCELLED"}  # so far nothing has changed that could be undone
             with window_progress(context, settings) as progress_of:
                 material = import_arc(source, folder, settings, pack=self.pack, progress=progress_of(0))
         except BakeError as error:
@@ -66,6 +71,21 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
         return {"FINISHED"}
+
+    def _bake_beside(
+        self, context: bpy.types.Context, source: Path | list[Path], folder: Path, settings: ArcSettings
+    ) -> None:
+        """Put the bake into the queue."""
+        pack = self.pack
+
+        def settle(material: bpy.types.Material) -> None:
+            show_arc_settings(material.measured_arc, settings, pack=pack)
+            say_warnings(material)
+
+        request = BakeRequest(source if isinstance(source, Path) else tuple(source), settings, quick=True)
+        stem = folder_of(source).resolve().name or "swatch"
+        queue.add([ImportTask(request, folder, stem, pack, self.target(context), settle, "Import Photographs")])
+        self.remember(context, ArcProperties, LightingProperties)
 
 
 class MEASURED_MATERIALS_FH_arc(DropTarget, bpy.types.FileHandler):
@@ -93,9 +113,14 @@ def chosen_photographs(operator: Any) -> Path | list[Path] | None:
 
 def tell_warnings(operator: bpy.types.Operator, material: bpy.types.Material) -> None:
     """Report what is doubtful about the photographs."""
-    record = record_of(material)
-    for warning in record.photographs.warnings if isinstance(record, ShadingMapRecord) else ():
+    for warning in warnings_of(material):
         operator.report({"WARNING"}, one_line(warning))
+
+
+def say_warnings(material: bpy.types.Material) -> None:
+    """The same, where the operator is gone."""
+    for warning in warnings_of(material):
+        bpy.ops.measured_materials.tell(words=one_line(warning), kind="WARNING")
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:

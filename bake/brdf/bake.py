@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,14 +37,23 @@ KIND_OF_STAGE = ", anisotropic"
 
 
 def bake_file(
-    file: str | Path, out: str | Path, settings: BakeSettings | None = None, progress: Progress | None = None
+    file: str | Path,
+    out: str | Path,
+    settings: BakeSettings | None = None,
+    progress: Progress | None = None,
+    on_read: Callable[[BrdfSource, dict[str, str]], None] | None = None,
 ) -> BakeResult:
-    """Bake a measurement in any known format. Raises BakeError; then nothing is written."""
+    """Bake a measurement in any known format. Raises BakeError; then nothing is written.
+
+    `on_read` is called with the source and its origin before they are baked.
+    """
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source = read_source(file)
-    result = bake_source(source, out, settings, progress, file_origin(file))
+    source, origin = read_source(file), file_origin(file)
+    if on_read:
+        on_read(source, origin)
+    result = bake_source(source, out, settings, progress, origin)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 
 
@@ -54,6 +63,7 @@ def bake_source(
     settings: BakeSettings | None = None,
     progress: Progress | None = None,
     origin: dict[str, str] | None = None,
+    pairs: int | None = None,
 ) -> BakeResult:
     """Bake any source, analytic ones included, to the bundle `out`.
 
@@ -61,6 +71,7 @@ def bake_source(
     ----------
     progress : called with the stage's name and its share done
     origin : of the measurement, "file" and "sha256", kept in the bundle
+    pairs : of directions that errors are measured at; by default as many as make them sure
 
     Raises
     ------
@@ -69,7 +80,7 @@ def bake_source(
     """
     settings = settings or BakeSettings()
     started = time.perf_counter()
-    bake = _Bake(source, settings, _named(progress, source))
+    bake = _Bake(source, settings, _named(progress, source), pairs or _ERROR_PAIRS)
     choice, grid = bake.choose_grid()
     made = bake.tabulate(grid)
     reflection = reflection_of(bake.source, grid, choice, settings)
@@ -118,9 +129,9 @@ class _Bake:
     treatment : what was changed of the source, counted at these directions
     """
 
-    def __init__(self, source: BrdfSource, settings: BakeSettings, say: Progress) -> None:
+    def __init__(self, source: BrdfSource, settings: BakeSettings, say: Progress, pairs: int) -> None:
         self.source, self.settings, self.say = TreatedSource(source), settings, say
-        self.pairs = direction_pairs(_ERROR_PAIRS, turned=not source.isotropic)
+        self.pairs = direction_pairs(pairs, turned=not source.isotropic)
         self.truth = self.source.evaluate(self.pairs.wi, self.pairs.wo)
         self.treatment = self.source.treatment()
         if not self.truth.any():

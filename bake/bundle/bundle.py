@@ -25,14 +25,25 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..atomic_write import recover, replacing_folder
+from ..atomic_write import publish_folder, recover, replacing_folder, staging_folder
 from ..errors import BakeError
 from ..images.image_io import MAX_IMAGE_BYTES, read_header, read_image, write_image, write_png
 from ..images.storage import IMAGE_STORAGES, Storage
 from .checked_json import dump_json, load_json, require
 from .image_names import common_name, is_unique_name, title_of, unique_name
 
-__all__ = ["SUFFIX", "Bundle", "Kind", "StoredImage", "is_bundle", "read_bundle", "require", "write_bundle"]
+__all__ = [
+    "SUFFIX",
+    "Bundle",
+    "Kind",
+    "StoredImage",
+    "is_bundle",
+    "move_bundle",
+    "read_bundle",
+    "require",
+    "staging",
+    "write_bundle",
+]
 
 Kind = Literal["brdf", "shading_map"]
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -151,6 +162,27 @@ def write_bundle(
             text = dump_json(document, target / MATERIAL)
             (folder / MATERIAL).write_text(text, encoding="utf-8", newline="\n")
     return target
+
+
+@contextlib.contextmanager
+def staging(target: Path) -> Iterator[Path]:
+    """Give an empty folder beside the bundle `target`, from which `move_bundle` puts a bundle in its place.
+
+    The folder goes with the block. Raises BakeError where nothing can be written there, or where `target` is something
+    that is never replaced, before any work is done.
+    """
+    with contextlib.ExitStack() as stack:
+        with _told_as(target):
+            _refuse_foreign_files(target)
+            folder = stack.enter_context(staging_folder(target))
+        yield folder
+
+
+def move_bundle(whole: Path, target: Path) -> None:
+    """Have a whole bundle in a folder of `staging` become `target`, in one step. Raises BakeError as `write_bundle`."""
+    with _told_as(target):
+        _refuse_foreign_files(target)
+        publish_folder(whole, target)
 
 
 @contextlib.contextmanager

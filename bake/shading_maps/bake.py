@@ -89,6 +89,7 @@ def bake_arc(
     settings: ArcSettings | None = None,
     progress: Progress | None = None,
     decoder: Any = None,
+    on_read: Callable[[PhotoStack, str, dict[str, str]], None] | None = None,
 ) -> BakeResult:
     """Bake a folder or a list of photographs. Raises BakeError; then nothing is written.
 
@@ -96,12 +97,15 @@ def bake_arc(
     ----------
     progress : called with the stage's name and its share done
     decoder : reads a photograph where neither OpenImageIO nor OpenEXR is at hand
+    on_read : called with the photographs, the swatch's name and their origin before they are baked
     """
     settings = settings or ArcSettings()
     started = time.perf_counter()
     stack = read_stack(_paths(source), settings.stack, progress, decoder)
     name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
     origin = photographs_origin(_paths(source))
+    if on_read:
+        on_read(stack, name, origin)
     result = bake_stack(stack, out, settings, progress, name=name, origin=origin)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 

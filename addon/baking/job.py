@@ -1,0 +1,213 @@
+"""One bake in a process of its own, followed without ever waiting for it; no bpy here."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import json
+import os
+import pickle
+import queue
+import signal
+import struct
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...bake.bundle.bundle import move_bundle, read_bundle, staging
+from ...bake.bundle.result import BakeResult
+from ...bake.errors import BakeError
+from .request import BakeRequest
+
+WAITING, RUNNING, DONE, FAILED, CANCELLED, NO_HOST = "waiting", "running", "done", "failed", "cancelled", "no host"
+_ROOT = Path(__file__).resolve().parents[2]
+_PACKAGE = __package__.rpartition(".addon.")[0] if __package__ else ""
+# Seconds that the end of a process is waited for where nothing may be left behind.
+_PATIENCE = 10.0
+
+
+class BakeJob:
+    """A bake that another process does; `poll` it now and then, from one thread.
+
+    Attributes
+    ----------
+    state : one of the names above; the last four are final. NO_HOST: no program could be started, nothing was done
+    stage, share : where the bake is
+    preview : bundle of the quick bake, once it is there, until the job is closed
+    error : of a failed job
+    """
+
+    def __init__(self, request: BakeRequest, target: Path, hosts: Sequence[Sequence[str]]) -> None:
+        self.request, self.target = request, target
+        self.state, self.stage, self.share = WAITING, "starting", 0.0
+        self.preview: Path | None = None
+        self.error: BakeError | None = None
+        self._hosts = [list(host) for host in hosts]
+        self._stack = contextlib.ExitStack()
+        self._staging = Path()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._lines: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._log: deque[str] = deque(maxlen=40)
+        self._baked: tuple[Path, float] | None = None
+        self._ready = self._ended = False
+
+    def start(self) -> None:
+        """Start the process. A target that cannot be written fails the job."""
+        atexit.register(self.close)
+        try:
+            self._staging = self._stack.enter_context(staging(self.target))
+        except BakeError as error:
+            self._fail(error)
+            return
+        self.state = RUNNING
+        self._start_next()
+
+    def poll(self) -> str:
+        """Take notice of what the process has said so far; returns the state."""
+        while self.state == RUNNING:
+            try:
+                line = self._lines.get_nowait()
+            except queue.Empty:
+                break
+            if line is None:
+                self._ended = True
+            else:
+                self._take(line)
+        if self.state == RUNNING and self._ended and self._process and self._process.poll() is not None:
+            self._died(self._process.returncode)
+        return self.state
+
+    def cancel(self) -> None:
+        """End the process and remove what it has written; nothing happens to a job that is over."""
+        if self.state in (WAITING, RUNNING):
+            self.state = CANCELLED
+            self.close()
+
+    def finish(self, target: Path | None = None) -> BakeResult:
+        """Put the bundle of a job that is done in its place, or in another, and close the job. Raises BakeError."""
+        assert self._baked
+        path, seconds = self._baked
+        try:
+            move_bundle(path, target := target or self.target)
+            return BakeResult(target, read_bundle(target).material, seconds)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """End what still runs, and remove what is still there."""
+        atexit.unregister(self.close)
+        self._kill()
+        self._stack.close()
+
+    def _start_next(self) -> None:
+        """Start the next program that may serve as a host."""
+        self._kill()
+        while self._hosts:
+            self._ended = self._ready = False
+            with contextlib.suppress(OSError):
+                self._launch(self._hosts.pop(0))
+                return
+        self.state = NO_HOST
+        self.close()
+
+    def _launch(self, command: list[str]) -> None:
+        self._lines = queue.SimpleQueue()
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"},
+            # A terminal's Ctrl-C is Blender's business; one group, to end a host's own children too.
+            start_new_session=sys.platform != "win32",
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+        self._process = process
+        about = {"package": _PACKAGE, "init": str(_ROOT / "__init__.py"), "folder": str(_ROOT), "path": sys.path}
+        asked = pickle.dumps((self.request, self._staging, self.target.name))
+        message = json.dumps(about).encode() + b"\n" + struct.pack("<Q", len(asked)) + asked
+        for work, arguments in (
+            (_write, (process.stdin, message)),
+            (_read, (process.stdout, self._lines)),
+            (_keep, (process.stderr, self._log)),
+        ):
+            threading.Thread(target=work, args=arguments, daemon=True).start()
+
+    def _take(self, line: bytes) -> None:
+        """One line of the process, which may also be something that its host says of itself."""
+        try:
+            event: Any = json.loads(line)
+        except ValueError:
+            return
+        kind = event.get("event") if isinstance(event, dict) else None
+        if kind == "ready":
+            self._ready = True
+        elif kind == "stage":
+            self.stage, self.share = str(event["stage"]), float(event["share"])
+        elif kind == "preview":
+            self.preview = Path(event["path"])
+        elif kind == "done":
+            self.state, self._baked = DONE, (Path(event["path"]), float(event["seconds"]))
+        elif kind == "error":
+            self._fail(BakeError(event["file"], event["cause"], event["remedy"]))
+
+    def _died(self, code: int) -> None:
+        if not self._ready:
+            self._start_next()
+            return
+        print("\n".join(self._log), file=sys.stderr)
+        cause = f"was not baked: the process that baked it ended by itself ({_words(code)})"
+        self._fail(BakeError(self.request.title, cause, "try again; what it said last stands in the terminal"))
+
+    def _fail(self, error: BakeError) -> None:
+        self.state, self.error = FAILED, error
+        self.close()
+
+    def _kill(self) -> None:
+        process, self._process = self._process, None
+        if process is None:
+            return
+        with contextlib.suppress(OSError):
+            if process.poll() is not None:
+                pass
+            elif sys.platform == "win32":
+                process.kill()
+            else:
+                os.killpg(process.pid, signal.SIGKILL)
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+            process.wait(_PATIENCE)
+        with contextlib.suppress(OSError, ValueError):
+            process.stdin.close()  # type: ignore[union-attr]
+
+
+def _words(code: int) -> str:
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return signal.Signals(-code).name
+    return f"exit code {code}"
+
+
+def _write(stream: Any, message: bytes) -> None:
+    """The request; the stream stays open, for its end is how the process learns that nobody waits for it."""
+    with contextlib.suppress(OSError, ValueError):
+        stream.write(message)
+        stream.flush()
+
+
+def _read(stream: Any, lines: queue.SimpleQueue[bytes | None]) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        for line in stream:
+            lines.put(line)
+    stream.close()
+    lines.put(None)
+
+
+def _keep(stream: Any, log: deque[str]) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        for line in stream:
+            log.append(line.decode(errors="replace").rstrip())
+    stream.close()

@@ -1,0 +1,104 @@
+"""Inside the worker process: one bake, reported as JSON lines on the standard output.
+
+The request comes by the standard input, which the other process then keeps open for as long as it wants the bake. At
+its end, also where that process has died, the worker removes what it has written and ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import shutil
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO
+
+from ...bake.errors import BakeError
+from ..cli.console.streams import results_stream
+from ..photographs.find_decoder import blender_decoder
+
+# Of one stage's progress; more often nobody sees.
+_PAUSE = 0.05
+_NICENESS = 5
+
+
+def main() -> None:
+    """Bake what is asked for and end the process."""
+    with results_stream(to_the_end=True) as stream:
+        say = _teller(stream)
+        say(event="ready")
+        (size,) = struct.unpack("<Q", sys.stdin.buffer.read(8))
+        # From the process that started this one, by a pipe that nobody else can write to.
+        request, staging, name = pickle.loads(sys.stdin.buffer.read(size))
+        threading.Thread(target=_end_with_parent, args=(staging,), daemon=True).start()
+        with contextlib.suppress(AttributeError, OSError):
+            os.nice(_NICENESS)
+        code = _bake(request, staging, name, say)
+        stream.flush()
+    # Blender as a host, and its module, have destructors of their own.
+    os._exit(code)
+
+
+def _bake(request: Any, staging: Path, name: str, say: Callable[..., None]) -> int:
+    from .request import run_request
+
+    def preview(path: Path) -> None:
+        say(event="preview", path=str(path))
+
+    try:
+        quick = None
+        if request.quick:
+            (staging / "quick").mkdir()
+            quick = staging / "quick" / name, preview
+        result = run_request(request, staging / name, _progress(say), blender_decoder(), quick)
+    except BakeError as error:
+        say(event="error", file=error.file, cause=error.cause, remedy=error.remedy)
+        return 1
+    except MemoryError:
+        remedy = "choose a lower resolution or close other programs"
+        say(event="error", file=request.title, cause="ran out of memory", remedy=remedy)
+        return 1
+    say(event="done", path=str(result.path), seconds=result.seconds)
+    return 0
+
+
+def _teller(stream: TextIO) -> Callable[..., None]:
+    def say(**event: Any) -> None:
+        try:
+            stream.write(json.dumps(event) + "\n")
+            stream.flush()
+        except (OSError, ValueError):  # nobody listens any more; the watcher ends this
+            pass
+
+    return say
+
+
+def _progress(say: Callable[..., None]) -> Callable[[str, float], None]:
+    last: list[Any] = ["", 0.0]
+
+    def report(stage: str, share: float) -> None:
+        now = time.monotonic()
+        if stage != last[0] or now - last[1] >= _PAUSE:
+            last[:] = stage, now
+            say(event="stage", stage=stage, share=share)
+
+    return report
+
+
+def _end_with_parent(staging: Path) -> None:
+    """Wait for the end of the standard input, then end, and leave nothing."""
+    with contextlib.suppress(OSError, ValueError):
+        while os.read(sys.stdin.fileno(), 1024):
+            pass
+    # The bake goes on meanwhile and may still write.
+    for _ in range(100):
+        shutil.rmtree(staging, ignore_errors=True)
+        if not staging.exists():
+            break
+    os._exit(3)

@@ -1,0 +1,1 @@
+"""Bakes of the window that run beside it: their queue, and what becomes of their bundles."""

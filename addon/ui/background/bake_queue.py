@@ -1,0 +1,337 @@
+"""The queue of bakes: one after the other beside the window, followed by a timer that never waits.
+
+A material that is shown while it is baked is a step of undo, and its end is another; `_skip` goes over the former where
+nothing lies between, so that an artist meets one.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import shutil
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ....bake.bundle.result import BakeResult
+from ....bake.errors import BakeError
+from ... import events
+from ...baking.hosts import hosts
+from ...baking.job import DONE, FAILED, NO_HOST, BakeJob
+from ...baking.request import run_request
+from ...photographs.find_decoder import blender_decoder
+from ...summary.bake_stages import bake_stages
+from ...summary.progress_estimate import ProgressEstimate
+from ...summary.text import one_line
+from .tasks import FRESH, STATE_KEY, Task
+
+_PAUSE = 0.05
+_TOLD_EVERY = 0.2
+# Seconds that a drag of the artist is waited for.
+_PATIENCE = 30.0
+
+
+class Queue:
+    """Bakes to come, the one that runs, and what is to be said at the end.
+
+    `listening` says whether Esc is heard somewhere, by the operator of `watch_bakes`; `told`,
+    whether the status bar shows our words.
+    """
+
+    def __init__(self) -> None:
+        self.waiting: list[Task] = []
+        self.listening = self.told = False
+        self.task: Task | None = None
+        self.job: BakeJob | None = None
+        self._estimate: ProgressEstimate | None = None
+        self._problems: list[str] = []
+        self._shown, self._total, self._number = False, 0, 0
+        self._told_at, self._held_since = 0.0, 0.0
+        self._result: BakeResult | None = None
+
+    def is_busy(self) -> bool:
+        """Whether anything is left to do."""
+        return self.task is not None or bool(self.waiting)
+
+    def add(self, tasks: Sequence[Task]) -> None:
+        """Bake these after all others."""
+        if not self.is_busy():
+            self._total = self._number = 0
+        self._total += len(tasks)
+        self.waiting += tasks
+        if not bpy.app.timers.is_registered(tick):
+            bpy.app.timers.register(tick, first_interval=0.0)
+
+    def stop(self) -> None:
+        """End all bakes at once and touch no datablock: the file goes, or Blender does."""
+        self.waiting.clear()
+        if self.job is not None:
+            self.job.cancel()
+        self._take_back()
+        self.task = self.job = None
+        self._problems.clear()
+        self.listening = False
+        _status(None)
+
+    def cancel(self) -> None:
+        """End the bake that runs, and take back what it has shown."""
+        task, job = self.task, self.job
+        if job is not None:
+            job.cancel()
+            job.close()
+        self._take_back()
+        self.task = self.job = None
+        if task is not None and task.drop():
+            _push(f"Cancel {task.label}")
+        if task is not None:
+            _tell(f"{task.request.title}: the bake was cancelled, and nothing of it was kept")
+
+    def _take_back(self) -> None:
+        """Remove a bundle that was put in its place for a material that is not made after all."""
+        result, self._result = self._result, None
+        if result is not None and self.task is not None and self.task.is_new:
+            shutil.rmtree(result.path, ignore_errors=True)
+
+    def step(self) -> None:
+        """Follow the bake that runs, and start the next."""
+        if self.task is None and self.waiting:
+            self._begin(self.waiting.pop(0))
+        if self.task is None or self.job is None:
+            return
+        if not self.task.is_wanted():
+            title = self.task.request.title
+            self.job.cancel()
+            self.job.close()
+            self._take_back()
+            self.task = self.job = None
+            _tell(f"{title}: the material is gone, and its bake was cancelled")
+            return
+        state = self.job.poll()
+        if state == NO_HOST:
+            self._bake_here()
+        elif state == FAILED:
+            self._fail(self.job.error)
+        elif state == DONE or (self.job.preview is not None and not self._shown):
+            if self._may_write():
+                self._finish() if state == DONE else self._show()
+        self._tell_progress()
+
+    def _begin(self, task: Task) -> None:
+        self._number += 1
+        self._shown, self.task, self._result = False, task, None
+        self._estimate = ProgressEstimate(bake_stages(task.request.settings))
+        try:
+            self.job = BakeJob(task.request, task.target(), hosts(task.request, bpy.app.binary_path))
+        except BakeError as error:
+            self._fail(error)
+            return
+        self.job.start()
+
+    def _show(self) -> None:
+        """The quick bake, as a step of undo."""
+        assert self.task and self.job and self.job.preview
+        self._shown = True
+        try:
+            self.task.show(self.job.preview)
+        except BakeError as error:  # the whole bake may be better
+            print(f"measured_materials: {error}", file=sys.stderr)
+            return
+        _push(self.task.label)
+        self.task.shown()
+
+    def _finish(self) -> None:
+        """Put the bundle in its place and make the material."""
+        assert self.task and self.job
+        task = self.task
+        try:
+            self._result = self.job.finish()
+            words = task.finish(self._result)
+        except BakeError as error:
+            self._fail(error)
+            return
+        self.task = self.job = self._result = None
+        _push(task.label)
+        _tell(words)
+
+    def _bake_here(self) -> None:
+        """Where no process can be started: Blender waits meanwhile."""
+        assert self.task and self.job
+        task, job, manager = self.task, self.job, bpy.context.window_manager
+        self.task = self.job = None
+        manager.progress_begin(0, 1)
+        try:
+            words = task.finish(run_request(task.request, job.target, decoder=blender_decoder()))
+        except BakeError as error:
+            self._problems.append(one_line(str(error)))
+        else:
+            _push(task.label)
+            _tell(words)
+        finally:
+            manager.progress_end()
+
+    def _fail(self, error: BakeError | None) -> None:
+        if self.task is not None and self.task.drop():
+            _push(f"Cancel {self.task.label}")
+        self.task = self.job = None
+        self._problems.append(one_line(str(error)))
+
+    def tell_problems(self) -> None:
+        """All that went wrong, as one list."""
+        problems, self._problems = self._problems, []
+        if not problems:
+            return
+        for line in problems:
+            _tell(line, "WARNING")
+        if bpy.app.background:  # where Blender crashes on a popup
+            return
+
+        def draw(popup: Any, _context: bpy.types.Context) -> None:
+            for line in problems:
+                for part in line.split("; "):
+                    popup.layout.label(text=part)
+
+        with _window():
+            bpy.context.window_manager.popup_menu(draw, title="Could not be baked", icon="ERROR")
+
+    def _may_write(self) -> bool:
+        """Whether datablocks may be made now: not during a render, and while an artist drags something, later."""
+        if any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
+            return False
+        now = time.monotonic()
+        if _is_dragging():
+            self._held_since = self._held_since or now
+            return now - self._held_since > _PATIENCE
+        self._held_since = 0.0
+        return True
+
+    def _tell_progress(self) -> None:
+        now = time.monotonic()
+        if self.task is None or self.job is None or self._estimate is None or now - self._told_at < _TOLD_EVERY:
+            return
+        self._told_at = now
+        self._estimate(self.job.stage, self.job.share)
+        place = f" ({self._number} of {self._total})" if self._total > 1 else ""
+        _status(f"Baking {one_line(self.task.request.title)}{place}: {self._estimate.words()}   |   Esc: Cancel")
+
+
+queue = Queue()
+
+
+def tick() -> float | None:
+    """The timer's function: one step, and whether there are more."""
+    try:
+        with _window():
+            queue.step()
+    except Exception:  # a defect, which must not leave a process behind
+        traceback.print_exc()
+        queue.stop()
+    if queue.is_busy():
+        _watch()
+        return _PAUSE
+    _status(None)
+    queue.tell_problems()
+    return None
+
+
+def _window() -> Any:
+    """The first window as context; a timer has none."""
+    windows = bpy.context.window_manager.windows
+    return bpy.context.temp_override(window=windows[0]) if windows else contextlib.nullcontext()
+
+
+def _is_dragging() -> bool:
+    return any(
+        operator.bl_idname != "MEASURED_MATERIALS_OT_watch_bakes"
+        for window in bpy.context.window_manager.windows
+        for operator in getattr(window, "modal_operators", ())
+    )
+
+
+def _watch() -> None:
+    """Have Esc heard in a window, also after the one that heard it was closed."""
+    windows = bpy.context.window_manager.windows
+    if not windows or queue.listening:
+        return
+    with _window():
+        bpy.ops.measured_materials.watch_bakes("INVOKE_DEFAULT")
+
+
+def _push(words: str) -> None:
+    if bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message=words)
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
+
+
+def _tell(words: str, kind: str = "INFO") -> None:
+    bpy.ops.measured_materials.tell(words=one_line(words), kind=kind)
+
+
+def _status(words: str | None) -> None:
+    """Show this in the status bar of every workspace, or Blender's own words again."""
+    # Without a window, or before one was drawn, Blender crashes on this.
+    if (words is None and not queue.told) or not bpy.context.window_manager.windows:
+        return
+    queue.told = words is not None
+    with _window():
+        for workspace in bpy.data.workspaces:
+            workspace.status_text_set(words)
+
+
+def _skip(direction: str) -> None:
+    """Go on in the history where it stands at a quick bake that nobody waits for any more."""
+
+    def go() -> None:
+        if queue.is_busy() or not any(material.get(STATE_KEY) == FRESH for material in bpy.data.materials):
+            return
+        with _window():
+            operator = getattr(bpy.ops.ed, direction)
+            if operator.poll():
+                operator()
+
+    bpy.app.timers.register(go, first_interval=0.0)
+
+
+@persistent
+def _after_undo(*_: Any) -> None:
+    _skip("undo")
+
+
+@persistent
+def _after_redo(*_: Any) -> None:
+    _skip("redo")
+
+
+@persistent
+def _before_load(*_: Any) -> None:
+    queue.stop()
+
+
+_HANDLERS = {"load_pre": _before_load, "undo_post": _after_undo, "redo_post": _after_redo}
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    events.listen(_HANDLERS)
+    atexit.register(_end)
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`; what is being baked ends."""
+    atexit.unregister(_end)
+    _end()
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    events.stop_listening(_HANDLERS)
+
+
+def _end() -> None:
+    # At the end of Python nothing of the window may be left.
+    with contextlib.suppress(Exception):
+        queue.stop()

@@ -1,0 +1,121 @@
+"""Operator: materials of bundles that were baked before; file menu, drag and drop."""
+
+# No postponed annotations here: Blender reads the properties from them.
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...bake.bundle.bundle import SUFFIX
+from ...bake.errors import BakeError
+from ..material.bake_material import assign, told_place
+from ..material.facts import record_of
+from ..material.kinds import BRDF, kind_of
+from ..material.together import built_together
+from ..summary.text import one_line
+from .background.load_bundle import bundles_meant, load_bundle
+from .context import object_under
+from .import_operator import DropTarget, registration
+from .properties.bake import show_settings
+
+_HIDDEN = {"HIDDEN", "SKIP_SAVE"}
+_FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
+_DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options=_HIDDEN)
+_FILEPATH = bpy.props.StringProperty(subtype="FILE_PATH", options=_HIDDEN)
+_FILTER_GLOB = bpy.props.StringProperty(default=f"*{SUFFIX};material.json;preview.png", options={"HIDDEN"})
+_OBJECT = bpy.props.StringProperty(
+    name="Object", description="Object that gets the first material; the active one by default", options=_HIDDEN
+)
+_PACK = bpy.props.BoolProperty(
+    name="Pack into .blend", description="Keep the textures inside the .blend file, too", default=True
+)
+
+
+class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
+    """Load materials that were baked before, without baking again. Choose folders NAME.mmat, or go into one, or into
+    a folder with some"""
+
+    bl_idname = "measured_materials.import_bundle"
+    bl_label = "Import Measured Material"
+    bl_options = {"UNDO", "PRESET"}
+
+    files: _FILES
+    dirs: _FILES
+    directory: _DIRECTORY
+    filepath: _FILEPATH
+    filter_glob: _FILTER_GLOB
+    object_name: _OBJECT
+    pack: _PACK
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for bundles; dropped ones are loaded at once."""
+        if not self._chosen():
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        target = object_under(context, event)
+        self.object_name = target.name if target else ""
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Load every bundle; a bad one is reported and does not keep the others from being loaded."""
+        bundles, errors = bundles_meant(self._chosen())
+        if not bundles and not errors:
+            self.report({"ERROR"}, f"No measured material was chosen: a folder NAME{SUFFIX}")
+            return {"CANCELLED"}
+        made = []
+        with built_together():
+            for path in bundles:
+                try:
+                    made.append(load_bundle(path, pack=self.pack))
+                except BakeError as error:
+                    errors.append(error)
+        for error in errors:
+            self.report({"ERROR"}, one_line(str(error)))
+        if not made:
+            return {"CANCELLED"}
+        for material in made:
+            _show(material, self.pack)
+        for material in made[1:]:
+            assign(material, None)
+        place = told_place(self, made[0], bpy.data.objects.get(self.object_name) or context.object)
+        others = f", and {len(made) - 1} more without an object" if len(made) > 1 else ""
+        self.report({"INFO"}, f"{made[0].name}{place}: {kind_of(made[0]).words(made[0])}{others}")
+        return {"FINISHED"}
+
+    def _chosen(self) -> list[Path]:
+        """Paths that were given, the folder that the file browser stands in where nothing in it was chosen."""
+        names = [element.name for element in (*self.dirs, *self.files) if element.name]
+        folder = Path(bpy.path.abspath(self.directory)) if self.directory else None
+        if names and folder is not None:
+            return [folder / name for name in names]
+        if self.filepath:
+            return [Path(bpy.path.abspath(self.filepath))]
+        return [folder] if folder is not None else []
+
+
+class MEASURED_MATERIALS_FH_bundle(DropTarget, bpy.types.FileHandler):
+    """Bundles dropped on a 3D viewport or a shader editor are loaded."""
+
+    bl_idname = "MEASURED_MATERIALS_FH_bundle"
+    bl_label = "Measured Material"
+    bl_import_operator = "measured_materials.import_bundle"
+    bl_file_extensions = SUFFIX
+
+
+def _show(material: bpy.types.Material, pack: bool) -> None:
+    """Have the panel offer for the next bake what this one was made with, where the bundle says it."""
+    if kind_of(material) is not BRDF:
+        material.measured_arc.pack = pack
+        return
+    material.measured_materials.pack = pack
+    with contextlib.suppress(BakeError, TypeError, ValueError):
+        show_settings(material.measured_materials, record_of(material).settings)
+
+
+def _menu(self: Any, _context: bpy.types.Context) -> None:
+    self.layout.operator(MEASURED_MATERIALS_OT_import_bundle.bl_idname, text=f"Measured Material ({SUFFIX})")
+
+
+classes = (MEASURED_MATERIALS_OT_import_bundle, MEASURED_MATERIALS_FH_bundle)
+register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

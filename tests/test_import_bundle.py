@@ -1,0 +1,111 @@
+"""Bundles that are there already, loaded in the window: as chosen, dropped, bad ones among them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import measured_materials
+import pytest
+from measured_materials.addon.material.facts import facts_of
+from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
+from measured_materials.addon.ui import import_bundle
+from measured_materials.addon.ui.background.load_bundle import bundles_meant
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.bundle.bundle import MATERIAL
+from measured_materials.bake.shading_maps.bake import bake_arc
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.nodes.material_tree import BUNDLE_KEY
+from support.coarse_bakes import coarse  # noqa: F401
+from support.stacks import write_stack
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("library")
+    settings = BakeSettings(6, "squared", basis="half", envelope=False)
+    bake_source(by_name("ggx", alpha=0.3), folder / "gold.mmat", settings)
+    bake_arc(write_stack(folder / "felt"), folder / "felt.mmat")
+    return folder
+
+
+@pytest.fixture
+def plate() -> Iterator[Any]:
+    """An active object without a material; everything made in the test goes with it."""
+    measured_materials.register()
+    known = {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
+    mesh = bpy.data.meshes.new("plate")
+    obj = bpy.data.objects.new("plate", mesh)
+    bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    yield obj
+    bpy.data.objects.remove(obj)
+    bpy.data.meshes.remove(mesh)
+    for kind, before in known.items():
+        bpy.data.batch_remove(set(getattr(bpy.data, kind)) - before)
+    measured_materials.unregister()
+
+
+def load(**chosen: Any) -> Any:
+    return bpy.ops.measured_materials.import_bundle(**chosen)
+
+
+def test_a_bundle_becomes_the_objects_material(library: Path, plate: Any) -> None:
+    assert load(filepath=str(library / "gold.mmat")) == {"FINISHED"}
+    material = plate.active_material
+    assert kind_of(material) is BRDF and material[BUNDLE_KEY] == str(library / "gold.mmat")
+    assert material.measured_materials.resolution == 6 and material.measured_materials.basis == "half"
+    assert all(image.packed_file for image in bpy.data.images if image.name.startswith("ggx"))
+    assert BRDF.why_not_bakeable(material) == ""  # of a model, which the bundle tells
+
+
+def test_photographs_are_asked_for_before_they_are_baked_again(library: Path, plate: Any) -> None:
+    load(filepath=str(library / "felt.mmat"), pack=False)
+    material = plate.active_material
+    assert kind_of(material) is SHADING_MAP and not facts_of(material)["packed"]
+    assert "does not say what it was baked from" in SHADING_MAP.why_not_bakeable(material)
+
+
+def test_several_at_once_as_a_browser_gives_them(library: Path, plate: Any) -> None:
+    known = set(bpy.data.materials)
+    load(directory=str(library), dirs=[{"name": "gold.mmat"}, {"name": "felt.mmat"}])
+    made = set(bpy.data.materials) - known
+    assert len(made) == 2 and plate.active_material in made
+    assert [material.use_fake_user for material in made].count(True) == 1
+
+
+def test_what_an_artist_may_choose_instead_of_the_folder(library: Path) -> None:
+    gold, felt = library / "gold.mmat", library / "felt.mmat"
+    for chosen, meant in (
+        ([gold], [gold]),
+        ([gold / MATERIAL, gold / "preview.png"], [gold]),
+        ([library], [felt, gold]),
+        ([library, gold], [felt, gold]),
+    ):
+        assert bundles_meant(chosen) == (meant, [])
+    found, errors = bundles_meant([library / "felt", library / "absent.mmat", gold])
+    assert found == [gold] and len(errors) == 2
+
+
+def test_bad_ones_are_reported_and_the_others_are_loaded(library: Path, plate: Any, tmp_path: Path) -> None:
+    shutil.copytree(library / "gold.mmat", tmp_path / "good.mmat")
+    shutil.copytree(library / "gold.mmat", tmp_path / "bad.mmat")
+    (tmp_path / "bad.mmat" / MATERIAL).write_text("{")
+    with pytest.raises(RuntimeError) as failed:
+        load(directory=str(tmp_path))
+    assert str(failed.value).strip().count("\n") == 0 and "bad.mmat" in str(failed.value)
+    assert plate.active_material[BUNDLE_KEY] == str(tmp_path / "good.mmat")
+    with pytest.raises(RuntimeError, match="is not a bundle"):
+        load(filepath=str(tmp_path / "letter.txt"))
+    with pytest.raises(RuntimeError, match="No measured material was chosen"):
+        load()
+
+
+def test_bundles_can_be_dropped() -> None:
+    handler = import_bundle.MEASURED_MATERIALS_FH_bundle
+    assert handler.bl_file_extensions == ".mmat"
+    assert handler.bl_import_operator == import_bundle.MEASURED_MATERIALS_OT_import_bundle.bl_idname
