@@ -127,5 +127,9 @@ def test_a_material_that_aims_is_built(satin: Bundle, mode: str) -> None:
     """With every parameter that describes lamps, those that only an isotropic material reads included."""
     material = build_osl_material(satin, mode=mode, lamps=lamp_image())
     scripts = [n for tree in trees_below(material.node_tree) for n in tree.nodes if n.bl_idname == "ShaderNodeScript"]
-    assert [[socket.name for socket in script.outputs] for script in scripts] == [["BSDF"]]
+    assert {script.script.name: script.outputs[0].name for script in scripts} == {
+        "measured_world.osl": "Place",
+        "measured_aim.osl": "Direction",
+        "measured_material.osl": "BSDF",
+    }
     assert {link.to_socket.identifier for link in scripts[0].id_data.links} >= {"Tangent", "Strongest", "Centre4"}
