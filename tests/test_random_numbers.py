@@ -209,7 +209,7 @@ def test_every_number_of_the_osl_twin_is_taken_once() -> None:
     text = text[:start] + text[stop:]
     taken = [int(index) for index in re.findall(r"xi\[(\d)\](?!;)", text.replace("float xi[9];", ""))]
     assert text.count("mm_by_lens(") == 1 and "mm_by_lens(Lens, xi[0], xi[1]);" in text
-    # Where the lens is known, the first chooses closures or mirror in place of the sixth: what that leaves of it is even.
+    # Where the lens is known the first chooses closures or mirror, not the sixth: what that leaves of it is even.
     assert "    if (Lens[2] > 0)\n      mm_choose_by_first(chance, xi[0], xi[5]);\n    if (xi[5] >= chance)" in text
     assert sorted(taken) == sorted([*range(9), *OSL_DELIBERATE, 0, 1, 0, 5])
     # And never as a whole but where they are drawn.
