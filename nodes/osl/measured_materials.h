@@ -96,6 +96,13 @@ void mm_by_lens(vector lens, output float first, output float second)
   }
 }
 
+// A number that chooses with this chance in place of another; what the choice leaves of it is even again.
+void mm_choose_by_first(float chance, output float first, output float choice)
+{
+  choice = first;
+  first = choice < chance ? choice / chance : (choice - chance) / (1 - chance);
+}
+
 // nodes/stochastic_mirror_group.py: mirror_closure, without the roulette
 closure color mm_mirror(vector wi, vector incoming, color weight)
 {

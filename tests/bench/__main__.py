@@ -25,6 +25,7 @@ BENCHES = {
     "effects": "the graph fitted to six scenes beside the full one: nodes, time, noise, equality",
     "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
     "engine": "noise and time of all modes beside Principled BSDF, 12 materials in 4 lightings; a plot",
+    "lens": "noise with and without Quiet Camera, of Principled BSDF and of Exact as OSL, in the scene of engine",
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",
     "hard": "numerically hard cases: bound and worst error in numpy, nodes and OSL; unstable formulas and their digits",
