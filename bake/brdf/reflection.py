@@ -175,7 +175,7 @@ class AnisotropicReflection(Reflection):
 
     def residual_grid(self, source: BrdfSource, grid: Grid, progress: Share) -> Grid:
         """What the envelope leaves has no reciprocity."""
-        return anisotropic_search.refit_grid(source, grid, progress)
+        return anisotropic_search.refit_grid(source, grid, self._treated, progress)
 
     def shares(self, fit: EnvelopeFit, residual: Table) -> dict[str, Array]:
         """Following the direction of a lamp, in nodes that are even where the highlights are."""

@@ -19,10 +19,9 @@ from ..grids.anisotropic_grids import AnisotropicHalfGrid
 from ..grids.grid import HORIZON_SHARES, Grid
 from ..grids.parameterization import Parameterization
 from .alpha_search import AlphaSearch
-from .anisotropic_search import SYMMETRIC, AnisotropicCandidates
+from .anisotropic_search import SYMMETRIC, AnisotropicCandidates, best_half_shape
 from .grid_fit import GridErrors
 from .grid_race import Candidate, race
-from .horizon_light import HorizonLight
 from .isotropic_search import IsotropicCandidates
 
 Basis = Literal["normal", "half"]
@@ -113,9 +112,9 @@ def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: A
     """The grid whose samples at the horizon are taken where, and continued as, it serves this material best.
 
     By the RMS at the pairs; of half vectors about a turning viewer, which have two ways beyond the horizon that the RMS
-    hardly tells apart, by the light seen at grazing (`HorizonLight`).
+    hardly tells apart, by the light seen at grazing, and so their shape (`best_half_shape`).
     """
-    grids = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
-    if not isinstance(grid, AnisotropicHalfGrid):
-        return min(grids, key=GridErrors(source, pairs, truth))
-    return min((replace(g, falling=falls) for g in grids for falls in (True, False)), key=HorizonLight(source))
+    errors = GridErrors(source, pairs, truth)
+    if isinstance(grid, AnisotropicHalfGrid):
+        return best_half_shape(source, grid, errors)
+    return min((replace(grid, horizon_share=share) for share in HORIZON_SHARES), key=errors)

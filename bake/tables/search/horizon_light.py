@@ -10,23 +10,31 @@ from ..albedo import directional_albedo
 from ..grids.grid import Grid
 
 _ANGLES = np.radians([80.0, 85.0, 88.0])
-_AZIMUTHS = (0.1, 1.1, 2.1)
+# Along the tangent, across it, and between: a ridge that is drawn out one way loses its light in one of them.
+_AZIMUTHS = np.radians([0.0, 45.0, 90.0])
 _NODES = 24
 
 
 class HorizonLight:
-    """Largest relative difference of a table's directional albedo to its source's at 80, 85 and 88 degrees.
+    """RMS of the relative differences of a table's directional albedo to its source's at 80, 85 and 88 degrees.
 
-    The mean over three azimuths of the viewer and the channels, of tables linear along each axis, which are not built.
+    At three azimuths of the viewer, of the mean of the channels, of tables linear along each axis, which are not built.
+
+    Parameters
+    ----------
+    source : what the tables hold
+    whole : what the light is compared with, where the tables hold a part of it
     """
 
-    def __init__(self, source: BrdfSource) -> None:
+    def __init__(self, source: BrdfSource, whole: BrdfSource | None = None) -> None:
         self._source, self._truth = source, _albedo(source)
+        light = self._truth if whole is None else _albedo(whole)
+        self._light = np.where(light > 0, light, np.inf)
 
     def __call__(self, grid: Grid) -> float:
         """Of a table on this grid, a share; 0 of what is black there."""
         off = _albedo(_Estimate(self._source, grid)) - self._truth
-        return float(np.max(np.abs(off) / np.where(self._truth > 0, self._truth, np.inf)))
+        return float(np.sqrt(np.mean((off / self._light) ** 2)))
 
 
 class _Estimate:
@@ -49,5 +57,5 @@ class _Estimate:
 
 
 def _albedo(source: BrdfSource) -> Array:
-    rows = [directional_albedo(source, _ANGLES, _NODES, phi).mean(-1) for phi in _AZIMUTHS]
-    return np.asarray(np.mean(rows, 0))
+    """(azimuths, angles)."""
+    return np.array([directional_albedo(source, _ANGLES, _NODES, float(phi)).mean(-1) for phi in _AZIMUTHS])
