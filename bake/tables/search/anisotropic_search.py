@@ -24,8 +24,8 @@ _RATIOS = (2.0, 1.4)
 _NARROWEST, _WIDEST = 2e-3, 8.0
 _ALPHAS_THETA, _ALPHAS_PHI = (0.0, 0.25, 0.5, 0.75), (0.05, 0.15, 0.3, 0.5)
 _RANKING = 4096
-# Samples of phi_d and theta_d, as multiples of those of `half_shape`, in the table and in that of a residual; the slopes
-# have what is left of the bytes.
+# Samples of phi_d and theta_d, as multiples of those of `half_shape`, in the table and in that of a residual; the
+# slopes have what is left of the bytes.
 _TABLE_SPLITS = ((1.0, 1.0), (1.0, 2**0.5), (2**0.5, 2**0.5), (2.0, 1.0))
 _RESIDUAL_SPLITS = ((1.0, 1.0), (1.0, 2**0.5), (1.0, 2.0), (2**0.5, 2**0.5), (2.0, 1.0), (2.0, 2.0))
 # The RMS, as a multiple of the least, up to which the light at grazing decides.
@@ -174,8 +174,8 @@ def refit_grid(
     The envelope's weights follow the viewer alone, so what it leaves has no reciprocity, and a table that takes light
     and viewer for exchangeable is off by half of the difference: on four formulas at 32 samples that was a third of the
     error, and 15 % of all light seen at grazing. More samples in theta_d and fewer of the slopes pay too (RMS 0.8 to
-    0.2 of that of the table's own grid), other widths do not: a fit of five seconds gained 0.4 %. Among those that are nearly as good the light at grazing decides, as a share of all that the `whole` source reflects
-    there.
+    0.2 of that of the table's own grid), other widths do not: a fit of five seconds gained 0.4 %. Among those that are
+    nearly as good the light at grazing decides, as a share of all that the `whole` source reflects there.
     """
     errors = GridErrors.at(source, _RANKING, 0.25)
     trials = _residual_shapes(grid) if isinstance(grid, AnisotropicHalfGrid) else [grid]
