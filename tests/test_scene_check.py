@@ -17,7 +17,8 @@ from measured_materials.addon.lights.light_tables import lamp_image, update_scen
 from measured_materials.addon.scene_check import material_rules, pass_rules, scene_rules
 from measured_materials.addon.scene_check.check import check_scene, measured_names, mend, mend_scene
 from measured_materials.addon.scene_check.findings import NOTE, SLOW, WRONG, Finding
-from measured_materials.addon.ui import check_scene as check_operator
+from measured_materials.addon.ui.panels import check_scene as check_operator
+from measured_materials.addon.ui.panels.wrapped_text import Lines
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import HASH_KEY, SWITCHED_KEY, content_hash
@@ -264,6 +265,12 @@ class Layout:
     def __init__(self, texts: list[str]) -> None:
         self.texts = texts
 
+    def split(self, *, factor: float) -> Layout:
+        return self
+
+    def separator(self) -> None:
+        pass
+
     def row(self, **_: Any) -> Layout:
         return self
 
@@ -287,7 +294,7 @@ def test_operators_and_list(painted: TestScene) -> None:
             assert ops.check_scene() == {"FINISHED"}
             assert painted.scene.cycles.blur_glossy == 1
             texts: list[str] = []
-            check_operator.draw_findings(Layout(texts))  # type: ignore[arg-type]
+            check_operator.draw_findings(Layout(texts), Lines(bpy.context))
             assert texts.count(check_operator.MEASURED_MATERIALS_OT_mend_setting.bl_idname) == 2
             assert any("Filter Glossy is 1, should be 0" in text for text in texts)
             assert ops.mend_setting(key=rules(painted)["filter_glossy"].key) == {"FINISHED"}
