@@ -296,7 +296,7 @@ def test_operators_and_list(painted: TestScene) -> None:
             texts: list[str] = []
             check_operator.draw_findings(Layout(texts), Lines(bpy.context))
             assert texts.count(check_operator.MEASURED_MATERIALS_OT_mend_setting.bl_idname) == 2
-            assert any("Filter Glossy is 1, should be 0" in text for text in texts)
+            assert "Filter Glossy is 1, should be 0" in " ".join(texts)
             assert ops.mend_setting(key=rules(painted)["filter_glossy"].key) == {"FINISHED"}
             assert set(rules(painted)) == {"clamp_indirect"}
             assert ops.mend_setting(key="filter_glossy scene gone") == {"CANCELLED"}
