@@ -8,9 +8,8 @@ import bpy
 
 from ..bake.sampling.gloss import changes, held, stretched
 from . import expr
+from .adjustments import GLOSS
 from .group import call, node_group
-
-GLOSS = "Gloss"
 
 
 def gloss_group() -> bpy.types.ShaderNodeTree:
@@ -28,6 +27,19 @@ def seen_in_table(wi: Any, wo: Any, gloss: Any) -> tuple[Any, Any]:
 def seen_from_table(wi: Any, wo: Any, gloss: Any) -> Any:
     """Where a local direction of the table is seen."""
     return call(gloss_group(), wi, wo, expr.divide(1.0, gloss))[0]
+
+
+def lit_in_table(wi: Any, wo: Any, gloss: Any) -> tuple[Any, Any, Any]:
+    """Of local light: its direction in the table, what takes the cosine's place there, and the factor of densities.
+
+    Without a gloss, which is None, that is the direction itself, its cosine and 1.
+    """
+    cosine = expr.maximum(expr.components(wi)[2], 0.0)
+    if gloss is None:
+        return wi, cosine, 1.0
+    stored, spread = seen_in_table(wi, wo, gloss)
+    changed = expr.maximum(expr.components(stored)[2], 0.0) * spread * (cosine > 0)
+    return stored, expr.where(changes(gloss), changed, cosine), spread
 
 
 def seen_above(seen: Any, gloss: Any) -> Any:

@@ -11,8 +11,8 @@ from ..bake.envelope import ShareLayout, SlopeShareLayout, part_of_light, share_
 from ..bake.sampling.gloss import stretched
 from ..bake.sampling.lamps import TEXELS
 from . import expr
+from .adjustments import GLOSS
 from .drawn_direction import frame_of
-from .gloss_group import GLOSS
 from .group import node_group
 from .light_images import texel
 

@@ -185,9 +185,6 @@ def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> Non
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
     geometry.location = (-220, 200)
     tree.links.new(geometry.outputs["Normal"], node.inputs["Normal"])
-    node.inputs["Tint"].default_value = (1, 1, 1)
-    if "Light Level" in node.inputs:
-        node.inputs["Light Level"].default_value = 1
     if "Tangent" in node.inputs:
         _connect_tangent(tree, node)
     if "UV" in node.inputs:

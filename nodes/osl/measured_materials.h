@@ -192,8 +192,8 @@ float mm_mean_roughness(MMClosures closures)
   return sum > 0 ? total / sum : MM_MATTE;
 }
 
-// nodes/weighted_closures.py: the sum of the closures, times a colour
-closure color mm_weighted_closures(MMClosures closures, MMFrame frame, normal n, color factor)
+// nodes/weighted_closures.py: the sum of the closures, saturated, times a colour
+closure color mm_weighted_closures(MMClosures closures, MMFrame frame, normal n, float saturation, color factor)
 {
   string words[MM_WORDS];
   int count = split(closures.words, words, " ") / 3;
@@ -201,7 +201,8 @@ closure color mm_weighted_closures(MMClosures closures, MMFrame frame, normal n,
   closure color sum = 0;
   for (int k = 0; k < count; ++k) {
     float alpha;
-    color weight = max(mm_closure_weight(closures, k, count, frame.wo, alpha) * factor, color(0));
+    color value = mm_saturated(mm_closure_weight(closures, k, count, frame.wo, alpha), saturation);
+    color weight = max(value * factor, color(0));
     sum += weight * mm_native(words[3 * k], stof(words[3 * k + 1]), stof(words[3 * k + 2]), tangent, n);
   }
   return sum;

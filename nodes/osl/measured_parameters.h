@@ -42,7 +42,7 @@
 #define MM_GRID                                                                                                        \
   {Basis, Parameterization, Azimuths, Slices, SliceRows, SliceColumns, ShapeSlice, ShapeRow, ShapePhi, Reciprocal,     \
    Folded}
-#define MM_TABLE {Table, Scale, Offset, LogRange, LogGain, Columns, Rows, Filter, Stochastic}
+#define MM_TABLE {Table, Scale, Offset, LogRange, LogGain, Columns, Rows, Filter, Stochastic, 1}
 
 #define MM_SAMPLER_PARAMETERS                                                                                          \
   string Sampler = "" [[ string label = "Sampler", string help = "Warp or alias tables", string widget = "filename" ]],        \
