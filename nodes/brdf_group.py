@@ -67,7 +67,7 @@ class BrdfParts:
 
 
 def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTree:
-    """(Normal, `Adjustments`, Gloss), Tangent if anisotropic, to a shader, and to one for EEVEE where there is a preview."""
+    """The inputs of `brdf_inputs` to a shader, and to one for EEVEE where there is a preview."""
     inputs = brdf_inputs(parts.anisotropic)
 
     def build(*values: Any) -> Any:

@@ -71,7 +71,7 @@ def drawn_direction(
     u = (*call(lens_group(), *u[:2]), *u[2:])
     wo, along, across = frame_of(normal, incoming, tangent)
     wi, pdf = sample(wo, *u[:4])
-    seen = wi if gloss is None else seen_from_table(wi, wo, gloss)
+    seen = wi if gloss is None else seen_from_table(wi, wo, gloss)[0]
     world = to_world(seen, along, across, normal)
     roulette = None
     if lamps is not None:

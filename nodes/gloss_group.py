@@ -19,14 +19,15 @@ def gloss_group() -> bpy.types.ShaderNodeTree:
 
 
 def seen_in_table(wi: Any, wo: Any, gloss: Any) -> tuple[Any, Any]:
-    """Direction of the table that is seen along local wi, and how much denser directions lie there."""
+    """Direction of the table that is seen along local wi, and the factor of a density there to one along wi."""
     found: tuple[Any, Any] = call(gloss_group(), wi, wo, gloss)
     return found
 
 
-def seen_from_table(wi: Any, wo: Any, gloss: Any) -> Any:
-    """Where a local direction of the table is seen."""
-    return call(gloss_group(), wi, wo, expr.divide(1.0, gloss))[0]
+def seen_from_table(wi: Any, wo: Any, gloss: Any) -> tuple[Any, Any]:
+    """Where a local direction of the table is seen, and the factor of its density to one there."""
+    seen, back = call(gloss_group(), wi, wo, expr.divide(1.0, gloss))
+    return seen, expr.divide(1.0, back)
 
 
 def lit_in_table(wi: Any, wo: Any, gloss: Any) -> tuple[Any, Any, Any]:

@@ -10,7 +10,7 @@ import bpy
 from . import expr
 from .adjustments import Adjustments
 from .drawn_direction import frame_of
-from .gloss_group import lit_in_table, seen_above, seen_from_table, seen_in_table
+from .gloss_group import lit_in_table, seen_above, seen_from_table
 from .group import call
 from .lamp_light_groups import LUMINANCE, POINTS, lamp_met_group, lamp_points_group
 from .lens_group import lens_group
@@ -59,8 +59,7 @@ def sampled_closure(
     weight = adjustments.apply(expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)))
     seen, spread = wi, 1.0
     if table.gloss is not None:
-        seen = seen_from_table(wi, frame[0], table.gloss)
-        _, spread = seen_in_table(seen, frame[0], table.gloss)
+        seen, spread = seen_from_table(wi, frame[0], table.gloss)
         weight = expr.scale(weight, seen_above(seen, table.gloss))
     wi_world = to_world(seen, *frame[1:], normal)
     met = lamp_met_group(tables.lamps, tables.lights)

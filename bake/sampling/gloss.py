@@ -54,4 +54,3 @@ def changes(gloss: Any) -> Any:
 def held(xp: Any, gloss: Any) -> Any:
     """A gloss held within `LEAST` and `MOST`."""
     return xp.minimum(xp.maximum(gloss, LEAST), MOST)
-
