@@ -65,7 +65,7 @@ def glossy_lobe(lobe: Any, gloss: float) -> Any:
 
 
 def glossy_brdf(bundle: Bundle, mode: str, gloss: float) -> Brdf:
-    """What a mode shows on the first bounce: closures of other widths, and the residual or the whole table stretched."""
+    """What a mode shows on the first bounce: closures of other widths, and the residual or all the table stretched."""
     record = BrdfRecord.read(bundle)
     if mode == "reference":
         return Glossier(record.load_table(), gloss).evaluate
