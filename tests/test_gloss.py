@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.samplers import Sampler
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.envelope import BASIS, ClosureFit, Elevations
-from measured_materials.bake.envelope.gloss_energy import brightened, ggx_albedo, most_gloss
+from measured_materials.bake.envelope import ClosureFit, Elevations
+from measured_materials.bake.envelope.gloss_energy import brightened_by_gloss, ggx_albedo
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.gloss import LEAST, MOST, held, stretched
@@ -244,27 +244,18 @@ def test_albedo_of_ggx(widths: tuple[float, float]) -> None:
     assert ggx_albedo(*widths, spherical(angles, 0.0)) == pytest.approx(truth, abs=3e-3)
 
 
-def test_a_gloss_that_adds_light_is_known() -> None:
-    """A closure of 95 % of what arrives takes less than the most; half of it takes any; Lambert is not changed."""
-    degrees = tuple(float(x) for x in (0, 10, 20, 30, 40, 50, 60, 70, 75, 80, 85, 88))
-    lobe, viewers = Lobe("ggx", 0.5), Elevations(16)
-    angles = np.radians(degrees)
-    own = ggx_albedo(0.5, 0.5, spherical(angles, 0.0))
-    nodes = viewers.nodes()[0]
-    at_nodes = np.interp(nodes, np.sqrt(1 - np.cos(angles)), own)
-
-    def fit(share: float, lobe: Lobe = lobe) -> ClosureFit:
-        weights = np.repeat((share / at_nodes)[:, None, None], 3, -1).astype(np.float32)
-        return ClosureFit((lobe,), viewers, weights)
-
-    bright = np.full((len(degrees), 3), 0.95)
-    limit, at_most = most_gloss(fit(0.95), degrees, bright)
-    assert 1 < limit < 2 and at_most > 1.05
-    sharper = directional_albedo(_Ggx(0.5 / limit, 0.5 / limit), angles[:10])[:, 0] / own[:10] * 0.95
-    assert sharper.max() == pytest.approx(1, abs=0.02)
-    assert most_gloss(fit(0.5), degrees, np.full((len(degrees), 3), 0.5))[0] == MOST
-    lambert = next(lobe for lobe in BASIS if lobe.name == "lambert")
-    assert not brightened(fit(0.95, lambert), MOST, degrees).any()
+def test_what_closures_gain_is_their_quadrature() -> None:
+    """Of GGX with a weight by viewer; Lambert gains nothing, and nothing is told of it."""
+    degrees = tuple(float(x) for x in (0, 30, 60, 75, 85))
+    angles, viewers = np.radians(degrees), Elevations(16)
+    weights = np.ones((16, 1, 3)) * np.array([0.9, 0.5, 0.1]) * np.linspace(1, 0.5, 16)[:, None, None]
+    fit = ClosureFit((Lobe("ggx", 0.5),), viewers, weights.astype(np.float32))
+    own, wanted = (directional_albedo(_Ggx(alpha, alpha), angles)[:, :1] for alpha in (0.5, 0.25))
+    told = dict(brightened_by_gloss(fit, degrees))
+    expected = (wanted - own) * fit.weights_at(spherical(angles, 0.0))[:, 0]
+    assert np.array(told[2.0]) == pytest.approx(expected, abs=3e-3)
+    assert not np.any(told[1.0]) and np.array(told[4.0]).max() > 0.15
+    assert brightened_by_gloss(ClosureFit((Lobe("lambert"),), viewers, fit.weights), degrees) == ()
 
 
 # --- nodes and OSL ---------------------------------------------------------------------------------------

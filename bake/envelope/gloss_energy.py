@@ -1,4 +1,4 @@
-"""What native closures reflect under another gloss (`bake.sampling.gloss`), and how much gloss a material can bear.
+"""How much more native closures reflect under another gloss (`bake.sampling.gloss`).
 
 The mirror's part keeps its light. A GGX closure made narrower loses less of it to its own masking: it brightens, at
 grazing angles most. By that the sum may come to reflect more than arrives, where the measurement is close to it.
@@ -13,13 +13,15 @@ import numpy as np
 
 from ..directions import spherical
 from ..lobes.lobes import Lobe
-from ..sampling.gloss import MOST
 from ..source import Array
 from .anisotropic_lobes import AnisotropicLobe
 from .fitted import ClosureFit
 
-# Of the light that arrives: what quadrature and the fit of closures leave uncertain.
-_TOLERATED = 2e-3
+# Between these the gain is as good as linear; softer closures gain nothing.
+GLOSSES = (1.0, 1.25, 1.5, 2.0, 3.0, 4.0)
+Rows = tuple[tuple[float, float, float], ...]
+# Of the light that arrives.
+_NEGLIGIBLE = 1e-4
 _POINTS = 24
 _AZIMUTHS = 8
 
@@ -89,23 +91,9 @@ def brightened(fit: ClosureFit, gloss: float, degrees: tuple[float, ...]) -> Arr
     return most
 
 
-def most_gloss(fit: ClosureFit, degrees: tuple[float, ...], directional: Array) -> tuple[float, float]:
-    """The largest gloss at which no more is reflected than arrives, up to `MOST`, and the share reflected at `MOST`.
-
-    Parameters
-    ----------
-    directional : (n, 3) albedo of the material as measured, seen from `degrees`; what exceeds 1 there is not gloss's
-    """
-    allowed = np.maximum(directional, 1.0) + _TOLERATED
-
-    def fits(gloss: float) -> bool:
-        return bool((directional + brightened(fit, gloss, degrees) <= allowed).all())
-
-    at_most = float((directional + brightened(fit, MOST, degrees)).max())
-    if fits(MOST):
-        return MOST, at_most
-    low, high = 1.0, MOST
-    while high - low > 0.05:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if fits(middle) else (low, middle)
-    return low, at_most
+def brightened_by_gloss(fit: ClosureFit, degrees: tuple[float, ...]) -> tuple[tuple[float, Rows], ...]:
+    """`brightened` at `GLOSSES`, for what is told beside a slider: nothing where no closure gains."""
+    tables = [(gloss, brightened(fit, gloss, degrees)) for gloss in GLOSSES]
+    if max(float(rows.max()) for _, rows in tables) < _NEGLIGIBLE:
+        return ()
+    return tuple((gloss, tuple((float(r), float(g), float(b)) for r, g, b in rows)) for gloss, rows in tables)
