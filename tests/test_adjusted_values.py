@@ -229,4 +229,5 @@ def test_keyframes_reach_the_picture(paint: Bundle) -> None:
         for frame in (1, 2):
             bpy.context.scene.frame_set(frame)  # a picture of another scene is of this one's frame
             pictures.append(studio.render_linear(scene.scene)[mask])
+        bpy.context.scene.frame_set(1)
     assert np.abs(pictures[1] - 0.5 * pictures[0]).max() < 1e-5 and pictures[0].mean() > 0.1
