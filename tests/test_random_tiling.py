@@ -22,8 +22,8 @@ from support.clean_blend import clean_blend  # noqa: F401
 from support.scenes import lit_sphere
 from support.swatches import map_bundle, rough_map
 
-RANDOM = np.random.default_rng(11)
-UV = RANDOM.uniform(-3, 3, (4000, 2))
+UV = np.random.default_rng(11).uniform(-3, 3, (4000, 2))
+NUMBERS = np.random.default_rng(12).uniform(size=len(UV))
 SIZE = 0.7
 COLUMN = np.array([1.0, 0.0])
 ROW = np.array([0.5, math.sqrt(3) / 2])
@@ -74,7 +74,7 @@ def test_one_of_three_corners_is_drawn_by_its_weight() -> None:
 def test_nothing_is_turned_or_stretched() -> None:
     """A hexagon shows the swatch as it is, moved: neighbours that draw the same one keep their distance."""
     step = np.array([1e-3, 0.0])
-    random = RANDOM.uniform(size=len(UV))
+    random = NUMBERS
     same = (chosen(UV, random) == chosen(UV + step, random)).all(-1)
     assert same.mean() > 0.95
 
@@ -87,7 +87,7 @@ def test_nothing_is_turned_or_stretched() -> None:
 
 def test_the_group_is_the_formula() -> None:
     """With Cycles' own hash for the offsets, looked up apart; but where float32 decides otherwise at a border."""
-    random = RANDOM.uniform(size=len(UV)).astype(np.float32)
+    random = NUMBERS.astype(np.float32)
     uv = np.column_stack([UV, np.zeros(len(UV))]).astype(np.float32)
 
     def graph(place: Any, number: Any) -> Any:
