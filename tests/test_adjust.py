@@ -28,7 +28,7 @@ from measured_materials.addon.ui.panels.adjust_rows import AdjustPanel
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes import compat, expr
-from measured_materials.nodes.adjustments import LIMITS, NEUTRAL, SOCKETS
+from measured_materials.nodes.adjustments import LIMITS, NEUTRAL, SOCKETS, WORDS
 from measured_materials.nodes.exchanged_group import exchange_group
 from measured_materials.nodes.group import node_group
 from measured_materials.nodes.material_tree import measured_nodes
@@ -61,6 +61,7 @@ def test_sockets_start_neutral_and_have_limits(lacquer: Any, felt: Any) -> None:
             assert (tuple(value) if kind == "color" else value) == NEUTRAL[name]
         items = {item.name: item for item in node.node_tree.interface.items_tree if item.in_out == "INPUT"}
         assert items["Tint"].socket_type == "NodeSocketColor"
+        assert all(item.description == WORDS[name] for name, item in items.items())
         for name, (least, most) in LIMITS.items():
             assert (items[name].min_value, items[name].max_value) == pytest.approx((least, most))
 
@@ -334,6 +335,9 @@ def test_the_panel_of_photographs_and_of_an_older_file(felt: Any) -> None:
     texts = Stage(felt).drawn(AdjustPanel)
     assert {"measured_materials.lay_out", "default_value", "measured_materials.random_tiling"} <= set(texts)
     assert "Patch Size" not in texts
+    felt.measured_lighting.tiling = "extend"
+    assert "measured_materials.random_tiling" not in Stage(felt).drawn(AdjustPanel)
+    felt.measured_lighting.tiling = "repeat"
     set_random_tiling(felt, True)
     exchange_group(felt.node_tree, node_of(felt), older_group(felt))
     texts = Stage(felt).drawn(AdjustPanel)
