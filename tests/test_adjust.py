@@ -156,6 +156,26 @@ def test_keyframes_follow_an_input_that_moves(felt: Any) -> None:
     assert driver.data_path == f'nodes["{node.name}"].inputs[0].default_value'
 
 
+def test_nothing_comes_to_stand_where_another_input_stood(lacquer: Any) -> None:
+    """Blender goes by the place: a tangent's link would reach the brightness, and a level the saturation."""
+    tree, node, new = lacquer.node_tree, node_of(lacquer), node_of(lacquer).node_tree
+    inputs = {"Normal": "vector", "Tint": "vector", "Tangent": "vector", "Level": "float"}
+
+    def nothing(*_: Any) -> Any:
+        return expr.Scalar(expr.node("ShaderNodeBsdfDiffuse", {}, {}).outputs[0])
+
+    exchange_group(tree, node, node_group("Older", inputs, {"BSDF": "shader"}, nothing))
+    tangent = tree.nodes.new("ShaderNodeTangent")
+    tree.links.new(tangent.outputs[0], node.inputs["Tangent"])
+    node.inputs["Level"].default_value = 5
+    normal, target = node.inputs["Normal"].links[0].from_socket, node.outputs["BSDF"].links[0].to_socket
+    assert new.interface.items_tree["Brightness"].identifier == node.inputs["Tangent"].identifier
+    exchange_group(tree, node, new)
+    assert [socket.name for socket in node.inputs if socket.is_linked] == ["Normal"]
+    assert node.inputs["Normal"].links[0].from_socket == normal and target.links[0].from_node == node
+    assert {node.inputs[name].default_value for name in ("Brightness", "Saturation")} == {1.0}
+
+
 # --- relief -----------------------------------------------------------------------------------------------
 
 
