@@ -42,6 +42,7 @@ def node_group(
     function: Callable[..., Any],
     defaults: Mapping[str, Any] | None = None,
     *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
     switched: str = "",
 ) -> bpy.types.ShaderNodeTree:
     """A group whose inputs are the function's arguments and whose outputs are its results, in order.
@@ -54,6 +55,7 @@ def node_group(
     inputs, outputs : socket name to "float", "vector", "color" or "shader"
     function : takes `expr` values and returns one or a tuple of them
     defaults : of inputs
+    limits : smallest and largest value that the inputs' sliders offer
     switched : names of the nodes' properties, between blanks, that may change without making it another group
 
     Returns
@@ -62,6 +64,8 @@ def node_group(
     still hashes equal (an artist may have edited it), otherwise a new one.
     """
     interface = [list(inputs.items()), list(outputs.items()), list((defaults or {}).items()), switched]
+    if limits:
+        interface.append(list(limits.items()))
     recording = _recorded(inputs, outputs, function)
     recipe = recording.digest(interface, _content_of) if recording is not None else ""
     found = _unchanged(RECIPE_KEY, recipe)
@@ -72,7 +76,7 @@ def node_group(
         shape = recording.shape(interface, lambda inner: inner.get(SHAPE_KEY) or _content_of(inner))
         donor = _unchanged(SHAPE_KEY, shape)
         tree = copy_as_recorded(donor, recording, name) if donor is not None and is_fit_to_copy(donor) else None
-    tree = tree or _made(name, inputs, outputs, function, defaults or {}, switched)
+    tree = tree or _made(name, inputs, outputs, function, defaults or {}, limits or {}, switched)
     digest = content_hash(tree)
     other = _unchanged(HASH_KEY, digest, but=tree)
     if other is not None:
@@ -113,6 +117,7 @@ def _made(
     outputs: Mapping[str, str],
     function: Callable[..., Any],
     defaults: Mapping[str, Any],
+    limits: Mapping[str, tuple[float, float]],
     switched: str,
 ) -> bpy.types.ShaderNodeTree:
     """A new group, node by node."""
@@ -122,6 +127,8 @@ def _made(
             made = tree.interface.new_socket(socket, in_out="INPUT", socket_type=_SOCKETS[kind])
             if socket in defaults:
                 made.default_value = defaults[socket]
+            if socket in limits:
+                made.min_value, made.max_value = limits[socket]
         for socket, kind in outputs.items():
             tree.interface.new_socket(socket, in_out="OUTPUT", socket_type=_SOCKETS[kind])
         source, sink = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")

@@ -28,7 +28,7 @@ PICTURE = "MM OSL World Picture"
 _TEXELS = ("Centre", "U", "V", "Axis")
 _SCENE = ("Sky", "World", "Strongest")
 # Of the shader's parameters, those that `AIM_SHADER` has too.
-_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Lens", "Sampler", *CELLS)
+_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Gloss", "Lens", "Sampler", *CELLS)
 _LIT = ("Lit", "Row1", "Row2", "Row3")
 
 

@@ -8,7 +8,9 @@ from typing import Any
 import bpy
 
 from . import expr
+from .adjustments import Adjustments
 from .drawn_direction import frame_of
+from .gloss_group import lit_in_table, seen_above, seen_from_table
 from .group import call
 from .lamp_light_groups import LUMINANCE, POINTS, lamp_met_group, lamp_points_group
 from .lens_group import lens_group
@@ -29,7 +31,9 @@ class LampTables:
     lights: bpy.types.Image
 
 
-def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, tables: LampTables) -> Any:
+def sampled_closure(
+    envelope: WeightedClosures, table: TableGroups, normal: Any, adjustments: Adjustments, tables: LampTables
+) -> Any:
     """The envelope's closures, the residual's mirror and, of the lamps, the residual's light as emission.
 
     All are there on every sample: Cycles samples lamps for the closures, and follows one of closures and mirror by its
@@ -52,10 +56,14 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     chance = weights[0][1]
     wi, pdf = call(table.sampler, frame[0], *u[:4])
     cosine = expr.maximum(expr.components(wi)[2], 0.0)
-    weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)) * tint
-    wi_world = to_world(wi, *frame[1:], normal)
+    weight = adjustments.apply(expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)))
+    seen, spread = wi, 1.0
+    if table.gloss is not None:
+        seen, spread = seen_from_table(wi, frame[0], table.gloss)
+        weight = expr.scale(weight, seen_above(seen, table.gloss))
+    wi_world = to_world(seen, *frame[1:], normal)
     met = lamp_met_group(tables.lamps, tables.lights)
-    every, counted, behind, together = call(met, position, normal, wi_world, chance * pdf)
+    every, counted, behind, together = call(met, position, normal, wi_world, chance * pdf * spread)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     mirrored, meets = u[5] < followed, lamp > 0
@@ -63,13 +71,13 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
     of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
     rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
-    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance)
+    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance, adjustments)
     return add_closures(
         [
-            envelope.closure(weights, normal, expr.scale(tint, of_closures)),
+            envelope.closure(weights, normal, adjustments, of_closures),
             mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror)),
             _emission(rest, meets),
-            _emission(direct * tint, reached),
+            _emission(direct * adjustments.gain, reached),
         ]
     )
 
@@ -82,8 +90,9 @@ def _direct_light(
     u_slice: Any,
     random: tuple[Any, Any, Any],
     chance: Any,
+    adjustments: Adjustments,
 ) -> tuple[Any, Any]:
-    """What the table reflects of a lamp's points, and 1 where any of its light arrives."""
+    """What the table, saturated, reflects of a lamp's points, and 1 where any of its light arrives."""
     (_, normal), (wo, along, across) = place, frame
     surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
     points = call(lamp_points_group(tables.lamps, tables.lights), *place, *random)
@@ -92,10 +101,12 @@ def _direct_light(
     for j in range(POINTS):
         world, density, light = points[3 * j : 3 * j + 3]
         local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+        stored, facing, spread = lit_in_table(local, wo, table.gloss)
         # As a mirror does, nothing reflects light that comes from below the surface proper.
-        facing = expr.maximum(expr.components(local)[2], 0.0) * (expr.dot(world, surface) > 0)
-        shared = density * float(POINTS) + chance * call(table.density, local, wo)
-        value = call(table.lookup, local, wo, u_slice) * expr.scale(light, expr.divide(facing, shared))
+        facing = facing * (expr.dot(world, surface) > 0)
+        shared = density * float(POINTS) + chance * call(table.density, stored, wo) * spread
+        reflectance = adjustments.saturated(call(table.lookup, stored, wo, u_slice))
+        value = reflectance * expr.scale(light, expr.divide(facing, shared))
         arrives = expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
         direct, reached = (value, arrives) if direct is None else (direct + value, expr.maximum(reached, arrives))
     return direct, reached

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...bake.brdf.record import BrdfRecord
+from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
@@ -41,7 +42,7 @@ class Effect:
 @dataclass(frozen=True)
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
-    account of it."""
+    account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`."""
 
     mode: str
     filter: str
@@ -52,6 +53,7 @@ class BrdfPlan:
     sample: bool = False
     osl: bool = False
     normals: bool = False
+    brightened: tuple[tuple[float, Rows], ...] = ()
 
 
 def plan_brdf(
