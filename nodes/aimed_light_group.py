@@ -101,7 +101,7 @@ def _family(lamps: bpy.types.Image, world: bpy.types.Image) -> str:
 
 def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int) -> bpy.types.ShaderNodeTree:
     parts = _Parts(
-        _lamp_group(lamps), _draw_group(), _density_group(), _world_draw_group(world), _world_density_group(world)
+        _lamp_group(lamps), _draw_group(), _density_group(), world_draw_group(world), world_density_group(world)
     )
 
     def build(*arguments: Any) -> tuple[Any, Any, Any]:
@@ -137,10 +137,11 @@ def _mixture_group(lamps: bpy.types.Image, parts: _Parts, slots: int, with_world
         seen = [call(parts.lamp, float(k), position, normal) for k in range(slots)]
         return _mixture(lamps, parts, seen, with_world, (position, normal, wi), numbers)
 
-    return node_group(f"MM Towards {_targets(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
+    return node_group(f"MM Towards {targets(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
 
 
-def _targets(slots: int, world: bool) -> str:
+def targets(slots: int, world: bool) -> str:
+    """What a group is switched to, in words."""
     return " and ".join([f"{slots} Lamp{'s' * (slots > 1)}"] * (slots > 0) + ["World"] * world)
 
 
@@ -190,7 +191,7 @@ def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:
     made = expr.node("NodeGroupOutput", {}, dict(zip(_OUTPUTS, results)))
     made.is_active_output = False
     made[SLOTS_KEY], made[WORLD_KEY] = slots, world
-    made.label = f"Aim at {_targets(slots, world)}"
+    made.label = f"Aim at {targets(slots, world)}"
 
 
 def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
@@ -229,7 +230,7 @@ def _density_group() -> bpy.types.ShaderNodeTree:
     return node_group("MM Density Towards Lamp", inputs, {"Density": "float"}, build)
 
 
-def _world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+def world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """(two random numbers, that which has decided to aim, the share of draws to aim) to a direction."""
 
     def build(u1: Any, u2: Any, u_aim: Any, share: Any) -> Any:
@@ -242,7 +243,7 @@ def _world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     return node_group("MM Draw Towards World", inputs, {"wi": "vector"}, build, switched=_SWITCHED)
 
 
-def _world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+def world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """A direction to its density per solid angle."""
 
     def build(wi: Any) -> Any:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
-
-import bpy
 
 from . import expr
 from .drawn_direction import frame_of
 from .group import call
-from .lamp_light_groups import LUMINANCE, POINTS, lamp_met_group, lamp_points_group
+from .lamp_light_groups import LUMINANCE, LightTables, light_met_group, light_point_group
 from .lens_group import lens_group
 from .local_frame_group import to_world
 from .native_closure import add_closures
@@ -21,15 +18,7 @@ from .weighted_closures import WeightedClosures
 _LEAST_FOLLOWED = 0.02
 
 
-@dataclass(frozen=True)
-class LampTables:
-    """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`."""
-
-    lamps: bpy.types.Image
-    lights: bpy.types.Image
-
-
-def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, tables: LampTables) -> Any:
+def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any, tint: Any, tables: LightTables) -> Any:
     """The envelope's closures, the residual's mirror and, of the lamps, the residual's light as emission.
 
     All are there on every sample: Cycles samples lamps for the closures, and follows one of closures and mirror by its
@@ -54,7 +43,7 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     cosine = expr.maximum(expr.components(wi)[2], 0.0)
     weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)) * tint
     wi_world = to_world(wi, *frame[1:], normal)
-    met = lamp_met_group(tables.lamps, tables.lights)
+    met = light_met_group(tables)
     every, counted, behind, together = call(met, position, normal, wi_world, chance * pdf)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
@@ -76,29 +65,23 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
 
 def _direct_light(
     table: TableGroups,
-    tables: LampTables,
+    tables: LightTables,
     place: tuple[Any, Any],
     frame: tuple[Any, Any, Any],
     u_slice: Any,
     random: tuple[Any, Any, Any],
     chance: Any,
 ) -> tuple[Any, Any]:
-    """What the table reflects of a lamp's points, and 1 where any of its light arrives."""
+    """What the table reflects of one point of a lamp or the world, and 1 where any of its light arrives."""
     (_, normal), (wo, along, across) = place, frame
     surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
-    points = call(lamp_points_group(tables.lamps, tables.lights), *place, *random)
-    direct: Any = None
-    reached: Any = None
-    for j in range(POINTS):
-        world, density, light = points[3 * j : 3 * j + 3]
-        local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
-        # As a mirror does, nothing reflects light that comes from below the surface proper.
-        facing = expr.maximum(expr.components(local)[2], 0.0) * (expr.dot(world, surface) > 0)
-        shared = density * float(POINTS) + chance * call(table.density, local, wo)
-        value = call(table.lookup, local, wo, u_slice) * expr.scale(light, expr.divide(facing, shared))
-        arrives = expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
-        direct, reached = (value, arrives) if direct is None else (direct + value, expr.maximum(reached, arrives))
-    return direct, reached
+    world, density, light = call(light_point_group(tables), *place, *random)
+    local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+    # As a mirror does, nothing reflects light that comes from below the surface proper.
+    facing = expr.maximum(expr.components(local)[2], 0.0) * (expr.dot(world, surface) > 0)
+    shared = density + chance * call(table.density, local, wo)
+    direct = call(table.lookup, local, wo, u_slice) * expr.scale(light, expr.divide(facing, shared))
+    return direct, expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
 
 
 def _emission(colour: Any, shown: Any) -> Any:

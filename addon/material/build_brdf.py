@@ -54,6 +54,7 @@ def build_brdf(
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None
+    surroundings = surroundings_of(report) if plan.sample else None
     if plan.osl:
         material = build_osl_material(
             record,
@@ -62,7 +63,7 @@ def build_brdf(
             filter=plan.filter,
             lamps=lamps,
             lights=lights,
-            surroundings=surroundings_of(report) if plan.sample else None,
+            surroundings=surroundings,
             files=texture_files(record),
             normals=plan.normals,
         )
@@ -75,6 +76,7 @@ def build_brdf(
         pack=pack,
         lamps=lamps,
         lights=lights,
+        surroundings=surroundings,
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,

@@ -262,7 +262,7 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
         kept = plan_sampling(choices, sampling).kept
-        stale = kept and is_scripted(material) and _shows_another_world(material, report)
+        stale = kept and _shows_another_world(material, report)
         if (sampled == kept and not stale) or not (sampled or residual_of(material)):
             continue
         mend = None
@@ -280,7 +280,7 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
 
 
 def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:
-    """Whether a script that samples lamps holds no picture of the world, or another, though it could hold that one."""
+    """Whether a material that samples light holds no picture of the world, or another, though it could hold it."""
     picture = report.world.picture
     if report.world_inexact or picture is None:
         return False

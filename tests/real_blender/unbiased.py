@@ -9,9 +9,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path.cwd()))
 import bpy
 import numpy as np
+import world_cases
 from common import HERE, ours, require
-from lamp_cases import CASES, built
+from lamp_cases import CASES as OF_LAMPS
+from lamp_cases import built
 
+CASES = OF_LAMPS | world_cases.CASES
 SEEDS = 10
 _FORMULAS = {
     "paint": ("metallic-paint", {"flake_alpha": 0.3, "coat_alpha": 0.2}),
@@ -66,10 +69,10 @@ def compared(name):
     mirrored = pictures(scene, 1, case.samples)
     dress(materials(scene, "always"))
     bpy.context.view_layer.update()
-    groups = {
-        g["measured_materials_lamps"] for g in bpy.data.node_groups if "measured_materials_sampled" in g and g.users
-    }
-    require(min(groups, default=0) > 0, f"{name}: no lamp is sampled: {groups}")
+    sampling = [g for g in bpy.data.node_groups if "measured_materials_sampled" in g and g.users]
+    key = "measured_materials_world" if name in world_cases.CASES else "measured_materials_lamps"
+    found = [g[key] for g in sampling]
+    require(found and all(found), f"{name}: not all is sampled: {found}")
     sampled = pictures(scene, 101, case.samples)
     mean = 0.5 * (mirrored + sampled).mean((0, 3))
     lit = mean > 0.05 * mean.mean()
