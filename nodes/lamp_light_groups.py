@@ -70,7 +70,7 @@ def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     """
 
     def results(slots: int, world: bool, position: Any, normal: Any, *numbers: Any) -> tuple[Any, ...]:
-        chosen = call(_chosen_group(tables, slots, world), position, normal, *numbers)
+        chosen = call(chosen_group(tables, slots, world), position, normal, *numbers)
         wi, density, radiance, length = chosen
         return wi, density, expr.scale(radiance, 1 - _ray(position, wi, length)[0])
 
@@ -86,7 +86,7 @@ def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     return _switched_group("MM Light Point", inputs, outputs, results, nothing, tables)
 
 
-def _chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.ShaderNodeTree:
+def chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.ShaderNodeTree:
     """As `light_point_group`, before anybody has asked whether the point is seen, and how far away it is.
 
     Here ends what needs no Raycast node.

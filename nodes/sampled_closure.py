@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import expr
+from .aimed_light_group import aimed_instead_group
 from .drawn_direction import frame_of
 from .group import call
 from .lamp_light_groups import LUMINANCE, LightTables, light_met_group, light_point_group
@@ -34,17 +35,25 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     incoming, position = (expr.Vector(geometry.outputs[name]) for name in ("Incoming", "Position"))
     u, more = call(random_numbers_group()), call(more_random_numbers_group())
     # The lens may place both: what the mirror and the lamps bring is added, and no product is made of the two.
-    u, more = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
+    u, random = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
     frame = frame_of(normal, incoming, table.tangent)
     weights = envelope.weights(frame[0])
     # About how often the mirror is followed beside the closures: the balance heuristic may take any number.
     chance = weights[0][1]
-    wi, pdf = call(table.sampler, frame[0], *u[:4])
+    wi, of_table = call(table.sampler, frame[0], *u[:4])
+    wi_world = to_world(wi, *frame[1:], normal)
+    # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
+    instead = aimed_instead_group(tables.lamps, tables.around is not None)
+    wi_world, aimed, unaimed, aims = call(instead, position, normal, wi_world, *more[:2], *u[:2])
+    turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], normal)))
+    wi = expr.where_vector(aims, turned, wi)
+    # The heuristic against what is sampled takes the table's own density all the same: it may take any.
+    of_table = expr.where(aims, call(table.density, wi, frame[0]), of_table)
+    pdf = aimed + unaimed * of_table
     cosine = expr.maximum(expr.components(wi)[2], 0.0)
     weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)) * tint
-    wi_world = to_world(wi, *frame[1:], normal)
     met = light_met_group(tables)
-    every, counted, behind, together = call(met, position, normal, wi_world, chance * pdf)
+    every, counted, behind, together = call(met, position, normal, wi_world, chance * of_table)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     mirrored, meets = u[5] < followed, lamp > 0
@@ -52,11 +61,11 @@ def sampled_closure(envelope: WeightedClosures, table: TableGroups, normal: Any,
     of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
     of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
     rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
-    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance)
+    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], random, chance)
     return add_closures(
         [
             envelope.closure(weights, normal, expr.scale(tint, of_closures)),
-            mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror)),
+            mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror), more[2], aims),
             _emission(rest, meets),
             _emission(direct * tint, reached),
         ]

@@ -22,7 +22,7 @@ from bpy.app.handlers import persistent
 
 from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
-from ...nodes.aimed_light_group import SLOTS_KEY, aim_by, aimed_light_group, can_switch
+from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, aim_by, aimed_light_group, can_switch
 from ...nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
 from ...nodes.light_images import new_table, world_table
 from ..events import listen, stop_listening
@@ -170,6 +170,8 @@ def _fit_slots() -> None:
         if can_switch(group):
             if SAMPLED_KEY in group:
                 aim_by(group, sampled, lit)
+            elif INSTEAD_KEY in group:
+                aim_by(group, 0 if sampled else slots, world and not (lit and group[INSTEAD_KEY]))
             else:
                 aim_by(group, slots, world)
 

@@ -28,12 +28,14 @@ class Case:
     ----------
     brightest : pixels around those that are brighter than so many times the median are left out: they show a lamp
     moving : with motion blur, a whole frame long
+    later : what happens once the materials are built, so that they cannot sample what they were built for
     """
 
     build: Callable[[bpy.types.Scene], Dress]
     samples: int = 64
     brightest: float = math.inf
     moving: bool = False
+    later: Callable[[bpy.types.Scene], None] | None = None
 
 
 # --- things ------------------------------------------------------------------------------------------------

@@ -41,18 +41,23 @@ def indoors() -> Any:
     return pixels
 
 
-def surround(
-    scene: bpy.types.Scene, pixels: Any, *, strength: float = 1.0, turn: tuple[float, float, float] | None = None
-) -> bpy.types.World:
-    """Show a picture (H, W, 3) all around."""
+def picture(pixels: Any) -> bpy.types.Image:
+    """Of linear radiances (H, W, 3), row 0 at the zenith."""
     image = bpy.data.images.new("around", pixels.shape[1], pixels.shape[0], float_buffer=True, is_data=True)
     rgba = np.concatenate([pixels[::-1], np.ones_like(pixels[..., :1])], -1).astype(np.float32)
     image.pixels.foreach_set(np.ascontiguousarray(rgba).ravel())
     image.pack()
+    return image
+
+
+def surround(
+    scene: bpy.types.Scene, pixels: Any, *, strength: float = 1.0, turn: tuple[float, float, float] | None = None
+) -> bpy.types.World:
+    """Show a picture (H, W, 3) all around."""
     world, background = ours("nodes.compat").new_world("around")
     tree = world.node_tree
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = image
+    texture.image = picture(pixels)
     tree.links.new(texture.outputs["Color"], background.inputs["Color"])
     background.inputs["Strength"].default_value = strength
     if turn is not None:
@@ -89,7 +94,7 @@ def beside_a_lamp(scene: bpy.types.Scene) -> Dress:
 
 def not_for_cameras(scene: bpy.types.Scene) -> Dress:
     """The camera does not see the world, a second ball reflects the first, and a wall stands around both."""
-    surround(scene, outdoors()).cycles_visibility.camera = False
+    surround(scene, indoors()).cycles_visibility.camera = False
     plane(scene, 3, (-1.2, 0, 0), (1, 0, 0))
     first = ball(scene, (-0.5, 0, 0), (0.5, 0.5, 0.5))
     second = ball(scene, (0.5, 0, 0), (0.5, 0.5, 0.5))
@@ -122,11 +127,18 @@ def by_the_lens(scene: bpy.types.Scene) -> Dress:
     return on(ball(scene))
 
 
+def exchange(scene: bpy.types.Scene) -> None:
+    """Another picture in the same world: materials aim at it, until they are fitted to the scene again."""
+    texture = next(node for node in scene.world.node_tree.nodes if node.bl_idname == "ShaderNodeTexEnvironment")
+    texture.image = picture(outdoors())
+
+
 CASES = {
     "world with a sun": Case(under_the_sun, samples=96),
     "world with a window": Case(in_a_room, samples=96),
     "world and lamps": Case(beside_a_lamp, samples=96),
-    "world that cameras miss": Case(not_for_cameras, samples=128),
+    "world that cameras miss": Case(not_for_cameras, samples=192),
     "world under a plane": Case(leaning, samples=96),
     "world by the lens": Case(by_the_lens, samples=64),
+    "world exchanged": Case(beside_a_lamp, samples=96, later=exchange),
 }
