@@ -18,8 +18,9 @@ from application import HERE, Blender
 
 sys.path.insert(1, str(HERE.parent))
 sys.path.insert(1, str(HERE.parent / "bench"))
-from engine_materials import KINDS, bake_all, bundle_path
+from engine_materials import KINDS, bundle_path
 from measured_materials.addon.report.principled_match import fit_principled
+from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from rich.console import Console
 from rich.table import Table
@@ -33,7 +34,8 @@ VARIANTS = ("aimed", "sampled")
 def prepared(share: Path, names: list[str]) -> None:
     """Bundles of the materials, what stands for them, and the scenes of `bench engine`, to a folder."""
     kinds = [kind for kind in KINDS if kind.name in names]
-    bake_all(kinds, share, BakeSettings())
+    for kind in kinds:
+        bake_source(kind.source(share), bundle_path(kind, share), BakeSettings())
     stand_ins = {kind.name: asdict(fit_principled(kind.source(share))) for kind in kinds}
     bundles = {kind.name: bundle_path(kind, share).name for kind in kinds}
     (share / "noise.json").write_text(json.dumps({"bundles": bundles, "stand_ins": stand_ins}), encoding="utf-8")

@@ -49,12 +49,10 @@ def largest(source, mode):
 
 # Lamps and world that are sampled, and those that are aimed at instead.
 STATES = {
-    "one lamp": ((1, False), (0, False)),
-    "four lamps": ((4, False), (0, False)),
     "the world": ((0, True), (0, False)),
     "one lamp and the world": ((1, True), (0, False)),
     "four lamps and the world": ((4, True), (0, False)),
-    "four lamps, aimed at the world": ((4, False), (0, True)),
+    "four lamps, and aimed at the world": ((4, False), (0, True)),
     "aimed at four lamps and the world": ((0, False), (4, True)),
 }
 
