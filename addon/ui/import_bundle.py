@@ -16,7 +16,7 @@ from ..material.together import built_together
 from ..summary.text import one_line
 from .background.load_bundle import bundles_meant, load_bundle
 from .context import object_under
-from .import_operator import DropTarget, registration
+from .import_operator import AS_ASSET, DropTarget, mark_and_tell, registration
 from .properties.bake import show_settings
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
@@ -47,6 +47,7 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
     filter_glob: _FILTER_GLOB
     object_name: _OBJECT
     pack: _PACK
+    as_asset: AS_ASSET
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for bundles; dropped ones are loaded at once."""
@@ -76,6 +77,8 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
             return {"CANCELLED"}
         for material in made:
             _show(material, self.pack)
+            if self.as_asset:
+                mark_and_tell(material)
         for material in made[1:]:
             assign(material, None)
         place = told_place(self, made[0], bpy.data.objects.get(self.object_name) or context.object)

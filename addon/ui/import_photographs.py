@@ -15,7 +15,7 @@ from ..material.bake_photographs import folder_of, import_arc, map_words
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import ImportTask, warnings_of
-from .import_operator import DropTarget, ImportProperties, registration
+from .import_operator import DropTarget, ImportProperties, mark_and_tell, registration
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
 from .window_progress import window_progress
@@ -68,6 +68,8 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             return {"CANCELLED"}
         show_arc_settings(material.measured_arc, settings, pack=self.pack)
         tell_warnings(self, material)
+        if self.as_asset:
+            mark_and_tell(material)
         place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
         return {"FINISHED"}
@@ -76,11 +78,13 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         self, context: bpy.types.Context, source: Path | list[Path], folder: Path, settings: ArcSettings
     ) -> None:
         """Put the bake into the queue."""
-        pack = self.pack
+        pack, as_asset = self.pack, self.as_asset
 
         def settle(material: bpy.types.Material) -> None:
             show_arc_settings(material.measured_arc, settings, pack=pack)
             say_warnings(material)
+            if as_asset:
+                mark_and_tell(material)
 
         request = BakeRequest(source if isinstance(source, Path) else tuple(source), settings, quick=True)
         stem = folder_of(source).resolve().name or "swatch"
