@@ -72,7 +72,7 @@ def test_balanced_is_exact_where_it_is_seen(bundle: Bundle) -> None:
     """Without other surfaces, tinted: sample by sample, which says more than any test of means."""
     exact = tinted(build_material(bundle, mode="exact", lamps=lamp_image()))
     with lit_sphere(exact, lamp_size=0.6, ground=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         picture = scene.render(4, 1)
         scene.show(tinted(build_material(bundle, mode="balanced", lamps=lamp_image())))
         np.testing.assert_allclose(scene.render(4, 1), picture, rtol=1e-6)
@@ -87,7 +87,7 @@ def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, monkeypatch:
         return expr.Scalar(made.outputs[0])
 
     with lit_sphere(build_material(bundle, mode="preview"), lamp=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         sphere = scene.mask()
         ground = np.zeros_like(sphere)
         # The mask leaves the sphere's edge out, which is no ground either.
