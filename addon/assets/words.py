@@ -88,7 +88,7 @@ def _description(record: Record, kind: str, format_: str | None) -> str:
         sentences.append(f"RMS error {rows['RMS error']} ({rows['Relative']})")
     else:
         rows = dict(map_error_rows(record))
-        sentences.append(f"Error of a photograph that was left out {rows['Held-out']}")
+        sentences.append(f"Error of a photograph that was left out {rows['Left-out error']}")
     return " ".join(sentence.rstrip(".") + "." for sentence in sentences)
 
 

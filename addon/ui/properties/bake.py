@@ -99,8 +99,8 @@ _SAMPLER = _enum(
     _SAMPLER_WORDS,
 )
 _ENVELOPE = bpy.props.BoolProperty(
-    name="Native Closures",
-    description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
+    name="Cycles' Own Shaders",
+    description="Let Cycles' own shaders carry what they can of the measurement, and the mirror only the rest: less "
     "noise, at a bias of at most 0.1 % of the light",
     default=_USUAL.envelope,
 )

@@ -57,11 +57,13 @@ def _choice(name: str, description: str, choices: tuple[str, ...], usual: object
 
 def _annotations(**options: Any) -> dict[str, Any]:
     """Of both classes below; `options` go to every property."""
-    lobe = _choice("f_r", "How the flat material reflects", (*LOBES, MEASURED), "lambert", **options)
+    about = "How the swatch reflects on the large scale"
+    lobe = _choice("Base Reflection", about, (*LOBES, MEASURED), "lambert", **options)
     parameters = {parameter_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
     sigma = bpy.props.FloatProperty(
-        name="Sigma",
-        description=f"Factor of f_r, the albedo of a white one. 0: as calibrated, or else {UNCALIBRATED_SIGMA:g}",
+        name="Strength",
+        description="Share of the light that a white Base Reflection reflects. 0: as calibrated, or else "
+        f"{UNCALIBRATED_SIGMA:g}",
         default=0.0,
         min=0.0,
         max=1e6,
@@ -70,9 +72,9 @@ def _annotations(**options: Any) -> dict[str, Any]:
         **options,
     )
     a_max = bpy.props.FloatProperty(
-        name="Brightest",
-        description="Light that the brightest photograph reflects, in 1/sr. 0: as calibrated, or else as much as f_r "
-        "does at most",
+        name="Brightest Level",
+        description="Light that the brightest photograph reflects, in 1/sr. 0: as calibrated, or else as much as "
+        "Base Reflection does at most",
         default=0.0,
         min=0.0,
         max=1e9,
@@ -87,7 +89,9 @@ def _annotations(**options: Any) -> dict[str, Any]:
         "sigma": sigma,
         "a_max": a_max,
         "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
-        "technique": _choice("Technique", "Of Kautz et al. 2004", TECHNIQUES, _USUAL.technique, **options),
+        "technique": _choice(
+            "Technique", "How the photographs are used (Kautz et al. 2004)", TECHNIQUES, _USUAL.technique, **options
+        ),
         "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
     }
 
