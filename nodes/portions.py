@@ -1,9 +1,9 @@
 """Work done in portions, between which Blender draws and listens: what was made stays, and the work begins anew.
 
-Making a material's groups takes from a third of a second to a whole one, most of it in Blender's own calls, which only its
-main thread may make. Whoever has an interface to keep awake calls the same builder again and again: it finds what it
-has made before, makes more for a few hundredths of a second, and is then ended by `Pause`, until a call comes to its
-end.
+Making a material's groups takes from a third of a second to a whole one, most of it in Blender's own calls, which only
+its main thread may make. Whoever has an interface to keep awake calls the same builder again and again: it finds what
+it has made before, makes more for a few hundredths of a second, and is then ended by `Pause`, until a call comes to
+its end.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ from ..material.facts import record_of
 from ..material.kinds import BRDF, kind_of
 from ..material.together import built_together
 from ..summary.text import one_line
-from .background.load_bundle import bundles_meant, load_bundle
+from .background.bake_queue import queue
+from .background.load_bundle import LoadTask, bundles_meant, load_bundle
 from .context import object_under
 from .import_operator import DropTarget, registration
 from .properties.bake import show_settings
@@ -48,11 +49,16 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
     object_name: _OBJECT
     pack: _PACK
 
+    # Set where a person was asked: only then is there a window to keep awake; scripts wait for the result.
+    asked = False
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for bundles; dropped ones are loaded at once."""
         if not self._chosen():
+            self.asked = True
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
+        self.asked = True
         target = object_under(context, event)
         self.object_name = target.name if target else ""
         return self.execute(context)
@@ -63,6 +69,9 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         if not bundles and not errors:
             self.report({"ERROR"}, f"No measured material was chosen: a folder NAME{SUFFIX}")
             return {"CANCELLED"}
+        if self.asked and not bpy.app.background and bundles:
+            self._load_beside(context, bundles, errors)
+            return {"CANCELLED"}  # so far nothing has changed that could be undone
         made = []
         with built_together():
             for path in bundles:
@@ -82,6 +91,18 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         others = f", and {len(made) - 1} more without an object" if len(made) > 1 else ""
         self.report({"INFO"}, f"{made[0].name}{place}: {kind_of(made[0]).words(made[0])}{others}")
         return {"FINISHED"}
+
+    def _load_beside(self, context: bpy.types.Context, bundles: list[Path], errors: list[BakeError]) -> None:
+        """Have the queue load them, which keeps Blender awake; the first one's material goes to the object."""
+        for error in errors:
+            self.report({"ERROR"}, one_line(str(error)))
+        target, pack = bpy.data.objects.get(self.object_name) or context.object, self.pack
+        queue.add(
+            [
+                LoadTask(path, pack, None if number else target, lambda material: _show(material, pack))
+                for number, path in enumerate(bundles)
+            ]
+        )
 
     def _chosen(self) -> list[Path]:
         """Paths that were given, the folder that the file browser stands in where nothing in it was chosen."""
