@@ -73,12 +73,14 @@ def timed(name, function, ours=True):
 for method in ("_begin", "_show", "_finish", "_tell_progress", "cancel"):
     setattr(bakes.Queue, method, timed(method, getattr(bakes.Queue, method)))
 # The step of undo is Blender's own work.
+replaced = []
 bakes.push = timed("undo step, by Blender", bakes.push, ours=False)
 for event in (name for name in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, name), list)):
     handlers = getattr(bpy.app.handlers, event)
     for place, handler in enumerate(handlers):
         if getattr(handler, "__module__", "").startswith(PACKAGE):
             handlers[place] = bpy.app.handlers.persistent(timed(f"{event}: {handler.__name__}", handler))
+            replaced.append((handlers, handlers[place], handler))
 
 
 def felt(phase):
@@ -312,6 +314,8 @@ def advance():
     except BaseException:
         note(traceback.format_exc())
         note(str(found))
+    for handlers, own, handler in replaced:
+        handlers[handlers.index(own)] = handler
     bpy.ops.wm.quit_blender()
     return None
 

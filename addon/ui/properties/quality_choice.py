@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -83,11 +82,20 @@ def heading(layout: bpy.types.UILayout, words: str) -> bpy.types.UILayout:
     return column
 
 
+class _At:
+    """Properties, with what a level sets in their place."""
+
+    def __init__(self, properties: Any, level: Mapping[str, Any]) -> None:
+        self._properties, self._level = properties, level
+
+    def __getattr__(self, name: str) -> Any:
+        return self._level[name] if name in self._level else getattr(self._properties, name)
+
+
 def _expected(properties: Any, levels: Levels, name: str, settings_of: Callable[[Any], Any]) -> str:
     """Time and size of a level, all else being as it is."""
-    values = {key: getattr(properties, key) for key in properties.bl_rna.properties.keys() if hasattr(properties, key)}
     try:
-        words = expectation_words(settings_of(SimpleNamespace(**{**values, **levels.get(name, {})})))
+        words = expectation_words(settings_of(_At(properties, levels.get(name, {}))))
     except BakeError:  # told when the bake is asked for
         return ""
     return f": {words}"
