@@ -20,6 +20,7 @@ _MODULES = (
     "lights.light_tables",
     "material.texture_repair",
     "material.older_files",
+    "ui.photograph_look",
     "ui.import_photographs",
     "ui.import_bundle",
     "ui.bake_again",

@@ -43,6 +43,7 @@ def build_from(
     try:
         with hashing_once():
             group = make_group(part_name(name))
+            portions.rest()  # a portion of its own for what follows, which changes the material
             portions.no_return()
             material = bpy.data.materials.new(name) if material is None else material
             assemble(material, group, albedo)

@@ -8,6 +8,7 @@ import random
 import sys
 import time
 import traceback
+import types
 from pathlib import Path
 
 import bpy
@@ -221,7 +222,7 @@ def steps():
     yield 0.5
     felt("import")
     if OTHERS:
-        yield from others.steps(sys.modules[__name__], material)
+        yield from others.steps(types.SimpleNamespace(**globals()), material)
         felt("end of others")
     # Undo and redo are one step each.
     press("Z", ctrl=True)
