@@ -23,6 +23,7 @@ _MODULES = (
     "ui.photograph_look",
     "ui.import_photographs",
     "ui.import_bundle",
+    "ui.drop_files",
     "ui.bake_again",
     "ui.fit_to_scene",
     "ui.quiet_camera",

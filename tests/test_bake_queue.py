@@ -16,24 +16,12 @@ from measured_materials.addon.ui.background import bake_queue, tasks
 from measured_materials.addon.ui.background.tasks import STATE_KEY, AgainTask, ImportTask
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
-from measured_materials.bake.sources.analytic import by_name
-from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
+from support.imports import datablocks
 
 SETTINGS = BakeSettings(8, "squared", basis="half")
 queue = bake_queue.queue
-
-
-@pytest.fixture(scope="module")
-def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("measurement") / "lacquer.binary"
-    write_merl(path, by_name("ggx", alpha=0.3, diffuse=0.2))
-    return path
-
-
-def datablocks() -> dict[str, set[Any]]:
-    return {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
 
 
 @pytest.fixture

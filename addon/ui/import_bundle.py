@@ -17,8 +17,9 @@ from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.load_bundle import LoadTask, bundles_meant, load_bundle
 from .context import object_under
-from .import_operator import DropTarget, registration
+from .import_operator import registration
 from .properties.bake import show_settings
+from .properties.photographs import show_arc_settings
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 _FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
@@ -60,7 +61,7 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
             return {"RUNNING_MODAL"}
         self.asked = True
         target = object_under(context, event)
-        self.object_name = target.name if target else ""
+        self.object_name = self.object_name or (target.name if target else "")
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -115,28 +116,22 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         return [folder] if folder is not None else []
 
 
-class MEASURED_MATERIALS_FH_bundle(DropTarget, bpy.types.FileHandler):
-    """Bundles dropped on a 3D viewport or a shader editor are loaded."""
-
-    bl_idname = "MEASURED_MATERIALS_FH_bundle"
-    bl_label = "Measured Material"
-    bl_import_operator = "measured_materials.import_bundle"
-    bl_file_extensions = SUFFIX
-
-
 def _show(material: bpy.types.Material, pack: bool) -> None:
     """Have the panel offer for the next bake what this one was made with, where the bundle says it."""
-    if kind_of(material) is not BRDF:
-        material.measured_arc.pack = pack
-        return
-    material.measured_materials.pack = pack
+    brdf = kind_of(material) is BRDF
+    properties = material.measured_materials if brdf else material.measured_arc
+    properties.pack = pack
     with contextlib.suppress(BakeError, TypeError, ValueError):
-        show_settings(material.measured_materials, record_of(material).settings)
+        settings = record_of(material).settings
+        if brdf:
+            show_settings(properties, settings)
+        elif settings is not None:
+            show_arc_settings(properties, settings, pack=pack)
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:
     self.layout.operator(MEASURED_MATERIALS_OT_import_bundle.bl_idname, text=f"Measured Material ({SUFFIX})")
 
 
-classes = (MEASURED_MATERIALS_OT_import_bundle, MEASURED_MATERIALS_FH_bundle)
+classes = (MEASURED_MATERIALS_OT_import_bundle,)
 register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

@@ -17,7 +17,7 @@ from .background.bake_queue import queue
 from .background.tasks import ImportTask, warnings_of
 from .background.window import window
 from .context import object_under
-from .import_operator import DropTarget, ImportProperties, registration
+from .import_operator import ImportProperties, registration
 from .panels.wrapped_text import Lines
 from .photograph_look import draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting
@@ -133,15 +133,6 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         self.remember(context, ArcProperties, LightingProperties)
 
 
-class MEASURED_MATERIALS_FH_arc(DropTarget, bpy.types.FileHandler):
-    """Dropping a stack's file of lights imports the stack; image files are left to others."""
-
-    bl_idname = "MEASURED_MATERIALS_FH_arc"
-    bl_label = "Photographs of a Swatch"
-    bl_import_operator = "measured_materials.import_arc"
-    bl_file_extensions = ".lp"
-
-
 def _given(source: Path | list[Path] | None) -> Any:
     """As a request has it."""
     return tuple(source) if isinstance(source, list) else source
@@ -186,5 +177,5 @@ def _menu(self: Any, _context: bpy.types.Context) -> None:
     self.layout.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Photographs of a Swatch (folder)")
 
 
-classes = (MEASURED_MATERIALS_OT_import_arc, MEASURED_MATERIALS_FH_arc)
+classes = (MEASURED_MATERIALS_OT_import_arc,)
 register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)
