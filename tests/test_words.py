@@ -196,7 +196,7 @@ def test_the_glossary_has_every_word_that_stands_for_one_of_the_workshop() -> No
 def test_names_in_the_glossary_are_those_of_the_panels() -> None:
     text = (ROOT / "addon/docs/glossary.md").read_text(encoding="utf-8")
     names = {prop.name for _, prop in properties()} | {getattr(cls, "bl_label", "") for cls in classes()}
-    for name in ("Mode", "Aim at Lights", "Sample Lamps", "Base Reflection", "Strength", "Brightest Level", "Quiet Camera",
+    for name in ("Mode", "Aim at Lights", "Sample Lamps", "Base Reflection", "Strength", "Brightest", "Quiet Camera",
                  "Denoise by Materials", "Swatch Detail", "Bake Again", "Fix"):  # fmt: skip
         assert name in names and f"| {name} |" in text, name
 

@@ -15,7 +15,7 @@ from ..material.together import built_together
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import ImportTask
-from .import_operator import DropTarget, ImportProperties, mark_and_tell, registration
+from .import_operator import ImportProperties, mark_and_tell, registration
 from .properties.bake import BakeProperties, draw_settings, settings_of, show_settings
 from .window_progress import window_progress
 
@@ -111,15 +111,6 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
         return [Path(bpy.path.abspath(self.filepath))] if self.filepath else []
 
 
-class MEASURED_MATERIALS_FH_brdf(DropTarget, bpy.types.FileHandler):
-    """Measurements dropped on a 3D viewport or a shader editor are imported."""
-
-    bl_idname = "MEASURED_MATERIALS_FH_brdf"
-    bl_label = "Measured BRDF"
-    bl_import_operator = "measured_materials.import_brdf"
-    bl_file_extensions = ";".join(SUFFIXES)
-
-
 def _others(count: int) -> str:
     return f", and {count} more without an object" if count else ""
 
@@ -128,5 +119,5 @@ def _menu(self: Any, _context: bpy.types.Context) -> None:
     self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({' '.join(SUFFIXES)})")
 
 
-classes = (MEASURED_MATERIALS_OT_import_brdf, MEASURED_MATERIALS_FH_brdf)
+classes = (MEASURED_MATERIALS_OT_import_brdf,)
 register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

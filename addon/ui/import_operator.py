@@ -18,7 +18,7 @@ _OBJECT = bpy.props.StringProperty(
 )
 _BUNDLES = bpy.props.StringProperty(
     name="Bundles",
-    description="Folder for the baked textures. Empty: beside the .blend file or, before it is saved, beside the "
+    description="Folder for the baked textures. Automatic: beside the .blend file or, before it is saved, beside the "
     "measurement or the photographs' folder",
     subtype="DIR_PATH",
     options={"SKIP_SAVE"},
@@ -51,14 +51,14 @@ class ImportProperties:
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
         target = object_under(context, event)
-        self.object_name = target.name if target else ""
+        self.object_name = self.object_name or (target.name if target else "")
         return context.window_manager.invoke_props_dialog(self, title=f"Import {title}", confirm_text="Bake")
 
     def draw_results(self: Any) -> None:
         """Draw where the results go."""
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
-        column.prop(self, "bundles")
+        column.prop(self, "bundles", placeholder="Automatic")
         column.prop(self, "as_asset")
         if self.object_name:
             column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")

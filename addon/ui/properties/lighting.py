@@ -57,12 +57,13 @@ def _choice(name: str, description: str, choices: tuple[str, ...], usual: object
 
 def _annotations(**options: Any) -> dict[str, Any]:
     """Of both classes below; `options` go to every property."""
-    about = "How the swatch reflects on the large scale"
-    lobe = _choice("Base Reflection", about, (*LOBES, MEASURED), "lambert", **options)
+    lobe = _choice(
+        "Base Reflection", "How the swatch reflects on the large scale", (*LOBES, MEASURED), "lambert", **options
+    )
     parameters = {parameter_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
     sigma = bpy.props.FloatProperty(
         name="Strength",
-        description="Share of the light that a white Base Reflection reflects. 0: as calibrated, or else "
+        description="Factor of the base reflection, the albedo of a white one. 0 is Automatic: as calibrated, or else "
         f"{UNCALIBRATED_SIGMA:g}",
         default=0.0,
         min=0.0,
@@ -72,9 +73,9 @@ def _annotations(**options: Any) -> dict[str, Any]:
         **options,
     )
     a_max = bpy.props.FloatProperty(
-        name="Brightest Level",
-        description="Light that the brightest photograph reflects, in 1/sr. 0: as calibrated, or else as much as "
-        "Base Reflection does at most",
+        name="Brightest",
+        description="Light that the brightest photograph reflects, in 1/sr. 0 is Automatic: as calibrated, or else as "
+        "much as the base reflection does at most",
         default=0.0,
         min=0.0,
         max=1e9,
@@ -87,13 +88,26 @@ def _annotations(**options: Any) -> dict[str, Any]:
         "lobe": lobe,
         **parameters,
         "sigma": sigma,
+        "sigma_auto": _automatic("Strength", "sigma", UNCALIBRATED_SIGMA),
         "a_max": a_max,
+        "a_max_auto": _automatic("Brightest", "a_max", 1.0),
         "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
         "technique": _choice(
             "Technique", "How the photographs are used (Kautz et al. 2004)", TECHNIQUES, _USUAL.technique, **options
         ),
         "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
     }
+
+
+def _automatic(title: str, name: str, usual: float) -> Any:
+    """A switch between 0, which means that the number follows from what is known, and a number of one's own."""
+    return bpy.props.BoolProperty(
+        name=f"{title}: Automatic",
+        description=f"{title} as calibrated or else as usual; off: a number of your own",
+        get=lambda properties: getattr(properties, name) == 0,
+        set=lambda properties, automatic: setattr(properties, name, 0.0 if automatic else usual),
+        options={"SKIP_SAVE"},
+    )
 
 
 class LightingProperties:
@@ -124,8 +138,10 @@ def draw_lighting(
         column.prop(properties, "lobe")
         for parameter in PARAMETERS.get(properties.lobe, ()):
             column.prop(properties, parameter_key(properties.lobe, parameter), slider=parameter.high <= 1)
-    column.prop(properties, "sigma")
-    column.prop(properties, "a_max")
+    for name in ("sigma", "a_max"):
+        column.prop(properties, f"{name}_auto")
+        if getattr(properties, name) != 0:
+            column.prop(properties, name, text="1/sr" if name == "a_max" else "Factor")
     column.prop(properties, "technique")
     if uses_mode(properties.technique):
         column.prop(properties, "above")
