@@ -14,7 +14,7 @@ from measured_materials.addon.baking.job import DONE, FAILED, RUNNING, BakeJob
 from measured_materials.addon.baking.look import Look, look_at
 from measured_materials.addon.baking.request import BakeRequest
 from measured_materials.addon.ui import photograph_look
-from measured_materials.addon.ui.photograph_look import draw_look, looking, plot
+from measured_materials.addon.ui.photograph_look import draw_lines, draw_look, looking, plot
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings
 from support.stacks import frame, write_frame, write_stack
@@ -97,10 +97,12 @@ def test_the_dialogue_opens_when_they_were_read(felt: Path, followed: Any) -> No
         time.sleep(0.02)
     assert len(opened) == 1 and opened[0].elevations[0] == 15
     texts: list[str] = []
-    draw_look(Layout(texts), bpy.context, felt, 400)
+    draw_look(Layout(texts), felt)
     assert "5 photographs, lit from 15° to 90°" in texts and "55°" in texts and "Brightness over elevation" in texts
-    draw_look(Layout(texts := []), bpy.context, felt.parent, 400)  # others
+    draw_look(Layout(texts := []), felt.parent)  # others
     assert not texts
+    draw_lines(Layout(texts := []), "word " * 40, "ERROR")
+    assert len(texts) > 3 and max(map(len, texts)) <= 58 and " ".join(texts).split() == ["word"] * 40
 
 
 def test_the_dialogue_does_not_wait_for_ever(felt: Path, followed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +111,7 @@ def test_the_dialogue_does_not_wait_for_ever(felt: Path, followed: Any, monkeypa
     looking.begin(BakeRequest(felt, ArcSettings(), look=True), lambda: opened.append(looking.look))
     time.sleep(0.01)
     assert looking.step() and opened == [None]
-    draw_look(Layout(texts := []), bpy.context, felt, 400)
+    draw_look(Layout(texts := []), felt)
     assert texts == ["The photographs are being read"]
     looking.stop()
     assert not looking.step() and len(opened) == 1
