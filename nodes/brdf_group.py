@@ -12,12 +12,14 @@ from .adjustments import GLOSS, LIMITS, NEUTRAL, SOCKETS, Adjustments
 from .exact_closure import exact_closure, reference_closure
 from .gloss_group import held_gloss
 from .group import node_group
+from .lamp_light_groups import LightTables
 from .lamp_share_group import LampShares
 from .native_closure import choose_closure
-from .sampled_closure import LampTables, sampled_closure
+from .sampled_closure import sampled_closure
 from .surface_marker import mean_roughness, with_marker
 from .table_groups import TableGroups
 from .weighted_closures import WeightedClosures
+from .world_picture import Surroundings
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class BrdfParts:
     lamps : table of lamps to aim at
     shares : of a lamp's light that is the residual's, for its probability
     lights : what these lamps emit, where the shader is to sample them
+    around : the world's picture, where it is to be sampled too
     anisotropic : the parts lie in the frame of a tangent, which the group then takes
     normals : a view layer shows the Normal pass, which mirrors would spoil
     """
@@ -42,6 +45,7 @@ class BrdfParts:
     lamps: bpy.types.Image | None = None
     shares: LampShares | None = None
     lights: bpy.types.Image | None = None
+    around: Surroundings | None = None
     anisotropic: bool = False
     normals: bool = False
 
@@ -61,7 +65,7 @@ class BrdfParts:
         if self.table is None:
             return self.envelope.alone(normal, adjustments)
         if self.lamps is not None and self.lights is not None:
-            tables = LampTables(self.lamps, self.lights)
+            tables = LightTables(self.lamps, self.lights, self.around)
             return sampled_closure(self.envelope, self.table, normal, adjustments, tables)
         return exact_closure(self.envelope, self.table, normal, adjustments, self.lamps, self.shares)
 

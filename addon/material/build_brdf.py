@@ -57,6 +57,7 @@ def build_brdf(
     plan = replace(plan, brightened=_brightened(record, plan.mode))
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None
+    surroundings = surroundings_of(report) if plan.sample else None
     if plan.osl:
         material = build_osl_material(
             record,
@@ -65,7 +66,7 @@ def build_brdf(
             filter=plan.filter,
             lamps=lamps,
             lights=lights,
-            surroundings=surroundings_of(report) if plan.sample else None,
+            surroundings=surroundings,
             files=texture_files(record),
             normals=plan.normals,
         )
@@ -78,6 +79,7 @@ def build_brdf(
         pack=pack,
         lamps=lamps,
         lights=lights,
+        surroundings=surroundings,
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
