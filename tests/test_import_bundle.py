@@ -30,7 +30,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("library")
     settings = BakeSettings(6, "squared", basis="half", envelope=False)
     bake_source(by_name("ggx", alpha=0.3), folder / "gold.mmat", settings)
-    bake_arc(write_stack(folder / "felt"), folder / "felt.mmat")
+    bake_arc(write_stack(folder / "felt", suffix=".exr"), folder / "felt.mmat")
     return folder
 
 

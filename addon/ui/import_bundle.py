@@ -17,7 +17,7 @@ from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.load_bundle import LoadTask, bundles_meant, load_bundle
 from .context import object_under
-from .import_operator import registration
+from .import_operator import AS_ASSET, mark_and_tell, registration
 from .properties.bake import show_settings
 from .properties.photographs import show_arc_settings
 
@@ -49,6 +49,7 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
     filter_glob: _FILTER_GLOB
     object_name: _OBJECT
     pack: _PACK
+    as_asset: AS_ASSET
 
     # Set where a person was asked: only then is there a window to keep awake; scripts wait for the result.
     asked = False
@@ -86,6 +87,8 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
             return {"CANCELLED"}
         for material in made:
             _show(material, self.pack)
+            if self.as_asset:
+                mark_and_tell(material)
         for material in made[1:]:
             assign(material, None)
         place = told_place(self, made[0], bpy.data.objects.get(self.object_name) or context.object)
@@ -97,13 +100,15 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         """Have the queue load them, which keeps Blender awake; the first one's material goes to the object."""
         for error in errors:
             self.report({"ERROR"}, one_line(str(error)))
-        target, pack = bpy.data.objects.get(self.object_name) or context.object, self.pack
-        queue.add(
-            [
-                LoadTask(path, pack, None if number else target, lambda material: _show(material, pack))
-                for number, path in enumerate(bundles)
-            ]
-        )
+        target = bpy.data.objects.get(self.object_name) or context.object
+        pack, as_asset = self.pack, self.as_asset
+
+        def settle(material: bpy.types.Material) -> None:
+            _show(material, pack)
+            if as_asset:
+                mark_and_tell(material)
+
+        queue.add([LoadTask(path, pack, None if number else target, settle) for number, path in enumerate(bundles)])
 
     def _chosen(self) -> list[Path]:
         """Paths that were given, the folder that the file browser stands in where nothing in it was chosen."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..assets.mark import mark_or_say
 from .context import object_under
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
@@ -22,6 +23,11 @@ _BUNDLES = bpy.props.StringProperty(
     subtype="DIR_PATH",
     options={"SKIP_SAVE"},
 )
+AS_ASSET = bpy.props.BoolProperty(
+    name="Mark as Asset",
+    description="Show the material in the asset browser, with its picture, a catalog and tags",
+    default=False,
+)
 _Draw = Callable[[Any, bpy.types.Context], None]
 
 
@@ -33,6 +39,7 @@ class ImportProperties:
     directory: _DIRECTORY
     object_name: _OBJECT
     bundles: _BUNDLES
+    as_asset: AS_ASSET
 
     # Set where a person was asked: only then is there a window to bake beside; scripts wait for the result.
     asked = False
@@ -52,6 +59,7 @@ class ImportProperties:
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(self, "bundles", placeholder="Automatic")
+        column.prop(self, "as_asset")
         if self.object_name:
             column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
 
@@ -64,6 +72,12 @@ class ImportProperties:
     def target(self: Any, context: bpy.types.Context) -> bpy.types.Object | None:
         """Object that gets the material."""
         return bpy.data.objects.get(self.object_name) or context.object
+
+
+def mark_and_tell(material: bpy.types.Material) -> None:
+    """Make the material an asset, and say what of that was not possible."""
+    if left := mark_or_say(material):
+        bpy.ops.measured_materials.tell(words=f"{material.name} as an asset: {left}", kind="WARNING")
 
 
 class DropTarget:

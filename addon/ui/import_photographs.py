@@ -17,7 +17,7 @@ from .background.bake_queue import queue
 from .background.tasks import ImportTask, warnings_of
 from .background.window import window
 from .context import object_under
-from .import_operator import ImportProperties, registration
+from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
@@ -100,6 +100,8 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             return {"CANCELLED"}
         show_arc_settings(material.measured_arc, settings, pack=self.pack)
         tell_warnings(self, material)
+        if self.as_asset:
+            mark_and_tell(material)
         place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
         return {"FINISHED"}
@@ -126,11 +128,13 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         self, context: bpy.types.Context, source: Path | list[Path], folder: Path, settings: ArcSettings
     ) -> None:
         """Put the bake into the queue."""
-        pack = self.pack
+        pack, as_asset = self.pack, self.as_asset
 
         def settle(material: bpy.types.Material) -> None:
             show_arc_settings(material.measured_arc, settings, pack=pack)
             say_warnings(material)
+            if as_asset:
+                mark_and_tell(material)
 
         request = BakeRequest(_given(source), settings, quick=True)
         stem = folder_of(source).resolve().name or "swatch"

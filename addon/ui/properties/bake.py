@@ -92,7 +92,7 @@ _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USU
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _SAMPLER_WORDS = {
-    "alias": ("Alias Tables", "Four random numbers: less noise, and a little quicker to render"),
+    "alias": ("Tables", "Four random numbers: less noise, and a little quicker to render"),
     "warp": ("Warp", "Two random numbers, which may be of low discrepancy: a ninth of the sampler's bytes"),
 }
 _SAMPLER = _enum(
@@ -103,8 +103,8 @@ _SAMPLER = _enum(
     _SAMPLER_WORDS,
 )
 _ENVELOPE = bpy.props.BoolProperty(
-    name="Native Closures",
-    description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
+    name="Cycles' Own Shaders",
+    description="Let Cycles' own shaders carry what they can of the measurement, and the mirror only the rest: less "
     "noise, at a bias of at most 0.1 % of the light",
     default=_USUAL.envelope,
 )

@@ -39,9 +39,19 @@ _WORDS = {
 }
 
 
+_PARAMETERS = {
+    "roughness": ("Roughness", "0 is an even diffuse, 1 the flattest"),
+    "alpha": ("Alpha", "Width of the highlight: the square of Roughness in Cycles' shaders"),
+    "sigma": ("Width", "How far from the rim it is bright"),
+    "exponent": ("Exponent", "Sharpness of the highlight; larger is narrower"),
+    "diffuse": ("Diffuse", "Share of the light that the diffuse part reflects"),
+}
+
+
 def _parameter(parameter: Parameter, **options: Any) -> Any:
     return bpy.props.FloatProperty(
-        name=parameter.name.capitalize(),
+        name=_PARAMETERS[parameter.name][0],
+        description=_PARAMETERS[parameter.name][1],
         default=parameter.default,
         min=parameter.low,
         max=parameter.high,
@@ -57,7 +67,8 @@ def _choice(name: str, description: str, choices: tuple[str, ...], usual: object
 
 def _annotations(**options: Any) -> dict[str, Any]:
     """Of both classes below; `options` go to every property."""
-    lobe = _choice("Base Reflection", "How the flat material reflects", (*LOBES, MEASURED), "lambert", **options)
+    about = "How the swatch reflects on the large scale"
+    lobe = _choice("Base Reflection", about, (*LOBES, MEASURED), "lambert", **options)
     parameters = {parameter_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
     sigma = bpy.props.FloatProperty(
         name="Strength",
@@ -90,7 +101,9 @@ def _annotations(**options: Any) -> dict[str, Any]:
         "a_max": a_max,
         "a_max_auto": _automatic("Brightest", "a_max", 1.0),
         "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
-        "technique": _choice("Technique", "Of Kautz et al. 2004", TECHNIQUES, _USUAL.technique, **options),
+        "technique": _choice(
+            "Technique", "How the photographs are used (Kautz et al. 2004)", TECHNIQUES, _USUAL.technique, **options
+        ),
         "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
     }
 
