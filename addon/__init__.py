@@ -27,6 +27,7 @@ _MODULES = (
     "ui.bake_again",
     "ui.fit_to_scene",
     "ui.quiet_camera",
+    "ui.adjust",
     "ui.assets",
     "ui.panels.pictures",
     "ui.panels.live_check",

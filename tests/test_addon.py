@@ -239,7 +239,7 @@ class Recorder:
     def label(self, *, text: str, icon: str = "NONE") -> None:
         self.texts.append(text)
 
-    def operator(self, idname: str, *, text: str = "", icon: str = "NONE") -> Recorder:
+    def operator(self, idname: str, *, text: str = "", icon: str = "NONE", depress: bool = False) -> Recorder:
         self.texts.append(idname)
         return self
 
@@ -249,6 +249,10 @@ class Recorder:
 
     def separator(self) -> None:
         pass
+
+    def template_node_view(self, tree: Any, node: Any, socket: Any) -> None:
+        assert node.id_data == tree and socket.node == node
+        self.texts.append(socket.name)
 
     def template_icon(self, *, icon_value: int, scale: float) -> None:
         assert scale > 0

@@ -1,6 +1,6 @@
 """The add-on in Blender with photographs: import, another light without a bake, baking again, what the panel says."""
 
-# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from support.coarse_bakes import coarse  # noqa: F401
 from support.scenes import purge_groups
 from support.stacks import write_stack
-from test_addon import Stage, plate, registered  # noqa: F401
+from test_addon import Stage, registered  # noqa: F401
 
 GGX = RenderSettings(Lobe("ggx", 0.4), sigma=0.7, above="scale")
 

@@ -52,7 +52,7 @@ def bundle(folder: Path) -> Bundle:
 def tinted(material: bpy.types.Material) -> bpy.types.Material:
     """The same material, by its Tint."""
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    node.inputs["Tint"].default_value = (0.9, 1.0, 0.8)
+    node.inputs["Tint"].default_value = (0.9, 1.0, 0.8, 1)
     return material
 
 

@@ -68,7 +68,7 @@ def show_osl(scene: TestScene, material: bpy.types.Material) -> None:
 def tinted(material: bpy.types.Material) -> bpy.types.Material:
     """The same material, by its Tint."""
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    node.inputs["Tint"].default_value = (0.9, 1.0, 0.8)
+    node.inputs["Tint"].default_value = (0.9, 1.0, 0.8, 1)
     return material
 
 
@@ -140,7 +140,7 @@ def test_native_closures_are_those_of_nodes(lobe: Lobe) -> None:
     """One sample under equal seeds: no noise between the two."""
     nodes, script = compat.new_material("nodes"), compat.new_material("osl")
     text = f'shader one(output closure color BSDF = 0) {{ BSDF = color(0.2, 0.5, 0.8) * mm_native("{lobe.name}", '
-    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, {lobe.p1}, vector(0), N); }}'
+    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, {lobe.p1}, vector(0), N, 1); }}'
     with expr.building(nodes.node_tree) as tree:
         colour = expr.Vector(expr.node("ShaderNodeCombineXYZ", {}, {0: 0.2, 1: 0.5, 2: 0.8}).outputs[0])
         normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])

@@ -40,7 +40,7 @@ def grey(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 
 def tint(material: bpy.types.Material, factor: float) -> bpy.types.Material:
     """The same material, planted with an error."""
-    group_node(material).inputs["Tint"].default_value = (factor,) * 3
+    group_node(material).inputs["Tint"].default_value = (*(factor,) * 3, 1)
     return material
 
 
@@ -214,8 +214,8 @@ def test_rebuilding_keeps_the_artists_links(grey: Bundle) -> None:
     node = group_node(material)
     bump = material.node_tree.nodes.new("ShaderNodeBump")
     material.node_tree.links.new(bump.outputs[0], node.inputs["Normal"])
-    node.inputs["Tint"].default_value = (0.9, 0.8, 0.7)
+    node.inputs["Tint"].default_value = (0.9, 0.8, 0.7, 1)
     assert build_material(grey, material) == material
     node = group_node(material)
     assert node.inputs["Normal"].links[0].from_node.bl_idname == "ShaderNodeBump"
-    assert tuple(node.inputs["Tint"].default_value) == pytest.approx((0.9, 0.8, 0.7))
+    assert tuple(node.inputs["Tint"].default_value) == pytest.approx((0.9, 0.8, 0.7, 1))

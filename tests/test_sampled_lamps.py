@@ -103,7 +103,7 @@ def test_sampled_lamps_give_the_same_picture(paint: Bundle, size: float, points:
         found = scene.render(48, range(30, 38))
         assert_agree(compare(pictures, found, scene.mask()), EFFECT)
         node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-        node.inputs["Tint"].default_value = (1.02,) * 3
+        node.inputs["Tint"].default_value = (*(1.02,) * 3, 1)
         planted = compare(pictures, scene.render(48, range(200, 208)), scene.mask())
         assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
 

@@ -68,7 +68,7 @@ def test_a_mended_mix_keeps_the_sun(bundle: Bundle, mode: str, tint: tuple[float
         scene.leave_terminator()
         tree, mask = material_of(scene).node_tree, scene.mask()
         mix = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeMixShader")
-        next(n for n in tree.nodes if n.bl_idname == "ShaderNodeGroup").inputs["Tint"].default_value = tint
+        next(n for n in tree.nodes if n.bl_idname == "ShaderNodeGroup").inputs["Tint"].default_value = (*tint, 1)
         assert "mixed_mirror" in rules(scene)
         mix.inputs[0].default_value = 0.0
         assert "mixed_mirror" not in rules(scene)

@@ -37,7 +37,7 @@ SAMPLES = {"reference": 64, "exact": 32}
 def tinted(material: bpy.types.Material) -> bpy.types.Material:
     """The same material, by its Tint."""
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-    node.inputs["Tint"].default_value = TINT
+    node.inputs["Tint"].default_value = (*TINT, 1)
     return material
 
 

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...bake.brdf.record import BrdfRecord
+from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
@@ -43,7 +44,7 @@ class Effect:
 @dataclass(frozen=True)
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
-    account of it."""
+    account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`."""
 
     mode: str
     filter: str
@@ -54,6 +55,7 @@ class BrdfPlan:
     sample: bool = False
     osl: bool = False
     normals: bool = False
+    brightened: tuple[tuple[float, Rows], ...] = ()
 
 
 def plan_brdf(
@@ -146,7 +148,7 @@ def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
         return Effect(name, False, f"Aim at Lights is {choices.aim.capitalize()}")
     if why_not := sampling.impossible or sampling.needless:
         return Effect(name, False, why_not)
-    return Effect(name, True, "about a third of the noise under a lamp, for two to three times the time of a sample")
+    return Effect(name, True, f"{sampling.gain}, for two to four times the time of a sample")
 
 
 def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:

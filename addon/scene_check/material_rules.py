@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...nodes import compat
-from ...nodes.aimed_light_group import SLOTS_KEY, can_switch
+from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
 from ...nodes.lamp_light_groups import SAMPLED_KEY
@@ -231,7 +231,7 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     scene = subject.scene
     report = light_tables.survey_scene(scene, for_render=True)
     table, lights = light_tables.table_of(report), light_tables.light_table_of(report)
-    groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
+    groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t and INSTEAD_KEY not in t}
     known = 0 if report.inexact else report.slots
     narrow = [group for group in groups if group[SLOTS_KEY] < (known if SAMPLED_KEY in group else report.slots)]
     where = f"scene {scene.name}"
@@ -262,7 +262,7 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
         kept = plan_sampling(choices, sampling).kept
-        stale = kept and is_scripted(material) and _shows_another_world(material, report)
+        stale = kept and _shows_another_world(material, report)
         if (sampled == kept and not stale) or not (sampled or residual_of(material)):
             continue
         mend = None
@@ -280,7 +280,7 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
 
 
 def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:
-    """Whether a script that samples lamps holds no picture of the world, or another, though it could hold that one."""
+    """Whether a material that samples light holds no picture of the world, or another, though it could hold it."""
     picture = report.world.picture
     if report.world_inexact or picture is None:
         return False

@@ -18,8 +18,7 @@ from .background.tasks import ImportTask, warnings_of
 from .background.window import window
 from .context import object_under
 from .import_operator import ImportProperties, mark_and_tell, registration
-from .panels.wrapped_text import Lines
-from .photograph_look import draw_look, looking
+from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
 from .window_progress import window_progress
@@ -31,8 +30,8 @@ _FILTER_GLOB = bpy.props.StringProperty(
 )
 
 _LOOKED = bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
-# Of the dialogue, in pixels at a UI scale of 1.
-_WIDTH = 400
+# Letters that fit beside the file browser.
+_SIDE = 26
 _OF_LOOK = ("files", "looked", "quality", "full_size")
 
 
@@ -58,16 +57,16 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             return self._look_first(source)
         self.asked = True
         return context.window_manager.invoke_props_dialog(
-            self, width=_WIDTH, title=f"Import {_title(source)}", confirm_text="Bake"
+            self, width=WIDTH, title=f"Import {_title(source)}", confirm_text="Bake"
         )
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings in the dialogue; the file browser comes before it."""
         if getattr(context.area, "type", "") == "FILE_BROWSER":
-            Lines(context).draw(self.layout, "Choose the photographs, or one of them for the whole folder.")
-            Lines(context).draw(self.layout, "They are shown, and settings offered, before anything is baked.")
+            draw_lines(self.layout, "Choose the photographs, or one of them for the whole folder.", letters=_SIDE)
+            draw_lines(self.layout, "They are shown, and settings offered, before the bake.", letters=_SIDE)
             return
-        draw_look(self.layout, context, _given(chosen_photographs(self)), _WIDTH)
+        draw_look(self.layout, _given(chosen_photographs(self)))
         draw_arc_settings(self.layout, self, self)
         if self.advanced:
             draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import tempfile
+import textwrap
 import time
 import uuid
 from collections.abc import Callable
@@ -26,12 +27,13 @@ from ..baking.hosts import hosts
 from ..baking.job import DONE, RUNNING, WAITING, BakeJob
 from ..baking.look import Look, sentence
 from ..baking.request import BakeRequest
-from .panels.wrapped_text import Lines
 
 _PAUSE = 0.05
 # Seconds after which the dialogue opens in any case: photographs of a large camera take longer.
 _PATIENCE = 4.0
 _COLUMNS = 8
+# Of the dialogue: pixels at a UI scale of 1, and letters that surely fit beside an icon.
+WIDTH, LETTERS = 420, 58
 # Texels of the plot's side, and of its border.
 _SIDE, _BORDER = 160, 12
 _INK, _GRID = (0.9, 0.55, 0.2, 1.0), (0.5, 0.5, 0.5, 0.5)
@@ -121,20 +123,19 @@ def tick() -> float | None:
     return _PAUSE if looking.step() else None
 
 
-def draw_look(layout: bpy.types.UILayout, context: bpy.types.Context, source: Any, width: float) -> None:
-    """Draw what is known of these photographs, a folder or a tuple of files, in a dialogue of this width."""
-    lines = Lines(context, width)
+def draw_look(layout: bpy.types.UILayout, source: Any) -> None:
+    """Draw what is known of these photographs, a folder or a tuple of files, in a dialogue `WIDTH` wide."""
     if looking.source != source:
         return
     if looking.is_looking():
         layout.label(text="The photographs are being read", icon="TIME")
     elif looking.problem:
-        lines.draw(layout, looking.problem, "ERROR")
+        draw_lines(layout, looking.problem, "ERROR")
     elif looking.look is not None:
-        _draw(layout, looking.look, lines)
+        _draw(layout, looking.look)
 
 
-def _draw(layout: bpy.types.UILayout, look: Look, lines: Lines) -> None:
+def _draw(layout: bpy.types.UILayout, look: Look) -> None:
     count, known = len(look.names), look.elevations
     span = f", lit from {known[0]:.0f}° to {known[-1]:.0f}°" if known else ", in order of brightness"
     layout.label(text=f"{count} photographs{span}")
@@ -149,9 +150,16 @@ def _draw(layout: bpy.types.UILayout, look: Look, lines: Lines) -> None:
         split.template_icon(icon_value=looking.icon("plot", lambda: plot(known, look.brightness)), scale=5.5)
         words = split.column()
         words.label(text="Brightness over elevation")
-        lines.draw(words, "Left to right 0° to 90°, upwards to the brightest photograph", faint=True, part=0.5)
+        draw_lines(words, "From left to right 0° to 90°, upwards to the brightest photograph.", letters=LETTERS // 2)
     for doubt in look.doubts:
-        lines.draw(layout, doubt, "ERROR")
+        draw_lines(layout, doubt, "ERROR")
+
+
+def draw_lines(layout: bpy.types.UILayout, text: str, icon: str = "NONE", letters: int = LETTERS) -> None:
+    """Labels below each other of so many letters at most, the first with the icon."""
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon="BLANK1" if number and icon != "NONE" else icon)
 
 
 def _as_pixels(picture: NDArray[np.uint8]) -> NDArray[np.float64]:

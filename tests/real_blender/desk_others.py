@@ -69,7 +69,10 @@ def baking_again(desk, uid):
 
 
 def modes(desk, uid):
-    """Each mode in turn."""
+    """Each mode in turn; and lamps to aim at, which the walk has switched off, on again."""
+    desk.timed("setting aim", setattr)(found(uid).measured_quality, "aim", "auto")
+    yield 0.5
+    desk.felt("aim at lamps")
     for mode in ("reference", "balanced", "preview", "exact"):
         desk.timed(f"setting {mode}", setattr)(found(uid).measured_quality, "mode", mode)
         desk.check(f"mode {mode}", not found(uid).measured_quality.problem)
@@ -109,7 +112,7 @@ def fitting(desk):
     desk.felt("engine")
     fit = importlib.import_module(f"{PACKAGE}.addon.ui.fit_to_scene")
     operator = fit.MEASURED_MATERIALS_OT_fit_to_scene
-    operator.modal = desk.timed("fit", operator.modal)
+    fit._each = desk.timed("fit", fit._each)
     with desk.view():
         bpy.ops.measured_materials.fit_to_scene("INVOKE_DEFAULT")
     for _ in range(200):
@@ -139,7 +142,12 @@ def photographs(desk):
     names = {material.session_uid for material in before}
     with desk.view():
         bpy.ops.measured_materials.import_arc("INVOKE_DEFAULT", filepath=str(desk.SOURCE.parent / "swatch" / "a.lp"))
-    yield 1.0
+    look = importlib.import_module(f"{PACKAGE}.addon.ui.photograph_look").looking
+    while look.is_looking():
+        yield 0.05
+    desk.found["photographs_looked_at"] = list(look.look.names) if look.look else look.problem
+    yield 1.5
+    desk.felt("look at photographs")
     desk.press("RET")
     yield 0.2
     desk.check("the photographs are baked beside the window", desk.bakes.queue.is_busy())
