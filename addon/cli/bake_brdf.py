@@ -120,7 +120,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--envelope",
         action=argparse.BooleanOptionalAction,
         default=usual.envelope,
-        help="also fit Cycles' own closures under the measurement, so that the mirror has only the rest to carry: less "
+        help="also fit Cycles' own shaders under the measurement, so that the mirror has only the rest to carry: less "
         "noise, at a bias of at most 0.1 %% of the light (on)",
     )
 
