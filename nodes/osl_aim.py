@@ -26,7 +26,7 @@ AIM_SHADER, WORLD_SHADER = "measured_aim.osl", "measured_world.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
 _SCENE = ("Sky", "World", "Strongest")
 # Of the shader's parameters, those that `AIM_SHADER` has too.
-_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Lens", "Sampler", *CELLS)
+_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Gloss", "Lens", "Sampler", *CELLS)
 
 
 def aimed_inputs(

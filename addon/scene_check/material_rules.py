@@ -23,7 +23,7 @@ from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
 from ..material.kinds import BRDF, kind_of
-from ..material.scene_fit import SAMPLED_EFFECT, plan_sampling
+from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -189,7 +189,7 @@ def shadow_terminator(subject: Subject) -> Iterator[Finding]:
         owner, shading, geometry = compat.shadow_terminator(obj)
         if getattr(owner, shading) > 0:
             found = f"Shadow Terminator, Shading Offset is {getattr(owner, shading):.2g}"
-            why = "it darkens each closure by its own normal; 0.3 lost 10 to 16 % on a sphere of 32 segments"
+            why = "it darkens each shader by its own normal; 0.3 lost 10 to 16 % on a sphere of 32 segments"
             mend = setting(owner, shading, 0.0)
             yield Finding("shading_offset", WRONG, f"object {obj.name}", found, "0", why, mend)
         if getattr(owner, geometry) > 0:
@@ -197,7 +197,7 @@ def shadow_terminator(subject: Subject) -> Iterator[Finding]:
     if moved:
         names = ", ".join(obj.name for obj in moved[:3]) + (" and others" if len(moved) > 3 else "")
         found = f"Shadow Terminator, Geometry Offset is above 0 for {names}"
-        why = "native closures get up to 0.5 % more light on a coarse sphere, the mirror does not"
+        why = "Cycles' own shaders get up to 0.5 % more light on a coarse sphere, the mirror does not"
         mend = partial(_lay_flat, moved) if any(obj.is_editable for obj in moved) else None
         yield Finding("geometry_offset", NOTE, f"scene {subject.scene.name}", found, "", why, mend)
 
@@ -291,7 +291,7 @@ def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bo
 
 def residual_of(material: bpy.types.Material) -> bool:
     """Whether a material was built with a mirror for its residual."""
-    return any(effect.name == "Residual by mirror" and effect.kept for effect in rebuild.effects_of(material))
+    return any(effect.name in MIRROR_EFFECTS and effect.kept for effect in rebuild.effects_of(material))
 
 
 def not_aimed(subject: Subject) -> Iterator[Finding]:

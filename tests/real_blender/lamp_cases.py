@@ -221,7 +221,7 @@ def mixed(scene: bpy.types.Scene) -> Dress:
         tree, node = material.node_tree, measured_node(material)
         beside = tree.nodes.new("ShaderNodeGroup")
         beside.node_tree = other.node_tree
-        beside.inputs["Tint"].default_value = (1, 1, 1)
+        beside.inputs["Tint"].default_value = (1, 1, 1, 1)
         tree.links.new(node.inputs["Normal"].links[0].from_socket, beside.inputs["Normal"])
         mix = tree.nodes.new("ShaderNodeMixShader")
         where, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")
