@@ -6,14 +6,39 @@ from pathlib import Path
 
 from ..errors import BakeError
 from ..source import BrdfSource, Reader
-from . import cornell, merl, rgl
+from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
+from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
+from .mistaken import refuse_mistaken
+from .radiance import window_xml
 
-READERS: tuple[Reader, ...] = (merl.READER, rgl.READER, cornell.READER)
+READERS: tuple[Reader, ...] = (
+    merl.READER,
+    rgl.READER,
+    cornell.READER,
+    utia.READER,
+    mbsdf.READER,
+    zemax.READER,
+    lighttools.READER,
+    fred.READER,
+    astm.READER,
+    alta.READER,
+    pab_opto.READER,
+    integra.READER,
+    window_xml.READER,
+    neural_brdf.READER,
+    npy_table.READER,
+    table.READER,
+)
 
 
 def known_formats() -> str:
     """The formats that can be read, as one phrase for messages and file dialogues."""
     return ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in READERS)
+
+
+def known_suffixes() -> tuple[str, ...]:
+    """The suffixes that measurements have, each once."""
+    return tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
 
 
 def read_source(path: str | Path) -> BrdfSource:
@@ -32,6 +57,8 @@ def read_source(path: str | Path) -> BrdfSource:
     by_suffix = [reader for reader in READERS if path.suffix.lower() in reader.suffixes]
     by_content = [reader for reader in READERS if reader.matches(path, head)]
     both = [reader for reader in by_content if reader in by_suffix]
+    if not by_content:
+        refuse_mistaken(path, head)
     for reader in (*both, *by_content, *by_suffix):
         return reader.read(path)
     raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
