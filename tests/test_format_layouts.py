@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import READERS, neural_brdf, read_source
 from measured_materials.bake.sources.analytic import by_name
@@ -185,6 +186,7 @@ def test_utia_says_how_its_numbers_were_read(tmp_path: Path) -> None:
     bright = np.fromfile(tmp_path / "m.bin") * 30
     bright.tofile(tmp_path / "m.bin")
     assert read_source(tmp_path / "m.bin").facts["values_read_as"] == "scaled"
+    assert read_source(tmp_path / "m.bin", Reading(utia="linear")).facts["values_read_as"] == "linear"
 
 
 @pytest.mark.parametrize(
@@ -268,3 +270,31 @@ def test_networks_of_other_shapes_are_refused(tmp_path: Path) -> None:
     np.save(path, np.zeros((5, 21), np.float32))
     with pytest.raises(BakeError, match="6 inputs are expected"):
         neural_brdf.read(path)
+
+
+def test_light_and_viewer_are_exchanged_or_averaged_by_choice(tmp_path: Path) -> None:
+    path = files.write_npy(tmp_path / "one_way.npy", _OneWay())
+    measured, exchanged, mean = (
+        read_source(path, Reading(reciprocity=how)) for how in ("measured", "exchanged", "mean")
+    )
+    wi, wo = pairs(500)
+    np.testing.assert_allclose(exchanged.evaluate(wi, wo), measured.evaluate(wo, wi))
+    np.testing.assert_allclose(mean.evaluate(wi, wo), (measured.evaluate(wi, wo) + measured.evaluate(wo, wi)) / 2)
+    np.testing.assert_allclose(mean.evaluate(wi, wo), mean.evaluate(wo, wi))
+    assert "reciprocity" not in measured.facts and mean.facts["reciprocity"] == "mean"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("illuminant", "D50"), ("merl", "cells"), ("reciprocity", "both"), ("side", "top"), ("utia", "")],
+)
+def test_a_reading_that_does_not_exist_is_refused(name: str, value: str) -> None:
+    with pytest.raises(BakeError, match=f"{name}: cannot be"):
+        Reading(**{name: value})
+
+
+def test_a_side_is_chosen_and_missing_ones_are_named(tmp_path: Path) -> None:
+    path = files.write_klems(tmp_path / "a.xml", GLOSSY, "Reflection Front")
+    assert str(read_source(path, Reading(side="back")).facts["side"]).startswith("back")
+    with pytest.raises(BakeError, match="no reflection of its front"):
+        read_source(path, Reading(side="front"))

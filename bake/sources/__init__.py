@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import BakeError
+from ..reading import Reading
 from ..source import BrdfSource, Reader
 from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
+from .exchanged import Exchanged
 from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
 from .mistaken import refuse_mistaken
 from .radiance import window_xml
@@ -41,7 +43,7 @@ def known_suffixes() -> tuple[str, ...]:
     return tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
 
 
-def read_source(path: str | Path) -> BrdfSource:
+def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
     """Read a measured BRDF in any known format.
 
     Content decides before the suffix, so that a renamed file is still read; a file whose content nobody
@@ -59,8 +61,10 @@ def read_source(path: str | Path) -> BrdfSource:
     both = [reader for reader in by_content if reader in by_suffix]
     if not by_content:
         refuse_mistaken(path, head)
+    reading = reading or Reading()
     for reader in (*both, *by_content, *by_suffix):
-        return reader.read(path)
+        source = reader.read(path, reading)
+        return source if reading.reciprocity == "measured" else Exchanged(source, reading.reciprocity)
     raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
 
 

@@ -132,4 +132,6 @@ def _refuse(path: Path, cause: str, remedy: str = _REMEDY) -> NoReturn:
     raise BakeError(path, cause, remedy)
 
 
-READER = Reader("NVIDIA MBSDF", (".mbsdf",), lambda path, head: head.startswith(MAGIC), read)
+READER = Reader(
+    "NVIDIA MBSDF", (".mbsdf",), lambda path, head: head.startswith(MAGIC), lambda path, reading: read(path)
+)

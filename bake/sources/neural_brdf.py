@@ -164,4 +164,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return head.startswith(b"\x93NUMPY") and _PART.match(path.name) is not None
 
 
-READER = Reader("Neural-BRDF", (".h5", ".npy"), _matches, read)
+READER = Reader("Neural-BRDF", (".h5", ".npy"), _matches, lambda path, reading: read(path))

@@ -77,4 +77,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return head.startswith(b"\x93NUMPY") and not NETWORK.matches(path, head)
 
 
-READER = Reader("numpy array", (".npy",), _matches, read)
+READER = Reader("numpy array", (".npy",), _matches, lambda path, reading: read(path))

@@ -20,6 +20,7 @@ import numpy as np
 
 from ..directions import polar_angle
 from ..errors import BakeError
+from ..reading import Reading
 from ..source import Array, Json, Reader
 from .lookup_source import Axis, LookupSource, azimuth_of, interpolate, negative_facts
 
@@ -29,12 +30,13 @@ _STEP_THETA, _STEP_PHI = np.radians(15.0), np.radians(7.5)
 _REMEDY = "give a .bin file of the UTIA BRDF database (6 x 48 directions), not one of its BTF"
 
 
-def read(path: Path) -> LookupSource:
-    """Read a UTIA file. Raises BakeError: unreadable, of another size, not finite."""
+def read(path: Path, reading: Reading) -> LookupSource:
+    """Read a UTIA file, its numbers as `reading.utia` has them. Raises BakeError: unreadable, of another size."""
     raw = _raw(path)
     readings = {name: decode(raw) for name, decode in READINGS.items()}
     albedos = {name: _largest_albedo(table) for name, table in readings.items()}
-    chosen = next((name for name, albedo in albedos.items() if albedo <= 1.0), "scaled")
+    fitting = next((name for name, albedo in albedos.items() if albedo <= 1.0), "scaled")
+    chosen = fitting if reading.utia == "auto" else reading.utia
     table = readings[chosen]
     axes = (
         Axis(np.arange(THETAS) * _STEP_THETA),

@@ -141,4 +141,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return b"#PARAM_IN" in data and b"\0" not in data
 
 
-READER = Reader("ALTA", (".dat", ".alta"), _matches, read)
+READER = Reader("ALTA", (".dat", ".alta"), _matches, lambda path, reading: read(path))

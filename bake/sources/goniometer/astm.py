@@ -103,4 +103,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return b"VARS THETA_I" in data.replace(b"\t", b" ") and b"\0" not in data
 
 
-READER = Reader("ASTM E2387", (".astm",), _matches, read)
+READER = Reader("ASTM E2387", (".astm",), _matches, lambda path, reading: read(path))

@@ -70,4 +70,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return head.lstrip().lower().startswith(b"type bsdf_data")
 
 
-READER = Reader("FRED", (".txt", ".dat"), _matches, read)
+READER = Reader("FRED", (".txt", ".dat"), _matches, lambda path, reading: read(path))

@@ -120,4 +120,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return b"\0" not in data and b"typesym" in data and b"typecolormodel" in data
 
 
-READER = Reader("Integra DDR", (".ddr",), _matches, read)
+READER = Reader("Integra DDR", (".ddr",), _matches, lambda path, reading: read(path))

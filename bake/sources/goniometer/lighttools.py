@@ -103,4 +103,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return has_keywords(path, (b"symmetry", b"scatterazimuth", b"scatterradial", b"aoi"))
 
 
-READER = Reader("LightTools", (".bsdf", ".txt"), _matches, read)
+READER = Reader("LightTools", (".bsdf", ".txt"), _matches, lambda path, reading: read(path))

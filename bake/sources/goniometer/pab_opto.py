@@ -147,4 +147,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return b"\0" not in data and b"#format" in data and b"theta phi" in data
 
 
-READER = Reader("pab-opto", (".txt", ".dat"), _matches, read)
+READER = Reader("pab-opto", (".txt", ".dat"), _matches, lambda path, reading: read(path))

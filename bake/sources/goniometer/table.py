@@ -177,4 +177,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return False
 
 
-READER = Reader("table of samples", (".csv",), _matches, read)
+READER = Reader("table of samples", (".csv",), _matches, lambda path, reading: read(path))

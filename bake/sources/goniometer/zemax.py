@@ -93,4 +93,4 @@ def has_keywords(path: Path, wanted: tuple[bytes, ...]) -> bool:
     return all(word in first for word in wanted)
 
 
-READER = Reader("Zemax BSDF", (".bsdf",), _matches, read)
+READER = Reader("Zemax BSDF", (".bsdf",), _matches, lambda path, reading: read(path))

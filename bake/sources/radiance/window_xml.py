@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import BakeError
+from ...reading import Reading
 from ...source import Array, Reader
 from ...spectrum import xyz_to_rec709
 from ..lookup_source import LookupSource
@@ -44,7 +45,7 @@ class Layer:
     others: tuple[str, ...]
 
 
-def read(path: Path) -> LookupSource:
+def read(path: Path, reading: Reading) -> LookupSource:
     """Read the reflection of a WINDOW or Radiance XML file.
 
     Raises
@@ -52,9 +53,10 @@ def read(path: Path) -> LookupSource:
     BakeError : not such a file, damaged, without reflection, of a basis that is not known
     """
     layer = read_layer(path)
-    side = "front" if "front" in layer.blocks else "back"
+    side = ("front" if "front" in layer.blocks else "back") if reading.side == "auto" else reading.side
     if side not in layer.blocks:
-        raise BakeError(path, "holds no reflection", "give a file with a block Reflection Back or Reflection Front")
+        what = "reflection" if reading.side == "auto" else f"reflection of its {side}"
+        raise BakeError(path, f"holds no {what}", "give a file with a block Reflection Back or Reflection Front")
     blocks = layer.blocks[side]
     make = tree_lookup if layer.structure.startswith("tensortree") else klems_lookup
     channels: dict[str, Lookup] = {}
