@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from . import expr
+from .adjustments import Adjustments
 from .group import call
 from .lamp_share_group import LampShares, lamp_share_group
 from .native_closure import choose_closure
@@ -18,7 +19,7 @@ def exact_closure(
     envelope: WeightedClosures,
     table: TableGroups,
     normal: Any,
-    tint: Any,
+    adjustments: Adjustments,
     lamps: bpy.types.Image | None,
     shares: LampShares | None = None,
 ) -> Any:
@@ -37,16 +38,16 @@ def exact_closure(
     chance = weights[0][1]
     if lamps is not None and shares is not None:
         tangent = () if table.tangent is None else (table.tangent,)
-        chance = call(lamp_share_group(shares, lamps), drawn.wo, normal, chance, *tangent)
+        chance = call(lamp_share_group(shares, lamps), drawn.wo, normal, chance, table.gloss, *tangent)
     gain = expr.divide(drawn.cosine, drawn.pdf * chance)
-    residual = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
-    native = envelope.closure(weights, normal, expr.scale(tint, expr.divide(1.0, 1 - chance)))
-    return choose_closure(drawn.random[1] < chance, native, drawn.mirror(residual))
+    residual = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain)
+    native = envelope.closure(weights, normal, adjustments, expr.divide(1.0, 1 - chance))
+    return choose_closure(drawn.random[1] < chance, native, drawn.mirror(adjustments.apply(residual)))
 
 
-def reference_closure(table: TableGroups, normal: Any, tint: Any, lamps: bpy.types.Image | None) -> Any:
+def reference_closure(table: TableGroups, normal: Any, adjustments: Adjustments, lamps: bpy.types.Image | None) -> Any:
     """The mirror alone, every sample exact; `table` is of the whole BRDF."""
     drawn = table.draw(normal, lamps)
     gain = expr.divide(drawn.cosine, drawn.pdf)
-    weight = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain) * tint
-    return drawn.mirror(weight)
+    weight = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain)
+    return drawn.mirror(adjustments.apply(weight))

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from ..bake.errors import BakeError
 from ..bake.shading_maps.record import Record
 from . import expr
+from .adjustments import LIMITS, NEUTRAL, Adjustments
 from .group import call, node_group
 
 ALBEDO, NORMAL = "MM Albedo", "MM Normal"
 # Of the polynomial in the chord: within 0.03 of the albedo of every analytic model up to 87 degrees, 0.09 if quadratic.
 DEGREE = 4
 _KEY = "measured_materials_denoise"  # custom property of the compositor's nodes
-_SHADER_KINDS = {"NodeSocketShader": "shader", "NodeSocketFloat": "float"}
+_SHADER_KINDS = {"NodeSocketShader": "shader", "NodeSocketFloat": "float", "NodeSocketColor": "color"}
 
 
 def albedo_polynomial(record: Record) -> NDArray[np.float64]:
@@ -56,7 +57,7 @@ def with_feature_outputs(group: bpy.types.ShaderNodeTree, albedo: NDArray[np.flo
 
     Parameters
     ----------
-    group : with the inputs "Normal", world, and "Tint"
+    group : with the inputs "Normal", world, and those of `Adjustments`
     albedo : `albedo_polynomial`
     """
     if any(node.bl_idname == "ShaderNodeOutputAOV" for node in group.nodes):
@@ -68,10 +69,11 @@ def with_feature_outputs(group: bpy.types.ShaderNodeTree, albedo: NDArray[np.flo
 
     def build(*arguments: Any) -> Any:
         named = dict(zip(sockets["INPUT"], arguments, strict=True))
-        write_features(named["Normal"], _directional_albedo(named["Normal"], albedo) * named["Tint"])
+        normal = named["Normal"]
+        write_features(normal, Adjustments.among(named).apply(_directional_albedo(normal, albedo)))
         return call(group, *arguments)
 
-    return node_group(f"{group.name} + passes", sockets["INPUT"], sockets["OUTPUT"], build)
+    return node_group(f"{group.name} + passes", sockets["INPUT"], sockets["OUTPUT"], build, NEUTRAL, limits=LIMITS)
 
 
 def _directional_albedo(normal: Any, albedo: NDArray[np.float64]) -> Any:

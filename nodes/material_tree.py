@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +11,8 @@ from ..bake.brdf.common import Colour
 from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.shading_maps.record import ShadingMapRecord
-from . import compat
+from . import compat, portions
+from .exchanged_group import exchange_group
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
 from .tangent_frame_group import surface_tangent_group
 
@@ -43,6 +43,8 @@ def build_from(
     try:
         with hashing_once():
             group = make_group(part_name(name))
+            portions.rest()  # a portion of its own for what follows, which changes the material
+            portions.no_return()
             material = bpy.data.materials.new(name) if material is None else material
             assemble(material, group, albedo)
     except Exception:
@@ -135,28 +137,14 @@ def _show_in_eevee(tree: bpy.types.ShaderNodeTree, shown: Any, surface: Any) -> 
 
 
 def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.types.ShaderNodeTree) -> None:
-    """Give the node another group; values and links of the inputs that both have stay."""
+    """Give the node another group, and one that had none its usual inputs."""
     if node.node_tree == group:
         return
     fresh = node.node_tree is None
-    kept = {s.name: (getattr(s, "default_value", None), [k.from_socket for k in s.links]) for s in node.inputs}
-    kept = {name: (tuple(v) if hasattr(v, "__len__") else v, links) for name, (v, links) in kept.items()}
-    targets = [(s.name, [k.to_socket for k in s.links]) for s in node.outputs]
-    node.node_tree = group
-    for name, (value, sources) in kept.items():
-        socket = node.inputs.get(name)
-        if socket is not None:
-            # An artist may have changed the type of an input: then its old value does not fit.
-            with contextlib.suppress(TypeError, ValueError):
-                socket.default_value = value
-            for source in sources:
-                tree.links.new(source, socket)
-    for name, sockets in targets:
-        for socket in sockets if name in node.outputs else ():
-            tree.links.new(node.outputs[name], socket)
+    before = exchange_group(tree, node, group)
     if fresh:
         _connect_inputs(tree, node)
-    elif "Tangent" in node.inputs and "Tangent" not in kept:
+    elif "Tangent" in node.inputs and "Tangent" not in before:
         _connect_tangent(tree, node)
 
 
@@ -185,9 +173,6 @@ def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> Non
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
     geometry.location = (-220, 200)
     tree.links.new(geometry.outputs["Normal"], node.inputs["Normal"])
-    node.inputs["Tint"].default_value = (1, 1, 1)
-    if "Light Level" in node.inputs:
-        node.inputs["Light Level"].default_value = 1
     if "Tangent" in node.inputs:
         _connect_tangent(tree, node)
     if "UV" in node.inputs:

@@ -23,13 +23,16 @@ from ..bake.envelope.viewers import ViewerGrid
 from ..bake.errors import BakeError
 from ..bake.tables.table import FILTERS
 from . import expr
+from .adjustments import LIMITS, NEUTRAL
+from .brdf_group import brdf_inputs
 from .group import node_group
 from .lens_group import lens_numbers
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
-from .osl_aim import Surroundings, aimed_inputs
+from .osl_aim import aimed_inputs
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
+from .world_picture import Surroundings
 
 SHADER = "measured_material.osl"
 # Where the images of a bundle are as files, by their names.
@@ -81,7 +84,7 @@ def build_osl_material(
     if mode not in MODES:
         raise BakeError("mode", f"cannot be {mode!r}", f"choose from {', '.join(MODES)}")
     constants = shader_constants(record, mode, filter, stochastic, files)
-    interface = {"Normal": "vector", "Tint": "vector"} | ({"Tangent": "vector"} if record.anisotropic else {})
+    interface = brdf_inputs(record.anisotropic)
 
     def build(*values: Any) -> Any:
         inputs = dict(zip(interface, values)) | constants | {"Normals": int(normals)}
@@ -93,9 +96,10 @@ def build_osl_material(
             }
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
-    built = build_from(
-        record, material, lambda name: node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build)
-    )
+    def make(name: str) -> bpy.types.ShaderNodeTree:
+        return node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build, NEUTRAL, limits=LIMITS)
+
+    built = build_from(record, material, make)
     # Cycles takes any shader that may emit for a lamp, whether it does or not.
     lit_by_emission(built, True)
     return built

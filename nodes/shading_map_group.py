@@ -11,6 +11,7 @@ from ..bake.lobes.lobes import Lobe
 from ..bake.shading_maps.render_settings import PREVIEW_LEVEL, RenderSettings
 from ..bake.source import LUMINANCE
 from . import expr
+from .adjustments import LIMITS, NEUTRAL, SOCKETS, Adjustments
 from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection, drawn_direction
 from .feature_passes import clamped, write_features
@@ -26,6 +27,8 @@ from .table_groups import TableGroups
 MIN_CHOICE = 0.04
 # Techniques to compare with, which know no modes.
 _TEXTURED = ("lit_texture", "angular")
+# In an order that leaves those of older files in their places, by whose numbers they are animated.
+MAP_INPUTS = {"Normal": "vector", "Tint": SOCKETS["Tint"], "UV": "vector", "Light Level": "float"} | SOCKETS
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ class Lighting:
 def shading_map_group(
     name: str, slices: bpy.types.ShaderNodeTree, viewport: bpy.types.ShaderNodeTree, lighting: Lighting
 ) -> bpy.types.ShaderNodeTree:
-    """(Normal, Tint, UV, Light Level) to (BSDF, EEVEE).
+    """(Normal, Tint, UV, Light Level, the other `Adjustments`) to (BSDF, EEVEE).
 
     Parameters
     ----------
@@ -108,18 +111,20 @@ def shading_map_group(
     technique = lighting.settings.technique
     builders = dict(zip(_TEXTURED, (_lit_texture, _angular), strict=True))
 
-    def build(normal: Any, tint: Any, uv: Any, light_level: Any) -> tuple[Any, Any]:
-        closure = builders.get(technique, _in_mode)(slices, lighting, normal, tint, uv)
+    def build(*values: Any) -> tuple[Any, Any]:
+        named = dict(zip(MAP_INPUTS, values, strict=True))
+        normal, uv, adjustments = named["Normal"], named["UV"], Adjustments.among(named)
+        closure = builders.get(technique, _in_mode)(slices, lighting, normal, adjustments, uv)
         if not lighting.preview:
             roughness = MATTE if lighting.measured else (roughness_of(lighting.lobe) or MATTE)
             closure = with_marker(closure, normal, roughness, always=lighting.normals)
             if lighting.features:
                 albedo = lighting.measured.albedo if lighting.measured else 1.0
-                write_features(normal, clamped(expr.scale(_texture(slices, lighting, tint, uv), albedo)))
-        return closure, _viewport(viewport, lighting, normal, tint, uv, light_level)
+                write_features(normal, clamped(expr.scale(_texture(slices, lighting, adjustments, uv), albedo)))
+        return closure, _viewport(viewport, lighting, normal, adjustments, uv, named["Light Level"])
 
-    sockets = {"Normal": "vector", "Tint": "vector", "UV": "vector", "Light Level": "float"}
-    return node_group(name, sockets, {"BSDF": "shader", "EEVEE": "shader"}, build, {"Light Level": 1.0})
+    outputs = {"BSDF": "shader", "EEVEE": "shader"}
+    return node_group(name, MAP_INPUTS, outputs, build, {"Light Level": 1.0, **NEUTRAL}, limits=LIMITS)
 
 
 def _draw(lighting: Lighting, normal: Any) -> tuple[DrawnDirection, Any]:
@@ -142,31 +147,33 @@ def _times(value: Any, factor: Any) -> Any:
     return expr.scale(value, factor) if isinstance(value, expr.Vector) else value * factor
 
 
-def _mirror(drawn: DrawnDirection, reflected: Any, lighting: Lighting, tint: Any, share: Any = 1.0) -> Any:
+def _mirror(
+    drawn: DrawnDirection, reflected: Any, lighting: Lighting, adjustments: Adjustments, share: Any = 1.0
+) -> Any:
     gain = expr.divide(lighting.a_max, drawn.pdf * share)
-    return drawn.mirror(expr.scale(reflected, gain) * tint)
+    return drawn.mirror(adjustments.apply(expr.scale(reflected, gain)))
 
 
-def _in_mode(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+def _in_mode(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     mode = lighting.settings.mode
     if mode == "preview":
-        return _preview(slices, lighting, normal, tint, uv)
-    traced = _lookup(slices, lighting, normal, tint, uv)
+        return _preview(slices, lighting, normal, adjustments, uv)
+    traced = _lookup(slices, lighting, normal, adjustments, uv)
     if mode == "balanced":
-        return choose_closure(after_diffuse(), traced, _preview(slices, lighting, normal, tint, uv))
+        return choose_closure(after_diffuse(), traced, _preview(slices, lighting, normal, adjustments, uv))
     return traced
 
 
-def _preview(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+def _preview(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     """One photograph, relative to its mean, as a texture on closures that look like f_r."""
-    return add_closures(_like_f_r(lighting, normal, _texture(slices, lighting, tint, uv)))
+    return add_closures(_like_f_r(lighting, normal, _texture(slices, lighting, adjustments, uv)))
 
 
-def _texture(slices: Any, lighting: Lighting, tint: Any, uv: Any) -> Any:
+def _texture(slices: Any, lighting: Lighting, adjustments: Adjustments, uv: Any) -> Any:
     """The photograph, at a level at which it reflects as much light as the lookup: the mean over the texels is the
     level itself."""
     level = expr.vec(*[PREVIEW_LEVEL] * 3) if lighting.measured is not None else PREVIEW_LEVEL
-    return expr.scale(call(slices, uv, level, 1.0, 0.5)[0] * tint, lighting.sigma / PREVIEW_LEVEL)
+    return expr.scale(adjustments.apply(call(slices, uv, level, 1.0, 0.5)[0]), lighting.sigma / PREVIEW_LEVEL)
 
 
 def _like_f_r(lighting: Lighting, normal: Any, colour: Any) -> list[Any]:
@@ -176,12 +183,12 @@ def _like_f_r(lighting: Lighting, normal: Any, colour: Any) -> list[Any]:
     return viewport_closures(lighting.lobe, normal, colour)
 
 
-def _lookup(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+def _lookup(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     drawn, f_cos = _draw(lighting, normal)
     x = _times(f_cos, lighting.gain)
     if not lighting.exact:
         reflected, _, _, _ = call(slices, uv, x, 1.0, drawn.random[0])
-        return _mirror(drawn, reflected, lighting, tint)
+        return _mirror(drawn, reflected, lighting, adjustments)
     lobe = lighting.lobe
     peak: Any = 1.0
     if lighting.peak:
@@ -193,8 +200,9 @@ def _lookup(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) ->
         residual = residual + expr.scale(envelope, x - native)
         share = 1 - (1 - share) * lobe.native_share
     chance = _mirror_chance(residual, reflected, share, lighting)
-    mirror = _mirror(drawn, residual, lighting, tint, chance)
-    weight = expr.scale(envelope * tint, expr.divide(lighting.sigma * lobe.native_share, 1 - chance))
+    mirror = _mirror(drawn, residual, lighting, adjustments, chance)
+    part = expr.divide(lighting.sigma * lobe.native_share, 1 - chance)
+    weight = expr.scale(adjustments.apply(envelope), part)
     closure = native_closure(lobe, weight, normal)
     return choose_closure(drawn.random[1] < chance, closure, mirror)
 
@@ -214,22 +222,23 @@ def _mirror_chance(residual: Any, reflected: Any, share: Any, lighting: Lighting
     return part * (1 - 2 * MIN_CHOICE) + MIN_CHOICE
 
 
-def _lit_texture(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+def _lit_texture(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     """The brightest photograph as a texture on f_r."""
     level = expr.vec(1.0, 1.0, 1.0) if lighting.measured is not None else 1.0
-    texture = call(slices, uv, level, 1.0, 0.0)[0] * tint  # any number below 1 draws the last slice
+    # Any number below 1 draws the last slice.
+    texture = adjustments.apply(call(slices, uv, level, 1.0, 0.0)[0])
     if lighting.native and lighting.lobe.native_share == 1:
         return native_closure(lighting.lobe, expr.scale(texture, lighting.sigma), normal)
     return _proportional(*_draw(lighting, normal), lighting, texture)
 
 
-def _angular(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any) -> Any:
+def _angular(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     """The photograph taken at the light's elevation, relative to its mean, as a texture on f_r."""
     drawn, f_cos = _draw(lighting, normal)
     level = expr.maximum(piecewise_linear((lighting.level_by_cosine,), drawn.cosine)[0], 1e-4)
     x = expr.vec(level, level, level) if lighting.measured is not None else level
     texture = call(slices, uv, x, 1.0, drawn.random[0])[0]
-    return _proportional(drawn, f_cos, lighting, expr.scale(texture, 1 / level) * tint)
+    return _proportional(drawn, f_cos, lighting, adjustments.apply(expr.scale(texture, 1 / level)))
 
 
 def _proportional(drawn: DrawnDirection, f_cos: Any, lighting: Lighting, texture: Any) -> Any:
@@ -238,7 +247,7 @@ def _proportional(drawn: DrawnDirection, f_cos: Any, lighting: Lighting, texture
     return drawn.mirror(colour)
 
 
-def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, light_level: Any) -> Any:
+def _viewport(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any, light_level: Any) -> Any:
     """EEVEE: what the flat material would send out, by Shader to RGB, is the level; its hue stays with the light.
 
     A level of 1 is what the brightest photograph shows under light of unit irradiance, so "Light Level" is the
@@ -248,13 +257,14 @@ def _viewport(slices: Any, lighting: Lighting, normal: Any, tint: Any, uv: Any, 
     luminance = expr.dot(radiance, expr.vec(*LUMINANCE))
     scale = light_level * (lighting.a_max / lighting.sigma)
     x = expr.divide(luminance, scale)
-    texel = call(slices, uv, 1.0 if lighting.settings.technique == "lit_texture" else x, 1.0, 1.0)[0]
+    level = 1.0 if lighting.settings.technique == "lit_texture" else x
+    texel = adjustments.saturated(call(slices, uv, level, 1.0, 1.0)[0])
     hue = expr.scale(radiance, expr.divide(1.0, luminance))
     if lighting.settings.technique == "lit_texture":
         colour = texel * expr.scale(radiance, lighting.sigma)
     else:
         colour = expr.scale(texel * hue, scale * lighting.sigma)
-    return expr.Scalar(expr.node("ShaderNodeEmission", {}, {"Color": colour * tint}).outputs[0])
+    return expr.Scalar(expr.node("ShaderNodeEmission", {}, {"Color": colour * adjustments.gain}).outputs[0])
 
 
 def _sum_shader_to_rgb(lighting: Lighting, normal: Any) -> Any:

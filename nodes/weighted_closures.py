@@ -17,6 +17,7 @@ from ..bake.envelope.texture import row_coordinate
 from ..bake.envelope.viewers import ViewerGrid, Viewers
 from ..bake.lobes.lobes import Lobe
 from . import expr
+from .adjustments import Adjustments
 from .drawn_direction import frame_of
 from .native_closure import add_closures, native_closure
 
@@ -29,12 +30,14 @@ class WeightedClosures:
     ----------
     viewers : at which weights are known: elevations, or a grid of two angles
     tangent : of the surface, in world space, along which the first of a closure's widths lies; None where there is one
+    gloss : divides the widths of GGX closures; None leaves them as fitted
     """
 
     closures: Sequence[Lobe | AnisotropicLobe]
     image: bpy.types.Image
     viewers: Viewers
     tangent: Any = None
+    gloss: Any = None
 
     def weights(self, wo: Any) -> list[tuple[Any, Any]]:
         """Colour and alpha of each closure, seen from local wo."""
@@ -46,16 +49,16 @@ class WeightedClosures:
             rows = [1 - (k + 0.5) / count for k in range(count)]
         return [expr.image_tap(self.image, u, row, "Linear") for row in rows]
 
-    def closure(self, weights: list[tuple[Any, Any]], normal: Any, factor: Any) -> Any:
-        """Sum of the closures, times a colour."""
+    def closure(self, weights: list[tuple[Any, Any]], normal: Any, adjustments: Adjustments, factor: Any = 1.0) -> Any:
+        """Sum of the closures, adjusted, times a scalar."""
         parts = [
-            native_closure(lobe, colour * factor, normal, self.tangent)
+            native_closure(lobe, adjustments.apply(colour, factor), normal, self.tangent, self.gloss)
             for lobe, (colour, _) in zip(self.closures, weights, strict=True)
         ]
         return add_closures(parts)
 
-    def alone(self, normal: Any, tint: Any) -> Any:
+    def alone(self, normal: Any, adjustments: Adjustments) -> Any:
         """The closures by themselves."""
         incoming = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Incoming"])
         wo, _, _ = frame_of(normal, incoming, self.tangent)
-        return self.closure(self.weights(wo), normal, tint)
+        return self.closure(self.weights(wo), normal, adjustments)

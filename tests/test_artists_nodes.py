@@ -69,7 +69,7 @@ def test_a_group_inside_an_artists_group_is_rebuilt_there(registered: None, bund
     artists.interface.new_socket("BSDF", in_out="OUTPUT", socket_type="NodeSocketShader")
     inner = artists.nodes.new("ShaderNodeGroup")
     inner.node_tree = node.node_tree
-    inner.inputs["Tint"].default_value = (0.5, 0.25, 1.0)
+    inner.inputs["Tint"].default_value = (0.5, 0.25, 1.0, 1)
     for key in node.keys():
         inner[key] = node[key]
     artists.links.new(inner.outputs["BSDF"], artists.nodes.new("NodeGroupOutput").inputs[0])
@@ -85,7 +85,7 @@ def test_a_group_inside_an_artists_group_is_rebuilt_there(registered: None, bund
     rebuild.rebuild_brdf(material, Choices(mode="reference"))
     assert sorted(n.name for n in tree.nodes) == before
     assert target.links[0].from_node == mix and mix.inputs[1].links[0].from_node == outer
-    assert tuple(inner.inputs["Tint"].default_value) == (0.5, 0.25, 1.0)
+    assert tuple(inner.inputs["Tint"].default_value) == (0.5, 0.25, 1.0, 1.0)
     assert rebuild.current_choices(material).mode == "reference"
     assert any("sampler" in node.image.name for node in image_nodes(artists))
 

@@ -52,7 +52,7 @@ def featured(bundle: Bundle, mode: str, tint: float = 1.0) -> bpy.types.Material
     material = build_material(bundle, mode=mode, lamps=lamp_image())
     node = group_node(material)
     node.node_tree = with_feature_outputs(node.node_tree, albedo_polynomial(BrdfRecord.read(bundle)))
-    node.inputs["Tint"].default_value = (tint,) * 3
+    node.inputs["Tint"].default_value = (*(tint,) * 3, 1)
     return material
 
 

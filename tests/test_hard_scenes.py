@@ -15,6 +15,7 @@ from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.nodes import compat, expr
+from measured_materials.nodes.adjustments import NEUTRAL
 from measured_materials.nodes.group import call, node_group
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import assemble
@@ -64,7 +65,7 @@ class TwoLobes:
         def build(normal: Any, tint: Any) -> Any:
             return add_closures([native_closure(lobe, expr.scale(tint, w), normal) for w, lobe in self.parts])
 
-        group = node_group("Native", {"Normal": "vector", "Tint": "vector"}, {"BSDF": "shader"}, build)
+        group = node_group("Native", {"Normal": "vector", "Tint": "color"}, {"BSDF": "shader"}, build, NEUTRAL)
         material = compat.new_material("native")
         assemble(material, group, (0.5, 0.5, 0.5))
         return material
@@ -97,7 +98,7 @@ def check(bundle: Bundle, name: str, mode: str, samples: int) -> None:
         assert_agree(found, EFFECT)
         if name == "as_usual":
             group = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
-            group.inputs["Tint"].default_value = (1.02,) * 3
+            group.inputs["Tint"].default_value = (*(1.02,) * 3, 1)
             found = compare(pictures, scene.render(samples, range(900, 906)), mask, tolerance=TABLE_ERROR)
             assert not found.passed, "planted 2 % were not found"
 

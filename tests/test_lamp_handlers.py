@@ -246,7 +246,7 @@ def test_edits_of_materials_look_at_no_lamp(scene: TestScene, grey: Bundle, coun
     layer.update()
     before, material = counted["survey"], scene.sphere.data.materials[0]
     group = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
-    group.inputs["Tint"].default_value = (0.5, 0.5, 0.5)
+    group.inputs["Tint"].default_value = (0.5, 0.5, 0.5, 1)
     layer.update()
     assert counted["survey"] == before and slots() == {1}
     scene.show(build_shading_map(grey, lamps=lamp_image()))

@@ -108,7 +108,8 @@ def map_words(material: bpy.types.Material) -> str:
     """Short description of a baked shading map."""
     record = record_of(material)
     rows = dict(map_rows(record) + energy_rows(record) + map_error_rows(record))
-    return f"{rows['Shading map']}, envelope {rows['Envelope']}, held-out error {rows['Held-out']}"
+    shaders = rows["Cycles' shaders"]
+    return f"{rows['Shading map']}, Cycles' shaders {shaders}, left-out error {rows['Left-out error']}"
 
 
 def set_repeat(material: bpy.types.Material, repeat: float, layout: SliceLayout) -> None:

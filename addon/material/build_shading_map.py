@@ -70,6 +70,8 @@ def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tupl
     if source is None or source.bl_idname != "ShaderNodeUVMap" or source.uv_map:
         return None
     scale = mapping.inputs["Scale"].default_value
+    if mapping.vector_type == "TEXTURE":  # as laid out by its physical size
+        scale = [1 / s if s else 0.0 for s in scale]
     # Turned by any angle, a texel is at most as large as by the smaller of the two.
     least = min(abs(scale[0]) * width, abs(scale[1]) * height)
     return least, least

@@ -130,6 +130,17 @@ def _distance(obj: Any, matrix: Any, eye: Vector) -> float:
 
 def _largest_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) -> float | None:
     """Extent in the world of the texel that is stretched most; None without UVs."""
+    triangles = uv_triangles(obj, linear)
+    return None if triangles is None else _largest_stretch(triangles[0], triangles[1] * texels)
+
+
+def uv_triangles(obj: Any, linear: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Corners in the world (n, 3, 3) and in the active UV map (n, 3, 2) of an object's triangles; None without UVs.
+
+    Parameters
+    ----------
+    linear : (3, 3), from the object's axes to the world's
+    """
     mesh = obj.to_mesh()
     try:
         layer = mesh.uv_layers.active if mesh is not None else None
@@ -146,8 +157,7 @@ def _largest_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) ->
     finally:
         obj.to_mesh_clear()
     corners = places.reshape(-1, 3)[vertices].reshape(-1, 3, 3) @ linear.T
-    uv = uvs.reshape(-1, 2)[loops].reshape(-1, 3, 2) * texels
-    return _largest_stretch(corners, uv)
+    return corners, uvs.reshape(-1, 2)[loops].reshape(-1, 3, 2)
 
 
 def _largest_stretch(corners: np.ndarray, uv: np.ndarray) -> float | None:

@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable
 import bpy
 
 from ...nodes.group import looking_once
-from . import camera_rules, light_path_rules, material_rules, mix_rules, pass_rules, scene_rules
+from . import camera_rules, energy_rules, light_path_rules, material_rules, mix_rules, pass_rules, scene_rules
 from .findings import NOTE, SEVERITIES, Finding, Subject, subject_of
 
 _ROUNDS = 3
@@ -32,6 +32,7 @@ def _found(subject: Subject) -> list[Finding] | None:
         *pass_rules.RULES,
         mix_rules.mixed_mirror,
         *camera_rules.RULES,
+        energy_rules.too_bright,
     )
     if not subject.mirrors:  # mode Preview: native closures, which Cycles' own settings suit
         rules = (
@@ -39,6 +40,7 @@ def _found(subject: Subject) -> list[Finding] | None:
             material_rules.common_names,
             material_rules.texture_limit,
             material_rules.changed_groups,
+            energy_rules.too_bright,
         )
     found = [finding for rule in rules for finding in rule(subject)]
     return sorted(found, key=lambda finding: SEVERITIES.index(finding.severity))

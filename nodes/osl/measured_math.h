@@ -24,6 +24,15 @@ float mm_chord(vector a, vector b)
   return min(length(a - b) * M_SQRT1_2, 1.0);
 }
 
+// nodes/adjustments.py: saturation_group, exactly the colour itself at 1
+color mm_saturated(color value, float saturation)
+{
+  if (saturation == 1)
+    return value;
+  float luminance = 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2];
+  return max(mix(color(luminance), value, max(saturation, 0.0)), color(0));
+}
+
 color mm_tap(string image, float s, float t, string interpolation, output float alpha)
 {
   // Without derivatives no coarser mip level is ever read.

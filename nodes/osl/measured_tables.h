@@ -26,7 +26,7 @@ struct MMGrid {
 };
 
 // The samples: the atlas of bake/tables/atlas.py, `columns` slices side by side, and what its
-// values are multiplied by, or their codes stand for.
+// values are multiplied by, or their codes stand for. An artist's saturation is applied to all that is looked up.
 struct MMTable {
   string image;
   float scale;
@@ -37,6 +37,7 @@ struct MMTable {
   int rows;
   string filter;
   int stochastic;
+  float saturation;
 };
 
 // bake/tables/grids/parameterization.py: forward
@@ -213,7 +214,7 @@ int mm_chosen(float weights[4], int count, float random, output float rest)
   return place;
 }
 
-// nodes/table_lookup_group.py: the BRDF in 1/sr without the cosine
+// nodes/table_lookup_group.py: the BRDF in 1/sr without the cosine, saturated
 color mm_lookup(MMTable table, MMGrid grid, vector wi, vector wo, float random)
 {
   float at[4];
@@ -248,7 +249,7 @@ color mm_lookup(MMTable table, MMGrid grid, vector wi, vector wo, float random)
         for (int j = 0; j < count_b; ++j)
           value += weights_a[i] * weights_b[j] * mm_slice(table, grid, a + i, b + j, at[2], at[3]);
   }
-  return (value - table.offset) * (table.scale / mm_factor(grid, wi, wo));
+  return mm_saturated((value - table.offset) * (table.scale / mm_factor(grid, wi, wo)), table.saturation);
 }
 
 #endif

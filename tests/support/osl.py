@@ -28,7 +28,7 @@ def declared_table(grid: Grid, file: Path, filter: str, log: str = "vector(0), v
     """Statements that declare `table` and its grid `g`; `log` are the range and gain of codes."""
     c = grid_constants(grid)
     return f"""MMGrid g = {osl_grid(grid)};
-      MMTable table = {{"{file}", 1, 0, {log}, {c["Columns"]}, {c["Rows"]}, "{filter}", 0}};"""
+      MMTable table = {{"{file}", 1, 0, {log}, {c["Columns"]}, {c["Rows"]}, "{filter}", 0, 1}};"""
 
 
 def skip_without_osl() -> None:

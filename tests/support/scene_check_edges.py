@@ -8,6 +8,7 @@ from pathlib import Path
 
 from measured_materials.addon.scene_check import (
     camera_rules,
+    energy_rules,
     light_path_rules,
     material_rules,
     mix_rules,
@@ -58,7 +59,7 @@ from support.scene_check_changes import (
     world_seen_by,
 )
 
-MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules)
+MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules, energy_rules)
 STOP = 0.4392  # at which 50 mm that focus at 2.53 blur over one of 32 pixels of 36 mm
 
 
@@ -178,6 +179,7 @@ ELSEWHERE = {
     "not_aimed": "test_modes.py, of a material fitted to no lamps",
     "not_sampled": "test_sampled_lamps.py, of a file of a newer Blender",
     "emission_sampling": "test_sampled_lamps.py, of a file of a newer Blender",
+    "too_bright": "test_adjust.py, of a material of known albedo",
     "pixel_jitter": "test_settings_of_newer_versions",
     "texture_resolution": "test_settings_of_newer_versions",
     "world_shadow": "test_settings_of_newer_versions",

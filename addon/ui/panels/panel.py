@@ -26,6 +26,7 @@ from ..import_photographs import MEASURED_MATERIALS_OT_import_arc
 from ..kind_forms import form_of
 from ..properties.lighting import draw_lighting
 from ..properties.quality import draw_quality
+from .adjust_rows import AdjustPanel
 from .check_scene import draw_status
 from .pictures import picture_of
 from .places import TITLE, in_both_places
@@ -177,6 +178,7 @@ def _where_rebuildable(layout: bpy.types.UILayout, material: bpy.types.Material,
 
 classes = (
     *in_both_places(_Panel),
+    *in_both_places(AdjustPanel, "adjust"),
     *in_both_places(_LightingPanel, "lighting"),
     *in_both_places(_EffectsPanel, "effects"),
     *in_both_places(_BakePanel, "bake"),

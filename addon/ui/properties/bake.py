@@ -12,7 +12,9 @@ from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ....bake.tables.grids.parameterization import Parameterization
 from ....bake.tables.search.grid_search import BASES
 from ....bake.tables.table import Filter
+from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
+from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
 from .registration import registration
 
 _USUAL = BakeSettings()
@@ -55,6 +57,8 @@ def _enum(
     return enum(name, description, choices, _WORDS | (words or {}), usual)
 
 
+_QUALITY = quality_choice(BRDF_LEVELS)
+_ADVANCED = advanced()
 _RESOLUTION = bpy.props.IntProperty(
     name="Resolution",
     description="N of an N x N x 2N table, or of one of as many bytes. Time and memory grow with its cube",
@@ -88,19 +92,19 @@ _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USU
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _SAMPLER_WORDS = {
-    "alias": ("Alias Tables", "Four random numbers: less noise, and a little quicker to render"),
+    "alias": ("Tables", "Four random numbers: less noise, and a little quicker to render"),
     "warp": ("Warp", "Two random numbers, which may be of low discrepancy: a ninth of the sampler's bytes"),
 }
 _SAMPLER = _enum(
-    "Sampler",
+    "Light Directions",
     "How directions of the light are drawn",
     KINDS,
     kind_of_layout(_USUAL.sampler),
     _SAMPLER_WORDS,
 )
 _ENVELOPE = bpy.props.BoolProperty(
-    name="Native Closures",
-    description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
+    name="Cycles' Own Shaders",
+    description="Let Cycles' own shaders carry what they can of the measurement, and the mirror only the rest: less "
     "noise, at a bias of at most 0.1 % of the light",
     default=_USUAL.envelope,
 )
@@ -114,6 +118,8 @@ _PACK = bpy.props.BoolProperty(
 class BakeProperties:
     """Mixed into a PropertyGroup or an Operator."""
 
+    quality: _QUALITY
+    advanced: _ADVANCED
     resolution: _RESOLUTION
     basis: _BASIS
     parameterization: _PARAMETERIZATION
@@ -172,9 +178,11 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
 
 
 def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
-    """Draw the settings of a BRDF's bake that have an effect."""
-    column = layout.column()
-    column.use_property_split, column.use_property_decorate = True, False
+    """Draw the quality of a BRDF's bake and, where they are asked for, the settings that have an effect."""
+    inner = draw_quality_choice(layout, properties, BRDF_LEVELS, settings_of)
+    if inner is None:
+        return
+    column = heading(inner, "Table")
     column.prop(properties, "resolution")
     column.prop(properties, "basis")
     column.prop(properties, "parameterization")
@@ -187,9 +195,11 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "filter")
     if properties.filter == "bspline":
         column.prop(properties, "spline")
-    column.prop(properties, "storage")
+    column = heading(inner, "Rendering")
     column.prop(properties, "sampler")
     column.prop(properties, "envelope")
+    column = heading(inner, "Files")
+    column.prop(properties, "storage")
     column.prop(properties, "pack")
 
 

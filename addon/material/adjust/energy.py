@@ -1,0 +1,137 @@
+"""Whether an adjusted material reflects more light than it receives, as far as that can be known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ....bake.errors import BakeError
+from ....bake.sampling.gloss import MOST
+from ....bake.source import LUMINANCE
+from ....nodes.adjustments import GLOSS, NEUTRAL
+from ....nodes.material_tree import measured_nodes
+from ..facts import record_of
+
+# Albedos are integrals over tables, and exact to about this.
+_TOLERANCE = 1e-3
+# Of what is told as safe: four digits, rounded down.
+_DIGITS = 1e4
+
+
+@dataclass(frozen=True)
+class Energy:
+    """What an adjusted material reflects at most of the light that arrives from one direction.
+
+    Parameters
+    ----------
+    largest : directional albedo of the brightest channel seen from where it is largest; None where that is unknown
+    unknown : sockets that are linked, whose values differ from place to place
+    safe_brightness : the largest at which no more light leaves than arrives, with the other sockets as they are
+    node : whose sockets these are
+    """
+
+    largest: float | None = None
+    unknown: tuple[str, ...] = ()
+    safe_brightness: float = float("inf")
+    node: bpy.types.Node | None = None
+
+    @property
+    def gains(self) -> bool:
+        """Whether more light leaves than arrives."""
+        return self.largest is not None and self.largest > 1 + _TOLERANCE
+
+    @property
+    def mend(self) -> Callable[[], None] | None:
+        """Sets the brightness to the largest that is safe; None where too much light is not what is known."""
+        return self._lower if self.gains and self.node is not None and "Brightness" in self.node.inputs else None
+
+    def _lower(self) -> None:
+        assert self.node is not None
+        self.node.inputs["Brightness"].default_value = self.safe_brightness
+
+    @property
+    def words(self) -> str:
+        """One sentence for the artist; empty where all is well."""
+        if self.unknown:
+            names, many = " and ".join(self.unknown), len(self.unknown) > 1
+            return f"{names} {'are' if many else 'is'} linked: whether it reflects too much light cannot be known"
+        if not self.gains:
+            return ""
+        told = f"Reflects up to {self.largest:.4g} times the light that it receives"
+        return f"{told}; Brightness is safe up to {self.safe_brightness:.4g}"
+
+
+def energy_of(material: bpy.types.Material) -> Energy | None:
+    """Energy of a measured material by the sockets of its node.
+
+    The directional albedo of the measurement is adjusted as the reflectance is, which is the same, since both are
+    linear; of a saturation above 1, where negative values are cut off, it is a lower bound. A gloss above 1 brightens
+    native closures, a softer one loses light. Of several nodes the worst is told.
+
+    Returns
+    -------
+    None where nothing is adjusted, the albedo is not known, or the material has no sockets for it.
+    """
+    try:
+        record = record_of(material)
+    except BakeError:
+        return None
+    seen = _Seen(np.array(record.albedo.directional, np.float64), record.rendering.brightened)
+    found = [energy for _, node in measured_nodes(material.node_tree) if (energy := _energy(node, seen)) is not None]
+    return max(found, key=lambda energy: (bool(energy.unknown), energy.largest or 0.0), default=None)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Directional albedo (n, 3) as measured, and what a gloss adds to it, see `RenderingRecord`."""
+
+    rows: NDArray[np.float64]
+    brightened: Sequence[tuple[float, Sequence[Sequence[float]]]]
+
+    def at(self, gloss: float) -> NDArray[np.float64]:
+        """The albedo under a gloss; of a softer one, which loses light, an upper bound."""
+        if not self.brightened:
+            return self.rows
+        glosses = np.array([step for step, _ in self.brightened])
+        more = np.array([rows for _, rows in self.brightened], np.float64)
+        if more.shape[1:] != self.rows.shape:
+            return self.rows
+        flat = more.reshape(len(glosses), -1)
+        found = [np.interp(gloss, glosses, column) for column in flat.T]
+        return self.rows + np.reshape(found, self.rows.shape)
+
+
+def _energy(node: bpy.types.Node, seen: _Seen) -> Energy | None:
+    """By the sockets of one node; None where they are neutral."""
+    sockets = {name: node.inputs[name] for name in NEUTRAL if name in node.inputs}
+    gloss = sockets.pop(GLOSS, None)
+    linked = tuple(name for name, socket in sockets.items() if socket.is_linked)
+    rows = seen.at(MOST if gloss is not None and gloss.is_linked else gloss.default_value if gloss is not None else 1.0)
+    if gloss is not None and gloss.is_linked and rows.max() > max(1.0, seen.rows.max()) + _TOLERANCE:
+        linked += (GLOSS,)
+    if linked:
+        return Energy(unknown=linked)
+    values = {name: _value(socket.default_value) for name, socket in sockets.items()}
+    unchanged = all(np.allclose(value, _value(NEUTRAL[name])) for name, value in values.items())
+    if unchanged and np.allclose(rows, seen.rows):
+        return None
+    per_brightness = float(np.max(saturated(rows, values.get("Saturation", 1.0)) * values.get("Tint", 1.0)))
+    brightness = float(values.get("Brightness", 1.0))
+    safe = np.floor(_DIGITS / per_brightness) / _DIGITS if per_brightness > 0 else float("inf")
+    return Energy(per_brightness * brightness, (), float(safe), node)
+
+
+def saturated(reflectance: NDArray[np.float64], saturation: float) -> NDArray[np.float64]:
+    """The same as `Adjustments.saturated`, of an array (..., 3)."""
+    grey = reflectance @ np.array(LUMINANCE)
+    saturation = max(saturation, 0.0)
+    return np.maximum(reflectance * saturation + grey[..., None] * (1 - saturation), 0.0)
+
+
+def _value(value: object) -> NDArray[np.float64]:
+    """A number, or a colour without its alpha."""
+    return np.array(value, np.float64)[:3] if np.ndim(value) else np.array(value, np.float64)

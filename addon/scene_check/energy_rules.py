@@ -1,0 +1,22 @@
+"""Rule of the scene check: a material that an artist has made reflect more light than it receives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..material.adjust.energy import energy_of
+from ..material.facts import is_measured
+from .findings import NOTE, Finding, Subject, editable
+
+
+def too_bright(subject: Subject) -> Iterator[Finding]:
+    """By tint, brightness and saturation; what is linked is not known and not told here."""
+    for material in filter(is_measured, subject.wearers):
+        energy = energy_of(material)
+        if energy is None or energy.mend is None:
+            continue
+        found = f"reflects up to {energy.largest:.4g} times the light that it receives"
+        wanted = f"of a Brightness of {energy.safe_brightness:.4g}"
+        why = "light between such surfaces grows with every bounce"
+        mend = editable(material, energy.mend)
+        yield Finding("too_bright", NOTE, f"material {material.name}", found, wanted, why, mend)

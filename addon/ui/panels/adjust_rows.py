@@ -1,0 +1,96 @@
+"""The Adjust panel: the sockets of a material's own node, to be set, keyed and linked, and what stands before them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ....nodes.adjustments import GLOSS, SOCKETS
+from ....nodes.material_tree import measured_nodes
+from ...material.adjust.energy import energy_of
+from ...material.adjust.relief import relief_nodes
+from ...material.adjust.swatch import random_tiling_node, swatch_mapping
+from ...material.kinds import SHADING_MAP, kind_of
+from ..adjust import (
+    MEASURED_MATERIALS_OT_add_bump,
+    MEASURED_MATERIALS_OT_add_normal_map,
+    MEASURED_MATERIALS_OT_lay_out,
+    MEASURED_MATERIALS_OT_random_tiling,
+    MEASURED_MATERIALS_OT_safe_brightness,
+)
+from ..context import ForMeasured, shown_material
+from ..fit_to_scene import MEASURED_MATERIALS_OT_fit_to_scene
+from .wrapped_text import Lines
+
+
+class AdjustPanel(ForMeasured):
+    """What can be changed without a bake."""
+
+    bl_label = "Adjust"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self: Any, context: bpy.types.Context) -> None:
+        """Colour, relief and, of photographs, how the swatch lies."""
+        draw_adjust(self.layout, shown_material(context), Lines(context))
+
+
+def draw_adjust(layout: Any, material: bpy.types.Material, lines: Lines) -> None:
+    """Rows for the first of the material's measured nodes."""
+    place = next(iter(measured_nodes(material.node_tree)), None)
+    if place is None:
+        lines.draw(layout, "Its measured group is no longer among its nodes", "ERROR")
+        return
+    layout.use_property_split, layout.use_property_decorate = True, True
+    layout.enabled = material.is_editable
+    _draw_colour(layout, material, *place, lines)
+    _draw_relief(layout, material)
+    if kind_of(material) is SHADING_MAP:
+        _draw_swatch(layout, material)
+
+
+def _draw_colour(layout: Any, material: bpy.types.Material, tree: Any, node: Any, lines: Lines) -> None:
+    """Sockets of the node, and whether too much light is reflected."""
+    names = (*SOCKETS, *((GLOSS,) if kind_of(material) is not SHADING_MAP else ()))
+    for name in names:
+        if name in node.inputs:
+            _draw_socket(layout, tree, node, name)
+    if any(name not in node.inputs for name in names):
+        lines.draw(layout, "An older version made this material; Fit to Scene adds what is missing here", "INFO")
+        layout.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
+    energy = energy_of(material)
+    if energy is not None and energy.words:
+        lines.draw(layout, energy.words, "ERROR" if energy.gains else "INFO")
+        if energy.mend is not None:
+            layout.operator(MEASURED_MATERIALS_OT_safe_brightness.bl_idname, icon="LIGHT")
+
+
+def _draw_socket(layout: Any, tree: Any, node: Any, name: str) -> None:
+    """An input as the material's Surface is drawn: a value to key, a dot to link a texture by, or what is linked."""
+    layout.template_node_view(tree, node, node.inputs[name])
+
+
+def _draw_relief(layout: Any, material: bpy.types.Material) -> None:
+    """Settings of the nodes before the normal, and buttons for those that are not there."""
+    bump, normal_map = relief_nodes(material)
+    for node, rows in ((bump, ("Strength", "Distance", "Height")), (normal_map, ("Strength", "Color"))):
+        if node is not None:
+            layout.label(text=node.label or node.bl_label)
+            for name in rows:
+                _draw_socket(layout, node.id_data, node, name)
+    row = layout.row(align=True)
+    if bump is None:
+        row.operator(MEASURED_MATERIALS_OT_add_bump.bl_idname, icon="ADD")
+    if normal_map is None:
+        row.operator(MEASURED_MATERIALS_OT_add_normal_map.bl_idname, icon="ADD")
+
+
+def _draw_swatch(layout: Any, material: bpy.types.Material) -> None:
+    """Size, rotation and random tiling."""
+    mapping, tiling = swatch_mapping(material), random_tiling_node(material)
+    layout.operator(MEASURED_MATERIALS_OT_lay_out.bl_idname, icon="DRIVER_DISTANCE")
+    if mapping is not None and not mapping.inputs["Rotation"].is_linked:
+        layout.prop(mapping.inputs["Rotation"], "default_value", index=2, text="Rotation")
+    layout.operator(MEASURED_MATERIALS_OT_random_tiling.bl_idname, icon="MOD_ARRAY", depress=tiling is not None)
+    for name in ("Patch Size", "Seed") if tiling is not None else ():
+        _draw_socket(layout, tiling.id_data, tiling, name)

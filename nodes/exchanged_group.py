@@ -1,0 +1,74 @@
+"""Another group in a node, in place: values, links, keyframes and drivers of what both groups have stay."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import bpy
+
+from . import compat
+
+
+def exchange_group(tree: bpy.types.NodeTree, node: bpy.types.Node, group: bpy.types.ShaderNodeTree) -> frozenset[str]:
+    """Give the node of a tree another group; returns the names of the inputs that it had before.
+
+    A value whose type has changed is carried over as far as it goes: a vector that has become a colour keeps its three
+    numbers.
+    """
+    before = [socket.name for socket in node.inputs]
+    kept = {s.name: (getattr(s, "default_value", None), [k.from_socket for k in s.links]) for s in node.inputs}
+    kept = {name: (tuple(v) if hasattr(v, "__len__") else v, links) for name, (v, links) in kept.items()}
+    targets = [(s.name, [k.to_socket for k in s.links]) for s in node.outputs]
+    node.node_tree = group
+    for name, (value, sources) in kept.items():
+        socket = node.inputs.get(name)
+        if socket is not None:
+            # An artist may have changed the type of an input to one that has nothing in common with the old one.
+            with contextlib.suppress(TypeError, ValueError):
+                socket.default_value = _fitted(value, socket)
+            for source in sources:
+                tree.links.new(source, socket)
+    for name, sockets in targets:
+        for socket in sockets if name in node.outputs else ():
+            tree.links.new(node.outputs[name], socket)
+    _move_animation(tree, node, before)
+    return frozenset(before)
+
+
+def _fitted(value: Any, socket: Any) -> Any:
+    """A value for this socket: colours have an alpha, vectors have none."""
+    if not isinstance(value, tuple):
+        return value
+    if socket.type == "RGBA":
+        return (*value, 1.0) if len(value) == 3 else value
+    return value[:3] if socket.type == "VECTOR" else value
+
+
+def _move_animation(tree: bpy.types.NodeTree, node: bpy.types.Node, before: Sequence[str]) -> None:
+    """Let keyframes and drivers, which know an input by its number alone, follow it to its place in the new group."""
+    start = f'nodes["{bpy.utils.escape_identifier(node.name)}"].inputs['
+    moved = {k: node.inputs.find(name) for k, name in enumerate(before)}
+    for curve in _curves(tree):
+        found = re.fullmatch(r"(\d+)(\].*)", curve.data_path.removeprefix(start), re.DOTALL)
+        if not curve.data_path.startswith(start) or found is None:
+            continue
+        old = int(found[1])
+        new = moved.get(old, -1)
+        # What the new group lacks may come back with the next one.
+        if new not in (-1, old):
+            curve.data_path = f"{start}{new}{found[2]}"
+
+
+def _curves(tree: bpy.types.NodeTree) -> Iterable[bpy.types.FCurve]:
+    """Keyframed curves and drivers of a tree that can be changed, each once."""
+    data = tree.animation_data
+    if data is None:
+        return []
+    strips = [strip for track in data.nla_tracks for strip in track.strips if strip.action is not None]
+    used = [(data.action, getattr(data, "action_slot", None))] if data.action is not None else []
+    used += [(strip.action, getattr(strip, "action_slot", None)) for strip in strips]
+    once = {(action, getattr(slot, "handle", 0)): slot for action, slot in used if action.is_editable}
+    return [*data.drivers, *(curve for (action, _), slot in once.items() for curve in compat.curves_of(action, slot))]
