@@ -1,7 +1,5 @@
 """The add-on in Blender with photographs: import, another light without a bake, baking again, what the panel says."""
 
-
-
 from __future__ import annotations
 
 import shutil

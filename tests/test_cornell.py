@@ -11,9 +11,10 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import BrdfSource, luminance
-from measured_materials.bake.sources import cornell, read_source, scattered
-from measured_materials.bake.sources.scattered_invariants import invariants
-from measured_materials.bake.sources.scattered_lobes import nonnegative_least_squares
+from measured_materials.bake.sources import cornell, read_source
+from measured_materials.bake.sources.lookup import scattered
+from measured_materials.bake.sources.lookup.scattered_invariants import invariants
+from measured_materials.bake.sources.lookup.scattered_lobes import nonnegative_least_squares
 from measured_materials.bake.spectrum import spectrum_to_rec709
 
 LARGEST_THETA = np.radians(80)

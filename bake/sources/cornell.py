@@ -22,7 +22,7 @@ from ..errors import BakeError
 from ..reading import Illuminant, Reading
 from ..source import Array, Facts, Reader
 from ..spectrum import white_point, xyz_to_rec709, xyz_weights
-from .scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
+from .lookup.scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
 
 MAX_BYTES = 64 << 20
 MAX_LINE_BYTES = 1 << 16

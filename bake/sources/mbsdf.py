@@ -19,8 +19,8 @@ import numpy as np
 from ..directions import polar_angle
 from ..errors import BakeError
 from ..source import Array, Json, Reader
-from .lookup_source import Axis, LookupSource, azimuth_between, grey, interpolate, negative_facts
-from .text_file import LARGEST_VALUE, printable
+from .lookup.lookup_source import Axis, LookupSource, azimuth_between, grey, interpolate, negative_facts
+from .lookup.text_file import LARGEST_VALUE, printable
 
 MAGIC = b"NVIDIA ARC MBSDF V1\n"
 MAX_BYTES = 512 << 20

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import BakeError
 from ..source import Array, Json, Reader
-from .lookup_source import LookupSource
+from .lookup.lookup_source import LookupSource
 
 LAYERS = 3
 _INPUTS, _OUTPUTS, _MOST_UNITS = 6, 3, 1024

@@ -14,9 +14,9 @@ import numpy as np
 from ..directions import polar_angle
 from ..errors import BakeError
 from ..source import Array, Json, Reader
-from .lookup_source import Axis, LookupSource, azimuth_between, azimuth_of, interpolate, negative_facts
+from .lookup.lookup_source import Axis, LookupSource, azimuth_between, azimuth_of, interpolate, negative_facts
+from .lookup.text_file import LARGEST_VALUE
 from .neural_brdf import READER as NETWORK
-from .text_file import LARGEST_VALUE
 
 MAX_BYTES = 2 << 30
 _REMEDY = (

@@ -22,7 +22,7 @@ from ..directions import polar_angle
 from ..errors import BakeError
 from ..reading import Reading
 from ..source import Array, Json, Reader
-from .lookup_source import Axis, LookupSource, azimuth_of, interpolate, negative_facts
+from .lookup.lookup_source import Axis, LookupSource, azimuth_of, interpolate, negative_facts
 
 THETAS, PHIS = 6, 48
 FILE_BYTES = 3 * (THETAS * PHIS) ** 2 * 8

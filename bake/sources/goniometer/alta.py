@@ -18,8 +18,8 @@ import numpy as np
 
 from ...directions import normalize, spherical
 from ...source import Array, Reader
-from ..lookup_source import LookupSource
-from ..text_file import TextFile, printable
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import TextFile, printable
 from .scattered_source import Colour, scattered_source
 
 MAX_SAMPLES = 200_000

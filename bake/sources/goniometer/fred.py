@@ -15,8 +15,8 @@ import numpy as np
 
 from ...directions import spherical
 from ...source import Array, Reader
-from ..lookup_source import LookupSource
-from ..text_file import TextFile
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import TextFile
 from .scattered_source import scattered_source
 
 _REMEDY = "export the measurement again as FRED's tabular scatter data"

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...source import Array
 from ...spectrum import xyz_to_rec709
-from ..lookup_source import grey
-from ..text_file import TextFile
+from ..lookup.lookup_source import grey
+from ..lookup.text_file import TextFile
 
 MAX_NODES = 2000
 MAX_ENTRIES = 1 << 25

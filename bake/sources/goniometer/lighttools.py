@@ -18,8 +18,8 @@ import numpy as np
 
 from ...directions import spherical
 from ...source import Array, Reader
-from ..lookup_source import LookupSource
-from ..text_file import TextFile
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import TextFile
 from .keywords import MAX_ENTRIES, Words
 from .scattered_source import scattered_source
 from .zemax import has_keywords

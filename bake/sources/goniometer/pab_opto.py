@@ -20,8 +20,8 @@ import numpy as np
 from ...directions import spherical
 from ...errors import BakeError
 from ...source import Array, Reader
-from ..lookup_source import LookupSource
-from ..text_file import TextFile, printable
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import TextFile, printable
 from .scattered_source import scattered_source
 
 MAX_FILES = 2000

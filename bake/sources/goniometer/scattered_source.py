@@ -8,9 +8,9 @@ import numpy as np
 
 from ...source import Array
 from ...spectrum import xyz_to_rec709
-from ..lookup_source import LookupSource, negative_facts
-from ..scattered import MIN_SAMPLES, fit_scattered
-from ..text_file import TextFile
+from ..lookup.lookup_source import LookupSource, negative_facts
+from ..lookup.scattered import MIN_SAMPLES, fit_scattered
+from ..lookup.text_file import TextFile
 
 Colour = Literal["grey", "rgb", "xyz"]
 

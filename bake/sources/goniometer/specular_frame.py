@@ -8,8 +8,8 @@ import numpy as np
 
 from ...directions import polar_angle
 from ...source import Array
-from ..lookup_source import Axis, LookupSource, interpolate, negative_facts
-from ..text_file import TextFile
+from ..lookup.lookup_source import Axis, LookupSource, interpolate, negative_facts
+from ..lookup.text_file import TextFile
 
 _BELOW = 1e-9
 

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from ...source import Array, Reader
-from ..lookup_source import LookupSource
-from ..text_file import TextFile
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import TextFile
 from .keywords import MAX_ENTRIES, Words, to_rgb
 from .specular_frame import SpecularGrid
 

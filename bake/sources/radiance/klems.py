@@ -19,8 +19,8 @@ import numpy as np
 from ...directions import polar_angle
 from ...errors import BakeError
 from ...source import Array
-from ..lookup_source import azimuth_of, negative_facts
-from ..text_file import LARGEST_VALUE, printable
+from ..lookup.lookup_source import azimuth_of, negative_facts
+from ..lookup.text_file import LARGEST_VALUE, printable
 
 _REMEDY = "give a file over LBNL/Klems Full, Half or Quarter"
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from ...errors import BakeError
 from ...source import Array
-from ..lookup_source import negative_facts
-from ..text_file import LARGEST_VALUE, printable
+from ..lookup.lookup_source import negative_facts
+from ..lookup.text_file import LARGEST_VALUE, printable
 
 MAX_NODES = 1 << 24
 MAX_DEPTH = 12

@@ -22,8 +22,8 @@ from ...errors import BakeError
 from ...reading import Reading
 from ...source import Array, Reader
 from ...spectrum import xyz_to_rec709
-from ..lookup_source import LookupSource
-from ..text_file import printable
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import printable
 from .klems import klems_lookup
 from .tensor_tree import tree_lookup
 

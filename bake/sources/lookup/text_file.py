@@ -8,8 +8,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..errors import BakeError
-from ..source import Array
+from ...errors import BakeError
+from ...source import Array
 
 MAX_LINE_BYTES = 1 << 18
 LARGEST_VALUE = 1e8

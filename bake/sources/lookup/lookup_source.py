@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..source import Array, Facts
+from ...source import Array, Facts
 
 _CHUNK = 1 << 15
 # cos(pi / 2) is not 0 in floating point, yet such a direction lies on the horizon.
