@@ -13,14 +13,17 @@ from typing import Any
 
 import bpy
 
+from ..bake.sampling.gloss import LEAST, MOST
 from ..bake.source import LUMINANCE
 from . import expr
 from .group import call, node_group
 
 SOCKETS = {"Tint": "color", "Brightness": "float", "Saturation": "float"}
-NEUTRAL: dict[str, Any] = {"Tint": (1.0, 1.0, 1.0, 1.0), "Brightness": 1.0, "Saturation": 1.0}
+# Of measured BRDFs: it acts on directions, not on the reflectance, see `nodes.gloss_group`.
+GLOSS = "Gloss"
+NEUTRAL: dict[str, Any] = {"Tint": (1.0, 1.0, 1.0, 1.0), "Brightness": 1.0, "Saturation": 1.0, GLOSS: 1.0}
 # What a slider offers; a link may bring anything, and what is negative then counts as 0.
-LIMITS = {"Brightness": (0.0, 10.0), "Saturation": (0.0, 2.0)}
+LIMITS = {"Brightness": (0.0, 10.0), "Saturation": (0.0, 2.0), GLOSS: (LEAST, MOST)}
 # Shown where the mouse rests on a socket or its row in the panel.
 WORDS = {
     "Normal": "Shading normal; link a Bump or a Normal Map",

@@ -24,6 +24,8 @@ NAME = "MM Aim"
 # Custom properties of the group and of its outputs: how many lamps they aim at, and whether at the world.
 SLOTS_KEY = "measured_materials_lamps"
 WORLD_KEY = "measured_materials_world"
+# Of a group that aims only at what the shader could sample and does not: whether that has the world's picture.
+INSTEAD_KEY = "measured_materials_instead"
 # Lamps that are aimed at. The first takes 155 nodes of the compiled shader, each other about 120, the world 53.
 MAX_SLOTS = 4
 _SWITCHED = "mute extension"
@@ -62,6 +64,18 @@ def aimed_light_group(
     return group
 
 
+def aimed_instead_group(lamps: bpy.types.Image, pictured: bool) -> bpy.types.ShaderNodeTree:
+    """`aimed_light_group` of materials that sample lamps and, if `pictured`, a world: at what they cannot sample now.
+
+    An output more is 1 where it aims, and 0 as a constant where all is sampled.
+    """
+    world = world_table()
+    name = f"{NAME} Instead of Picture" if pictured else f"{NAME} Instead"
+    group = made_before(_family(lamps, world, name)) or _new_group(lamps, world, min(MAX_SLOTS, lamps.size[1]), name)
+    group[INSTEAD_KEY] = pictured
+    return group
+
+
 def can_switch(group: bpy.types.NodeTree) -> bool:
     """Whether it has room; groups of versions before have none, and aim at what they were built for."""
     return SLOTS_KEY in group and SWITCHED_KEY in group
@@ -94,27 +108,30 @@ def made_before(family: str) -> bpy.types.ShaderNodeTree | None:
     return next((t for t in own if content_hash(t) == t[HASH_KEY]), None)
 
 
-def _family(lamps: bpy.types.Image, world: bpy.types.Image) -> str:
+def _family(lamps: bpy.types.Image, world: bpy.types.Image, name: str = NAME) -> str:
     # With the file's own world as versions before called it: what such a group stood in stays as it was built.
-    return f"{NAME} by {lamps.name_full}" + f" and {world.name_full}" * (world.name_full != WORLD)
+    return f"{name} by {lamps.name_full}" + f" and {world.name_full}" * (world.name_full != WORLD)
 
 
-def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int) -> bpy.types.ShaderNodeTree:
+def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int, name: str = NAME) -> bpy.types.ShaderNodeTree:
     parts = _Parts(
-        _lamp_group(lamps), _draw_group(), _density_group(), _world_draw_group(world), _world_density_group(world)
+        _lamp_group(lamps), _draw_group(), _density_group(), world_draw_group(world), world_density_group(world)
     )
+    # Groups of equal content would be one.
+    outputs = _OUTPUTS if name == NAME else _OUTPUTS | {name.removeprefix("MM "): "float"}
 
-    def build(*arguments: Any) -> tuple[Any, Any, Any]:
+    def build(*arguments: Any) -> tuple[Any, ...]:
         for slots in range(room + 1):
             for with_world in (False, True) if lamps.size[1] > 1 else (False,):
                 if slots or with_world:
-                    _output(call(_mixture_group(lamps, parts, slots, with_world), *arguments), slots, with_world)
-        return arguments[2], 0.0, 1.0
+                    found = call(_mixture_group(lamps, parts, slots, with_world), *arguments)
+                    _output(dict(zip(outputs, (*found, 1.0))), slots, with_world)
+        return (arguments[2], 0.0, 1.0, 0.0)[: len(outputs)]
 
-    group = node_group(NAME, _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
+    group = node_group(name, _INPUTS, outputs, build, switched=_SWITCHED)
     nothing = active_output(group)
     nothing[SLOTS_KEY], nothing[WORLD_KEY], nothing.label = 0, False, "Aim at nothing"
-    group[FAMILY_KEY] = _family(lamps, world)
+    group[FAMILY_KEY] = _family(lamps, world, name)
     aim_by(group, 0, False)
     return group
 
@@ -137,10 +154,11 @@ def _mixture_group(lamps: bpy.types.Image, parts: _Parts, slots: int, with_world
         seen = [call(parts.lamp, float(k), position, normal) for k in range(slots)]
         return _mixture(lamps, parts, seen, with_world, (position, normal, wi), numbers)
 
-    return node_group(f"MM Towards {_targets(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
+    return node_group(f"MM Towards {targets(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
 
 
-def _targets(slots: int, world: bool) -> str:
+def targets(slots: int, world: bool) -> str:
+    """What a group is switched to, in words."""
     return " and ".join([f"{slots} Lamp{'s' * (slots > 1)}"] * (slots > 0) + ["World"] * world)
 
 
@@ -184,13 +202,13 @@ def which_light(threshold: Any, light: list[Any]) -> Any:
     return index
 
 
-def _output(results: tuple[Any, Any, Any], slots: int, world: bool) -> None:
+def _output(results: dict[str, Any], slots: int, world: bool) -> None:
     """A Group Output beside the first."""
     expr.need_tree()
-    made = expr.node("NodeGroupOutput", {}, dict(zip(_OUTPUTS, results)))
+    made = expr.node("NodeGroupOutput", {}, results)
     made.is_active_output = False
     made[SLOTS_KEY], made[WORLD_KEY] = slots, world
-    made.label = f"Aim at {_targets(slots, world)}"
+    made.label = f"Aim at {targets(slots, world)}"
 
 
 def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
@@ -229,7 +247,7 @@ def _density_group() -> bpy.types.ShaderNodeTree:
     return node_group("MM Density Towards Lamp", inputs, {"Density": "float"}, build)
 
 
-def _world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+def world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """(two random numbers, that which has decided to aim, the share of draws to aim) to a direction."""
 
     def build(u1: Any, u2: Any, u_aim: Any, share: Any) -> Any:
@@ -242,7 +260,7 @@ def _world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     return node_group("MM Draw Towards World", inputs, {"wi": "vector"}, build, switched=_SWITCHED)
 
 
-def _world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+def world_density_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """A direction to its density per solid angle."""
 
     def build(wi: Any) -> Any:

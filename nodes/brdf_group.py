@@ -8,15 +8,18 @@ from typing import Any
 import bpy
 
 from . import expr
-from .adjustments import LIMITS, NEUTRAL, SOCKETS, Adjustments
+from .adjustments import GLOSS, LIMITS, NEUTRAL, SOCKETS, Adjustments
 from .exact_closure import exact_closure, reference_closure
+from .gloss_group import held_gloss
 from .group import node_group
+from .lamp_light_groups import LightTables
 from .lamp_share_group import LampShares
 from .native_closure import choose_closure
-from .sampled_closure import LampTables, sampled_closure
+from .sampled_closure import sampled_closure
 from .surface_marker import mean_roughness, with_marker
 from .table_groups import TableGroups
 from .weighted_closures import WeightedClosures
+from .world_picture import Surroundings
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class BrdfParts:
     lamps : table of lamps to aim at
     shares : of a lamp's light that is the residual's, for its probability
     lights : what these lamps emit, where the shader is to sample them
+    around : the world's picture, where it is to be sampled too
     anisotropic : the parts lie in the frame of a tangent, which the group then takes
     normals : a view layer shows the Normal pass, which mirrors would spoil
     """
@@ -41,13 +45,14 @@ class BrdfParts:
     lamps: bpy.types.Image | None = None
     shares: LampShares | None = None
     lights: bpy.types.Image | None = None
+    around: Surroundings | None = None
     anisotropic: bool = False
     normals: bool = False
 
-    def along(self, tangent: Any) -> BrdfParts:
-        """The same parts in the frame of this tangent, in world space."""
+    def placed(self, gloss: Any, tangent: Any = None) -> BrdfParts:
+        """The same parts under a gloss, and in the frame of this tangent, in world space."""
         table, envelope, preview = (
-            None if part is None else replace(part, tangent=tangent)
+            None if part is None else replace(part, gloss=gloss, tangent=tangent)
             for part in (self.table, self.envelope, self.preview)
         )
         return replace(self, table=table, envelope=envelope, preview=preview)
@@ -60,19 +65,19 @@ class BrdfParts:
         if self.table is None:
             return self.envelope.alone(normal, adjustments)
         if self.lamps is not None and self.lights is not None:
-            tables = LampTables(self.lamps, self.lights)
+            tables = LightTables(self.lamps, self.lights, self.around)
             return sampled_closure(self.envelope, self.table, normal, adjustments, tables)
         return exact_closure(self.envelope, self.table, normal, adjustments, self.lamps, self.shares)
 
 
 def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTree:
-    """(Normal, `Adjustments`), Tangent if anisotropic, to a shader, and to one for EEVEE where there is a preview."""
+    """The inputs of `brdf_inputs` to a shader, and to one for EEVEE where there is a preview."""
     inputs = brdf_inputs(parts.anisotropic)
 
     def build(*values: Any) -> Any:
         named = dict(zip(inputs, values, strict=True))
         normal, adjustments = named["Normal"], Adjustments.among(named)
-        placed = parts.along(named["Tangent"]) if parts.anisotropic else parts
+        placed = parts.placed(held_gloss(named[GLOSS]), named.get("Tangent"))
         preview = None if placed.preview is None else placed.preview.alone(normal, adjustments)
         if mode == "preview":
             return preview, preview
@@ -90,7 +95,7 @@ def brdf_group(name: str, mode: str, parts: BrdfParts) -> bpy.types.ShaderNodeTr
 
 def brdf_inputs(anisotropic: bool) -> dict[str, str]:
     """Inputs of a measured BRDF's group and their kinds."""
-    return {"Normal": "vector", **SOCKETS} | ({"Tangent": "vector"} if anisotropic else {})
+    return {"Normal": "vector", **SOCKETS, GLOSS: "float"} | ({"Tangent": "vector"} if anisotropic else {})
 
 
 def after_diffuse() -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
+from . import portions
 from .data_image import LoadedBundle
 from .texture_content import file_content, image_content
 
@@ -27,6 +28,7 @@ def check_once(bundle: Bundle, name: str, purpose: str, check: Callable[[], obje
     sha256 = str(bundle.material["images"][name]["sha256"]) if bundle.has(name) else ""
     if (sha256, purpose) in _fit and _content(bundle, name) == sha256:
         return
+    portions.rest()
     check()
     if len(_fit) >= _MOST:
         _fit.clear()

@@ -18,6 +18,7 @@ from ..bake.bundle.bundle import Bundle
 from ..bake.bundle.image_names import common_name, title_of, unique_name
 from ..bake.errors import BakeError
 from ..bake.images.storage import Storage
+from . import portions
 from .texture_content import content_of, file_of, image_content
 
 # A material's textures, by the names of the bundle's images.
@@ -56,6 +57,7 @@ def bundle_image(bundle: Bundle, name: str, label: str, *, pack: bool = False) -
     there = shared_image(path, name, entry["sha256"], half=half, pack=pack)
     if there is not None:
         return there
+    portions.rest()
     image = load_data_image(path, label, half=half, pack=pack)
     image[PART_KEY], image[CONTENT_KEY] = name, entry["sha256"]
     if pack:

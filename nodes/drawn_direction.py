@@ -10,6 +10,7 @@ import bpy
 
 from . import expr
 from .aimed_light_group import aimed_light_group
+from .gloss_group import seen_above, seen_from_table, seen_in_table
 from .group import call
 from .lens_group import lens_group
 from .local_frame_group import to_world, viewer_frame_group
@@ -22,6 +23,8 @@ class DrawnDirection:
     """`wi` and `wo` local, `wi_world` and `incoming` not; `pdf` of wi; `random` two numbers that nothing has used.
 
     `roulette` is a third one where directions are aimed, and their weights may be as small as lamps are; else None.
+    Under a gloss wi and its density are of the table, `wi_world` is where it is seen, and `above` whether that is above
+    the horizon.
     """
 
     wi: Any
@@ -31,6 +34,7 @@ class DrawnDirection:
     pdf: Any
     random: tuple[Any, Any]
     roulette: Any = None
+    above: Any = 1.0
 
     def mirror(self, weight: Any) -> Any:
         """Closure that sends the path along wi with this weight."""
@@ -39,7 +43,7 @@ class DrawnDirection:
     @property
     def cosine(self) -> Any:
         """cos(theta_i), 0 below the horizon: nothing is reflected there, and Cycles drops a closure of weight 0."""
-        return expr.maximum(expr.components(self.wi)[2], 0.0)
+        return expr.maximum(expr.components(self.wi)[2], 0.0) * self.above
 
 
 def drawn_direction(
@@ -48,6 +52,7 @@ def drawn_direction(
     density: Callable[[Any, Any], Any],
     lamps: bpy.types.Image | None = None,
     tangent: Any = None,
+    gloss: Any = None,
 ) -> DrawnDirection:
     """Draw a direction.
 
@@ -58,6 +63,7 @@ def drawn_direction(
     density : (wi, wo) to that pdf for any wi; used with `lamps` only
     lamps : table of lamps to aim at by one-sample MIS with the balance heuristic over all of them
     tangent : of the surface, world, in whose frame wi and wo are local; by default in the viewer's own
+    gloss : factor of the half vector's slopes, see `bake.sampling.gloss`; by default none
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
@@ -65,7 +71,8 @@ def drawn_direction(
     u = (*call(lens_group(), *u[:2]), *u[2:])
     wo, along, across = frame_of(normal, incoming, tangent)
     wi, pdf = sample(wo, *u[:4])
-    world = to_world(wi, along, across, normal)
+    seen = wi if gloss is None else seen_from_table(wi, wo, gloss)[0]
+    world = to_world(seen, along, across, normal)
     roulette = None
     if lamps is not None:
         position = expr.Vector(geometry.outputs["Position"])
@@ -73,9 +80,13 @@ def drawn_direction(
         # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
         world, aimed, rest = call(aimed_light_group(lamps), position, normal, world, *more[:2], u[0], u[1])
         roulette = more[2]
-        wi = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+        wi = seen = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+        if gloss is not None:
+            wi, spread = seen_in_table(seen, wo, gloss)
+            aimed = expr.divide(aimed, spread)
         pdf = aimed + rest * density(wi, wo)
-    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6], roulette)
+    above = 1.0 if gloss is None else seen_above(seen, gloss)
+    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6], roulette, above)
 
 
 def frame_of(normal: Any, incoming: Any, tangent: Any = None) -> tuple[Any, Any, Any]:

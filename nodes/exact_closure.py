@@ -38,7 +38,7 @@ def exact_closure(
     chance = weights[0][1]
     if lamps is not None and shares is not None:
         tangent = () if table.tangent is None else (table.tangent,)
-        chance = call(lamp_share_group(shares, lamps), drawn.wo, normal, chance, *tangent)
+        chance = call(lamp_share_group(shares, lamps), drawn.wo, normal, chance, table.gloss, *tangent)
     gain = expr.divide(drawn.cosine, drawn.pdf * chance)
     residual = expr.scale(call(table.lookup, drawn.wi, drawn.wo, drawn.random[0]), gain)
     native = envelope.closure(weights, normal, adjustments, expr.divide(1.0, 1 - chance))

@@ -10,8 +10,9 @@ from typing import Any
 
 import bpy
 
-from . import expr
+from . import expr, portions
 from .group_copy import copy_as_recorded, is_fit_to_copy
+from .group_making import make_as_recorded
 from .keeping import Keeping
 from .recording import CannotRecord, Recording
 
@@ -76,7 +77,7 @@ def node_group(
         shape = recording.shape(interface, lambda inner: inner.get(SHAPE_KEY) or _content_of(inner))
         donor = _unchanged(SHAPE_KEY, shape)
         tree = copy_as_recorded(donor, recording, name) if donor is not None and is_fit_to_copy(donor) else None
-    tree = tree or _made(name, inputs, outputs, function, defaults or {}, limits or {}, switched)
+    tree = tree or _made(name, inputs, outputs, function, defaults or {}, limits or {}, switched, recording, recipe)
     digest = content_hash(tree)
     other = _unchanged(HASH_KEY, digest, but=tree)
     if other is not None:
@@ -119,30 +120,58 @@ def _made(
     defaults: Mapping[str, Any],
     limits: Mapping[str, tuple[float, float]],
     switched: str,
+    recording: Recording | None,
+    recipe: str,
 ) -> bpy.types.ShaderNodeTree:
-    """A new group, node by node."""
-    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
-    try:
-        for socket, kind in inputs.items():
-            made = tree.interface.new_socket(socket, in_out="INPUT", socket_type=_SOCKETS[kind])
-            if socket in defaults:
-                made.default_value = defaults[socket]
-            if socket in limits:
-                made.min_value, made.max_value = limits[socket]
-        for socket, kind in outputs.items():
-            tree.interface.new_socket(socket, in_out="OUTPUT", socket_type=_SOCKETS[kind])
-        source, sink = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
-        with expr.building(tree):
-            arguments = [_value(source.outputs[s], kind) for s, kind in inputs.items()]
-            results = function(*arguments)
-            for socket, value in zip(outputs, results if isinstance(results, tuple) else (results,), strict=True):
-                expr.feed(tree, sink.inputs[socket], value)
-    except BaseException:
-        bpy.data.node_groups.remove(tree)
-        raise
+    """A new group, node by node: as recorded, or by the function where that takes a tree in Blender."""
+
+    def begin() -> bpy.types.ShaderNodeTree:
+        return _begun(name, inputs, outputs, defaults, limits)
+
+    tree = make_as_recorded(recording, recipe, begin) if recording is not None else _made_by(function, inputs, begin)
     if switched:
         tree[SWITCHED_KEY] = switched
     arrange(tree)
+    return tree
+
+
+def _begun(
+    name: str,
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, str],
+    defaults: Mapping[str, Any],
+    limits: Mapping[str, tuple[float, float]],
+) -> bpy.types.ShaderNodeTree:
+    """A group with its interface, and with nothing in it but the node of its inputs and that of its outputs."""
+    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    for socket, kind in inputs.items():
+        made = tree.interface.new_socket(socket, in_out="INPUT", socket_type=_SOCKETS[kind])
+        if socket in defaults:
+            made.default_value = defaults[socket]
+        if socket in limits:
+            made.min_value, made.max_value = limits[socket]
+    for socket, kind in outputs.items():
+        tree.interface.new_socket(socket, in_out="OUTPUT", socket_type=_SOCKETS[kind])
+    tree.nodes.new("NodeGroupInput")
+    tree.nodes.new("NodeGroupOutput")
+    return tree
+
+
+def _made_by(
+    function: Callable[..., Any], inputs: Mapping[str, str], begin: Callable[[], bpy.types.ShaderNodeTree]
+) -> bpy.types.ShaderNodeTree:
+    tree = begin()
+    try:
+        source, sink = tree.nodes
+        with expr.building(tree):
+            results = function(*(_value(source.outputs[socket], kind) for socket, kind in inputs.items()))
+            found = results if isinstance(results, tuple) else (results,)
+            # The virtual socket behind the last one is no output.
+            for socket, value in zip(list(sink.inputs)[:-1], found, strict=True):
+                expr.feed(tree, socket, value)
+    except BaseException:
+        bpy.data.node_groups.remove(tree)
+        raise
     return tree
 
 
@@ -220,7 +249,8 @@ _hashes: Keeping[int, str] = Keeping()
 
 def hashing_once() -> AbstractContextManager[None]:
     """Inside, a tree is hashed once. For builders, which change no tree that is finished."""
-    return _hashes.kept()
+    work = portions.active()
+    return _hashes.kept(None if work is None else work.hashes)
 
 
 def content_hash(tree: bpy.types.ShaderNodeTree) -> str:

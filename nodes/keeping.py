@@ -22,9 +22,13 @@ class Keeping(Generic[Key, Value]):
         self.found: dict[Key, Value] | None = None
 
     @contextmanager
-    def kept(self) -> Iterator[None]:
-        """Inside, what is found is kept; entered again inside, it stays until the outermost ends."""
-        before, self.found = self.found, {} if self.found is None else self.found
+    def kept(self, known: dict[Key, Value] | None = None) -> Iterator[None]:
+        """Inside, what is found is kept; entered again inside, it stays until the outermost ends.
+
+        Where that begins with what is `known`, it goes there.
+        """
+        before = self.found
+        self.found = before if before is not None else {} if known is None else known
         try:
             yield
         finally:

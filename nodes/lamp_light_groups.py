@@ -1,34 +1,40 @@
-"""Node groups: lamps that the shader itself samples, and those that a drawn direction meets (method.md, section 10).
+"""Node groups: light that the shader itself samples, and that which a drawn direction meets (method.md, section 10).
 
-From Blender 5.1 on a Raycast node says whether a point of a lamp is seen. The shader then shows what the lamp's light
-gives as emission, on every sample, and need not wait for a mirror to meet the lamp.
+From Blender 5.1 on a Raycast node says whether a point of a lamp, or the world, is seen. The shader then shows what its
+light gives as emission, on every sample, and need not wait for a mirror to meet it.
 
-Both groups have room for as many lamps as are ever aimed at, as `nodes.aimed_light_group` has, and are switched alike.
+Both groups have room for as many lamps as are ever aimed at, as `nodes.aimed_light_group` has, and for the world where
+it is one picture, and are switched alike.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import bpy
 
-from ..bake.sampling.lamp_light import (
-    SHORT,
-    beam_factor,
-    distance_along,
-    facing_aim,
-    opposite,
-)
+from ..bake.sampling.lamp_light import ENDLESS, SHORT, beam_factor, distance_along, facing_aim
 from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
+from ..bake.sampling.world import expected_world_light
 from ..bake.source import LUMINANCE
 from . import expr
-from .aimed_light_group import MAX_SLOTS, SLOTS_KEY, WORLD_KEY, aim_by, made_before, which_light
+from .aimed_light_group import (
+    MAX_SLOTS,
+    SLOTS_KEY,
+    WORLD_KEY,
+    aim_by,
+    made_before,
+    targets,
+    which_light,
+    world_density_group,
+    world_draw_group,
+)
 from .group import FAMILY_KEY, active_output, call, node_group
-from .light_images import texel
+from .light_images import texel, world_table
+from .world_picture import Surroundings, lit_group, radiance_group
 
-POINTS = 1
 # Custom property of a group that samples lamps, which has to know their light, rather than aims at them.
 SAMPLED_KEY = "measured_materials_sampled"
 # Of a lamp's radiance: what may stand behind it, which its surroundings throw back.
@@ -38,9 +44,17 @@ _FAR_BRIGHTER = 100.0
 _SWITCHED = "mute extension"
 _AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f in fields(Aim)}
 _SEEN = _AIM | {"Light": "float", "Radiance": "vector", "Beam": "vector", "Facing": "float"}
-_MET = {"All": "vector", "Counted": "vector"}
-_POINT = {"wi": "vector", "Density": "float", "Light": "vector"}
-POINT_OUTPUTS = {f"{name} {j}": kind for j in range(1, POINTS + 1) for name, kind in _POINT.items()}
+_MET = {"All": "vector", "Towards": "float", "Distance": "float"}
+_POINT = {"wi": "vector", "Density": "float", "Light": "vector", "Length": "float"}
+
+
+@dataclass(frozen=True)
+class LightTables:
+    """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`, and the world's picture, if it is one."""
+
+    lamps: bpy.types.Image
+    lights: bpy.types.Image
+    around: Surroundings | None = None
 
 
 def can_raycast() -> bool:
@@ -48,80 +62,124 @@ def can_raycast() -> bool:
     return hasattr(bpy.types, "ShaderNodeRaycast")
 
 
-def lamp_points_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """(Position, Normal, three random numbers) to `POINTS` points of one lamp, the second opposite of the first.
+def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
+    """(Position, Normal, three random numbers) to a direction towards a lamp's point or the world's bright parts.
 
-    Of each the direction, the density of having drawn it, by the lamp's share of the light too, and the radiance that
-    comes from there, 0 where something stands between.
-
-    Parameters
-    ----------
-    lamps : the table of `bake.sampling.lamps.lamp_table`
-    lights : that of `bake.sampling.lamp_light.lamp_light_table`
+    Its density, by the light's share of all of it too, and the radiance that comes from there, 0 where something stands
+    between.
     """
-    seen_group, point_group = _seen_group(lamps, lights), _point_group()
 
-    def results(slots: int, position: Any, normal: Any, *numbers: Any) -> tuple[Any, ...]:
-        u_lamp, u1, u2 = numbers
-        seen = [call(seen_group, float(k), position, normal) for k in range(slots)]
-        light = [found[len(_AIM)] for found in seen]
-        target, share = seen[0], 1.0
-        if slots > 1:
-            total = sum(light[1:], start=light[0])
-            target = call(seen_group, which_light(u_lamp * total, light), position, normal)
-            share = expr.divide(target[len(_AIM)], total)
-        points: list[Any] = []
-        for j in range(POINTS):
-            wi, density, radiance = call(point_group, *target, position, *opposite(expr, target[0], j, u1, u2))
-            points += [wi, density * share, radiance]
-        return tuple(points)
+    def results(slots: int, world: bool, position: Any, normal: Any, *numbers: Any) -> tuple[Any, ...]:
+        chosen = call(chosen_group(tables, slots, world), position, normal, *numbers)
+        wi, density, radiance, length = chosen
+        return wi, density, expr.scale(radiance, 1 - _ray(position, wi, length)[0])
 
     inputs = {
         "Position": "vector",
         "Normal": "vector",
-        "Random Lamp": "float",
+        "Random Light": "float",
         "Random 1": "float",
         "Random 2": "float",
     }
+    outputs = {"wi": "vector", "Density": "float", "Light": "vector"}
     nothing = expr.vec(0.0, 0.0, 1.0), 1.0, expr.vec(0.0, 0.0, 0.0)
-    return _switched_group("MM Lamp Points", inputs, POINT_OUTPUTS, results, nothing * POINTS, lamps, lights)
+    return _switched_group("MM Light Point", inputs, outputs, results, nothing, tables)
 
 
-def lamp_met_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """(Position, Normal, wi, density of the sampler for wi) to the lamps' light along wi, and what of it is counted.
+def chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.ShaderNodeTree:
+    """As `light_point_group`, before anybody has asked whether the point is seen, and how far away it is.
 
-    Counted is the part that `lamp_points_group` gives by the balance heuristic; both are 0 where wi meets no lamp, or
+    Here ends what needs no Raycast node.
+    """
+    seen_group, point_group = _seen_group(tables), _point_group()
+
+    def build(position: Any, normal: Any, u_light: Any, u1: Any, u2: Any) -> tuple[Any, ...]:
+        seen = [call(seen_group, float(k), position, normal) for k in range(slots)]
+        light = [found[len(_AIM)] for found in seen]
+        if world:
+            light.append(call(_world_light_group(tables), normal))
+        if slots == 0:
+            return *call(_world_point_group(tables), u1, u2, u_light, 1.0), ENDLESS
+        target, share = seen[0], 1.0
+        if len(light) == 1:
+            return call(point_group, *target, position, u1, u2)
+        total = sum(light[1:], start=light[0])
+        number = u_light * total
+        index = which_light(number, light)
+        if slots > 1:
+            target = call(seen_group, index, position, normal)
+        found = call(point_group, *target, position, u1, u2)
+        brought = target[len(_AIM)]
+        if world:
+            # What choosing leaves of the number chooses within the world too.
+            of_world = call(_world_point_group(tables), u1, u2, number - sum(light[1:-1], start=light[0]), light[-1])
+            far = index > slots - 0.5
+            found = [expr.where(far, theirs, own) for theirs, own in zip((*of_world, ENDLESS), found, strict=True)]
+            brought = expr.where(far, light[-1], brought)
+        share = expr.divide(brought, total)
+        return found[0], found[1] * share, *found[2:]
+
+    inputs = {"Position": "vector", "Normal": "vector"} | dict.fromkeys(("Light", "Random 1", "Random 2"), "float")
+    return node_group(f"MM Point of {targets(slots, world)}", inputs, _POINT, build, switched=_SWITCHED)
+
+
+def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
+    """(Position, Normal, wi, density of the sampler for wi) to lamps' and world's light along wi, and what is counted.
+
+    Counted is the part that `light_point_group` gives by the balance heuristic; both are 0 where wi meets no light, or
     something stands between. Behind is about the radiance of what is seen past the lamp, or 0 where a ray that is sent
     there may end before it arrives. Together is 1 where it should be sent even so, beside the closures.
     """
-    seen_group, met_group = _seen_group(lamps, lights), _met_group()
 
-    def results(slots: int, position: Any, normal: Any, wi: Any, density: Any) -> tuple[Any, ...]:
-        seen = [call(seen_group, float(k), position, normal) for k in range(slots)]
+    def results(slots: int, world: bool, position: Any, normal: Any, wi: Any, density: Any) -> tuple[Any, ...]:
+        seen = [call(_seen_group(tables), float(k), position, normal) for k in range(slots)]
         light = [found[len(_AIM)] for found in seen]
+        if world:
+            light.append(call(_world_light_group(tables), normal))
         total = sum(light[1:], start=light[0])
-        every: Any = None
-        counted: Any = None
+        hit, distance = _ray(position, wi, ENDLESS) if world else (None, None)
+        out: Any = 0.0
+        every: list[Any] = []
+        counted: list[Any] = []
         for found, own in zip(seen, light):
-            part, shared = call(met_group, *found, position, wi, density, expr.divide(own, total))
-            every, counted = (part, shared) if every is None else (every + part, counted + shared)
-        sky, _, _ = expr.components(texel(lamps, 0.0, TEXELS - 1)[0])
-        return every, counted, *_behind(every, sky)
+            radiance, towards, length = call(_met_group(), *found, position, wi)
+            if world:
+                # One ray for all: what it meets is behind the lamp.
+                shown = expr.maximum(1 - hit, distance > length)
+            else:
+                shown = 1 - _ray(position, wi, length)[0]
+            every.append(expr.scale(radiance, shown))
+            towards = towards * expr.divide(own, total)
+            counted.append(expr.scale(every[-1], expr.divide(towards, towards + density)))
+        if world:
+            surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
+            # A mirror reflects nothing that comes from below the surface proper, which a ray may pass.
+            leaves = (1 - hit) * (expr.dot(wi, surface) > 0)
+            radiance = expr.scale(call(radiance_group(_around(tables)), wi), leaves)
+            towards = call(world_density_group(world_table()), wi) * expr.divide(light[-1], total)
+            out = (expr.dot(radiance, expr.vec(1.0, 1.0, 1.0)) > 0) * 1.0
+            every.append(radiance)
+            counted.append(expr.scale(radiance, expr.divide(towards, towards + density)))
+        whole = sum(every[1:], start=every[0])
+        sky, _, _ = expr.components(texel(tables.lamps, 0.0, TEXELS - 1)[0])
+        return whole, sum(counted[1:], start=counted[0]), *_behind(whole, sky, out)
 
     inputs = {"Position": "vector", "Normal": "vector", "wi": "vector", "Density": "float"}
-    dark, outputs = expr.vec(0.0, 0.0, 0.0), _MET | {"Behind": "float", "Together": "float"}
-    return _switched_group("MM Lamps Met", inputs, outputs, results, (dark, dark, 0.0, 0.0), lamps, lights)
+    outputs = {"All": "vector", "Counted": "vector", "Behind": "float", "Together": "float"}
+    dark = expr.vec(0.0, 0.0, 0.0)
+    return _switched_group("MM Light Met", inputs, outputs, results, (dark, dark, 0.0, 0.0), tables)
 
 
-def _behind(every: Any, sky: Any) -> tuple[Any, Any]:
+def _behind(every: Any, sky: Any, out: Any) -> tuple[Any, Any]:
     """Expected radiance behind a lamp, and whether its ray goes on beside the closures.
 
     Cycles ends paths at random once they have bounced or passed something transparent, and then what is taken off the
     mirror's ray no longer cancels what it brings: of a lamp that is not much brighter than the sky that is bearable.
+    Where the ray leaves for a world whose light is known, out is 1, and nothing else is behind.
     """
     path = expr.node("ShaderNodeLightPath", {}, {}).outputs
     certain = (expr.Scalar(path["Ray Depth"]) + expr.Scalar(path["Transparent Depth"])) < 0.5
-    lamp, background = expr.dot(every, expr.vec(*LUMINANCE)), sky * (1 / math.pi)
+    lamp, background = expr.dot(every, expr.vec(*LUMINANCE)), sky * (1 / math.pi) * (1 - out)
     together = (lamp < background * _FAR_BRIGHTER) * (1 - certain)
     return (lamp * _BEHIND + background) * certain, together
 
@@ -132,20 +190,24 @@ def _switched_group(
     outputs: dict[str, str],
     results: Any,
     nothing: tuple[Any, ...],
-    lamps: bpy.types.Image,
-    lights: bpy.types.Image,
+    tables: LightTables,
 ) -> bpy.types.ShaderNodeTree:
-    """A group of one Group Output for each number of lamps; the first, of none, gives `nothing`."""
+    """A group of one Group Output for each number of lamps, without and with the world; the first gives `nothing`."""
 
     def build(*arguments: Any) -> tuple[Any, ...]:
-        for slots in range(1, min(MAX_SLOTS, lamps.size[1]) + 1):
-            made = expr.node("NodeGroupOutput", {}, dict(zip(outputs, results(slots, *arguments), strict=True)))
-            made.is_active_output = False
-            made[SLOTS_KEY], made[WORLD_KEY] = slots, False
-            made.label = f"{slots} lamp{'s' * (slots > 1)}"
+        for slots in range(min(MAX_SLOTS, tables.lamps.size[1]) + 1):
+            for world in (False, True) if tables.around else (False,):
+                if slots or world:
+                    found = results(slots, world, *arguments)
+                    made = expr.node("NodeGroupOutput", {}, dict(zip(outputs, found, strict=True)))
+                    made.is_active_output = False
+                    made[SLOTS_KEY], made[WORLD_KEY] = slots, world
+                    made.label = targets(slots, world)
         return nothing
 
-    family = f"{name} by {lamps.name_full} and {lights.name_full}"
+    family = f"{name} by {tables.lamps.name_full} and {tables.lights.name_full}"
+    if (around := tables.around) is not None:
+        family += f", {around.image.name_full} {around.interpolation} by {around.table.name_full}"
     if (known := made_before(family)) is not None:
         return known
     group = node_group(name, inputs, outputs, build, switched=_SWITCHED)
@@ -156,8 +218,9 @@ def _switched_group(
     return group
 
 
-def _seen_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+def _seen_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     """(Row, Position, Normal) to what `Aim` holds of a lamp, about the irradiance it brings, and what it emits."""
+    lamps, lights = tables.lamps, tables.lights
 
     def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
         (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(lamps, row, k) for k in range(4))
@@ -171,37 +234,72 @@ def _seen_group(lamps: bpy.types.Image, lights: bpy.types.Image) -> bpy.types.Sh
 
 
 def _point_group() -> bpy.types.ShaderNodeTree:
-    """(a lamp, Position, two numbers) to a direction, its density, and the radiance that arrives from there."""
+    """(a lamp, Position, two numbers) to a direction, its density, the radiance from there, and how far to look."""
 
     def build(*values: Any) -> tuple[Any, ...]:
-        *lamp, _light, radiance, beam, facing, position, u1, u2 = values
+        *lamp, _light, radiance, beam, facing, _position, u1, u2 = values
         aim = Aim(*lamp)
         wi = draw_towards(expr, aim, u1, u2)
         density = density_towards(expr, aim, wi, 1.0)
-        seen = _visible(aim, facing, position, wi, density > 0) * beam_factor(expr, aim.normal, beam, wi)
-        return wi, density, expr.scale(radiance, seen)
+        shone = beam_factor(expr, aim.normal, beam, wi) * (density > 0)
+        return wi, density, expr.scale(radiance, shone), _length(aim, facing, wi, density > 0)
 
     inputs = _SEEN | {"Position": "vector", "Random 1": "float", "Random 2": "float"}
     return node_group("MM Lamp Point", inputs, _POINT, build)
 
 
 def _met_group() -> bpy.types.ShaderNodeTree:
-    """(a lamp, Position, wi, density of the sampler, the lamp's share) to its light along wi, and what is counted."""
+    """(a lamp, Position, wi) to its radiance along wi, the density of drawing wi towards it, and how far to look."""
 
     def build(*values: Any) -> tuple[Any, ...]:
-        *lamp, _light, radiance, beam, facing, position, wi, density, share = values
+        *lamp, _light, radiance, beam, facing, _position, wi = values
         aim = Aim(*lamp)
-        towards = density_towards(expr, aim, wi, 0.0) * share * float(POINTS)
-        seen = _visible(aim, facing, position, wi, towards > 0) * beam_factor(expr, aim.normal, beam, wi)
-        every = expr.scale(radiance, seen)
-        return every, expr.scale(every, expr.divide(towards, towards + density))
+        towards = density_towards(expr, aim, wi, 0.0)
+        shone = beam_factor(expr, aim.normal, beam, wi) * (towards > 0)
+        return expr.scale(radiance, shone), towards, _length(aim, facing, wi, towards > 0)
 
-    inputs = _SEEN | {"Position": "vector", "wi": "vector", "Sampler": "float", "Share": "float"}
+    inputs = _SEEN | {"Position": "vector", "wi": "vector"}
     return node_group("MM Lamp Met", inputs, _MET, build)
 
 
-def _visible(aim: Aim, facing: Any, position: Any, wi: Any, wanted: Any) -> Any:
-    """1 where `wanted` and nothing stands between; elsewhere no ray is traced."""
-    length = distance_along(expr, aim, facing, wi) * SHORT
-    made = expr.node("ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length * wanted})
-    return wanted * (1 - expr.Scalar(made.outputs["Is Hit"]))
+def _world_light_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
+    """(Normal) to about the irradiance of what stands out of the world; 0 where its light is not known exactly."""
+    lit = lit_group(_around(tables).table)
+
+    def build(normal: Any) -> Any:
+        return expected_world_light(expr, *texel(tables.lamps, 1.0, TEXELS - 1), normal) * (call(lit)[0] > 0)
+
+    return node_group("MM World Light", {"Normal": "vector"}, {"Light": "float"}, build, switched=_SWITCHED)
+
+
+def _world_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
+    """(two random numbers, a third and how far it reaches) to a direction, its density, and the radiance from there."""
+    draw, density, radiance = (
+        world_draw_group(world_table()),
+        world_density_group(world_table()),
+        radiance_group(_around(tables)),
+    )
+
+    def build(u1: Any, u2: Any, number: Any, most: Any) -> tuple[Any, ...]:
+        wi = call(draw, u1, u2, number, most)
+        return wi, call(density, wi), call(radiance, wi)
+
+    inputs = dict.fromkeys(("Random 1", "Random 2", "Random Alias", "Share"), "float")
+    outputs = {"wi": "vector", "Density": "float", "Light": "vector"}
+    return node_group("MM World Point", inputs, outputs, build, switched=_SWITCHED)
+
+
+def _around(tables: LightTables) -> Surroundings:
+    assert tables.around is not None
+    return tables.around
+
+
+def _length(aim: Aim, facing: Any, wi: Any, wanted: Any) -> Any:
+    """How far to look for what stands before a lamp; where it is not `wanted` 0, and no ray is traced."""
+    return distance_along(expr, aim, facing, wi) * SHORT * wanted
+
+
+def _ray(position: Any, wi: Any, length: Any) -> tuple[Any, Any]:
+    """1 where something is met that near, and its distance."""
+    made = expr.node("ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length})
+    return expr.Scalar(made.outputs["Is Hit"]), expr.Scalar(made.outputs["Hit Distance"])

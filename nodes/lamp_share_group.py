@@ -8,8 +8,10 @@ from typing import Any
 import bpy
 
 from ..bake.envelope import ShareLayout, SlopeShareLayout, part_of_light, share_coordinates
+from ..bake.sampling.gloss import stretched
 from ..bake.sampling.lamps import TEXELS
 from . import expr
+from .adjustments import GLOSS
 from .drawn_direction import frame_of
 from .group import node_group
 from .light_images import texel
@@ -24,7 +26,7 @@ class LampShares:
 
 
 def lamp_share_group(shares: LampShares, lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """(wo, Normal, Usual), and Tangent of an anisotropic material, to a probability.
+    """(wo, Normal, Usual, Gloss), and Tangent of an anisotropic material, to a probability.
 
     It is the usual one as far as other light than the lamp's arrives.
 
@@ -33,12 +35,12 @@ def lamp_share_group(shares: LampShares, lamps: bpy.types.Image) -> bpy.types.Sh
     lamps : the table of `bake.sampling.lamps.lamp_table`
     """
 
-    def build(wo: Any, normal: Any, usual: Any, tangent: Any = None) -> Any:
+    def build(wo: Any, normal: Any, usual: Any, gloss: Any, tangent: Any = None) -> Any:
         geometry = expr.node("ShaderNodeNewGeometry", {}, {})
         position, incoming = (expr.Vector(geometry.outputs[name]) for name in ("Position", "Incoming"))
-        return lamp_probability(shares, lamps, position, incoming, normal, wo, usual, tangent)
+        return lamp_probability(shares, lamps, position, incoming, normal, wo, usual, tangent, gloss)
 
-    inputs = {"wo": "vector", "Normal": "vector", "Usual": "float"}
+    inputs = {"wo": "vector", "Normal": "vector", "Usual": "float", GLOSS: "float"}
     if isinstance(shares.layout, SlopeShareLayout):
         inputs["Tangent"] = "vector"
     return node_group("MM Mirror Probability", inputs, {"Probability": "float"}, build, switched="extension")
@@ -53,12 +55,16 @@ def lamp_probability(
     wo: Any,
     usual: Any,
     tangent: Any = None,
+    gloss: Any = None,
 ) -> Any:
     """The group's content, for a position and viewer."""
     (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
     sky, _, count = expr.components(scene)
     to_centre = centre - position
-    u, v = _place(shares.layout, expr.normalize(to_centre), incoming, normal, wo, tangent)
+    to_lamp = expr.normalize(to_centre)
+    if gloss is not None:
+        to_lamp, _ = stretched(expr, to_lamp, incoming, gloss, normal)
+    u, v = _place(shares.layout, to_lamp, incoming, normal, wo, tangent)
     seen, reflected, _ = expr.components(expr.image_tap(shares.image, u, v, "Linear")[0])
     part = part_of_light(expr, to_centre, reflected, strength, count, sky)
     return expr.where(part, seen, usual)

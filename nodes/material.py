@@ -16,6 +16,7 @@ from .lamp_share_group import LampShares
 from .material_tree import build_from, lit_by_emission
 from .table_groups import table_groups
 from .weighted_closures import WeightedClosures
+from .world_picture import Surroundings
 
 
 def build_material(
@@ -33,6 +34,7 @@ def build_material(
     normals: bool = False,
     lamp_share: bool = False,
     lights: bpy.types.Image | None = None,
+    surroundings: Surroundings | None = None,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle. No texture is baked for that.
 
@@ -51,6 +53,9 @@ def build_material(
     normals : mark the surface for the Normal pass of a view layer too, see `surface_marker`; bakes need no asking
     lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
         holds it: it pays where hardly any other light arrives
+    lights : table of what the lamps emit, see `bake.sampling.lamp_light`, where the shader is to sample them; that
+        takes Blender 5.1, `lamps`, and a mirror beside native closures
+    surroundings : the world's picture, to be sampled too; used with `lights` only
 
     Raises
     ------
@@ -78,8 +83,8 @@ def build_material(
         if local and record.has("residual_share"):
             check_shares(record)
             shares = LampShares(textures("residual_share"), record.share_layout)
-        direct = lights if sampled else None
-        parts = BrdfParts(table, envelope, preview, lamps, shares, direct, record.anisotropic, normals)
+        direct, around = (lights, surroundings) if sampled else (None, None)
+        parts = BrdfParts(table, envelope, preview, lamps, shares, direct, around, record.anisotropic, normals)
         group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 

@@ -11,7 +11,7 @@ from ..bake.brdf.common import Colour
 from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.shading_maps.record import ShadingMapRecord
-from . import compat
+from . import compat, portions
 from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
@@ -44,6 +44,8 @@ def build_from(
     try:
         with hashing_once():
             group = make_group(part_name(name))
+            portions.rest()  # a portion of its own for what follows, which changes the material
+            portions.no_return()
             material = bpy.data.materials.new(name) if material is None else material
             assemble(material, group, albedo)
     except Exception:

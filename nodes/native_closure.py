@@ -8,17 +8,25 @@ from typing import Any
 from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.lobes.lobes import PHONG, Lobe
 from . import expr
+from .gloss_group import glossy_roughness
 from .lobe_group import oren_nayar_closure
 
 
-def native_closure(lobe: Lobe | AnisotropicLobe, weight: Any, normal: Any, tangent: Any = None) -> Any:
-    """Closure of the lobe's native part times a colour; a lobe of two widths takes a tangent in world space."""
+def native_closure(
+    lobe: Lobe | AnisotropicLobe, weight: Any, normal: Any, tangent: Any = None, gloss: Any = None
+) -> Any:
+    """Closure of the lobe's native part times a colour; a lobe of two widths takes a tangent in world space.
+
+    A gloss divides the widths of GGX; what is matt stays as it is.
+    """
     if isinstance(lobe, AnisotropicLobe):
         kind, properties, inputs = _anisotropic(lobe, tangent)
     elif lobe.name == "oren_nayar":
         return oren_nayar_closure(weight, normal, lobe.p1)
     else:
         kind, properties, inputs = _NATIVE[lobe.name](lobe)
+    if gloss is not None and lobe.name == "ggx":
+        inputs["Roughness"] = glossy_roughness(inputs["Roughness"], gloss)
     made = expr.node(kind, properties, {"Color": weight, "Normal": normal, **inputs})
     return expr.Scalar(made.outputs[0])
 

@@ -8,7 +8,6 @@ Environment Textures, which show what Cycles sees behind the scene.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -18,31 +17,16 @@ from ..bake.sampling.lamps import TEXELS
 from . import expr
 from .aimed_light_group import MAX_SLOTS, world_texel
 from .group import call, node_group
-from .light_images import WORLD_LIGHT_TEXELS, world_table
+from .light_images import world_table
 from .osl_parameters import CELLS
 from .osl_script import output, script_node, shader_source
+from .world_picture import LIT, Surroundings, lit_group, picture_group
 
 AIM_SHADER, WORLD_SHADER = "measured_aim.osl", "measured_world.osl"
-# Name of the groups that hold a world's picture.
-PICTURE = "MM OSL World Picture"
 _TEXELS = ("Centre", "U", "V", "Axis")
 _SCENE = ("Sky", "World", "Strongest")
 # Of the shader's parameters, those that `AIM_SHADER` has too.
-_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Lens", "Sampler", *CELLS)
-_LIT = ("Lit", "Row1", "Row2", "Row3")
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """A world's picture, how it is interpolated, and the table of its strength and rotation.
-
-    Texel k of the table is row k of the matrix that turns directions of the world to those of the picture; in alpha of
-    the first, the picture's strength, or 0 where its light is not known exactly.
-    """
-
-    image: bpy.types.Image
-    interpolation: str
-    table: bpy.types.Image
+_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Gloss", "Lens", "Sampler", *CELLS)
 
 
 def aimed_inputs(
@@ -68,13 +52,13 @@ def aimed_inputs(
     seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
     seen |= {"Lamps": count} | told if lights is None else {}
     sampled = surroundings is not None and lights is not None
-    lit = dict(zip(_LIT, call(_lit_group(surroundings.table)))) if sampled else {}
+    lit = dict(zip(LIT, call(lit_group(surroundings.table)))) if sampled else {}
     aim = script_node(AIM_SHADER, shader_source(AIM_SHADER), seen | lit)
     texel, _ = call(_world_group(world), output(aim, "Place"))
     drawn = {name: output(aim, name) for name in ("Direction", "Densities")} | {"WorldTexel": texel}
     if sampled:
         texel, _ = call(_world_group(world), output(aim, "WorldPlace"))
-        around = _picture_group(surroundings)
+        around = picture_group(surroundings)
         drawn |= {"Lit": lit["Lit"], "WorldDirection": output(aim, "WorldDirection"), "WorldDrawn": texel}
         drawn |= {"Around": call(around, output(aim, "Picture"))}
         drawn |= {"WorldAround": call(around, output(aim, "WorldPicture"))}
@@ -91,29 +75,6 @@ def _world_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     return node_group(
         "MM OSL World", {"Place": "vector"}, outputs, lambda at: world_texel(world, at), switched="extension"
     )
-
-
-def _lit_group(table: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """No input to how bright the world's picture is shown, and how directions are turned to it."""
-
-    def build() -> tuple[Any, ...]:
-        taps = [
-            expr.image_tap(table, (k + 0.5) / WORLD_LIGHT_TEXELS, 0.5, "Closest") for k in range(WORLD_LIGHT_TEXELS)
-        ]
-        return taps[0][1], *(row for row, _ in taps)
-
-    kinds = dict(zip(_LIT, ("float", "vector", "vector", "vector")))
-    return node_group("MM OSL World Light", {}, kinds, build, switched="extension")
-
-
-def _picture_group(around: Surroundings) -> bpy.types.ShaderNodeTree:
-    """(direction of the picture) to its colour there, as Cycles has it behind the scene."""
-
-    def build(direction: Any) -> Any:
-        setting = {"image": around.image, "interpolation": around.interpolation}
-        return expr.Vector(expr.node("ShaderNodeTexEnvironment", setting, {0: direction}).outputs["Color"])
-
-    return node_group(PICTURE, {"Direction": "vector"}, {"Color": "vector"}, build)
 
 
 def _lamp_parameters(count: int) -> list[str]:

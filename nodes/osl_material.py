@@ -29,9 +29,10 @@ from .group import node_group
 from .lens_group import lens_numbers
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
-from .osl_aim import Surroundings, aimed_inputs
+from .osl_aim import aimed_inputs
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 from .osl_script import output, script_node, shader_source
+from .world_picture import Surroundings
 
 SHADER = "measured_material.osl"
 # Where the images of a bundle are as files, by their names.

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
-
-import bpy
 
 from . import expr
 from .adjustments import Adjustments
+from .aimed_light_group import aimed_instead_group
 from .drawn_direction import frame_of
+from .gloss_group import lit_in_table, seen_above, seen_from_table
 from .group import call
-from .lamp_light_groups import LUMINANCE, POINTS, lamp_met_group, lamp_points_group
+from .lamp_light_groups import LUMINANCE, LightTables, light_met_group, light_point_group
 from .lens_group import lens_group
 from .local_frame_group import to_world
 from .native_closure import add_closures
@@ -22,16 +21,8 @@ from .weighted_closures import WeightedClosures
 _LEAST_FOLLOWED = 0.02
 
 
-@dataclass(frozen=True)
-class LampTables:
-    """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`."""
-
-    lamps: bpy.types.Image
-    lights: bpy.types.Image
-
-
 def sampled_closure(
-    envelope: WeightedClosures, table: TableGroups, normal: Any, adjustments: Adjustments, tables: LampTables
+    envelope: WeightedClosures, table: TableGroups, normal: Any, adjustments: Adjustments, tables: LightTables
 ) -> Any:
     """The envelope's closures, the residual's mirror and, of the lamps, the residual's light as emission.
 
@@ -48,29 +39,45 @@ def sampled_closure(
     incoming, position = (expr.Vector(geometry.outputs[name]) for name in ("Incoming", "Position"))
     u, more = call(random_numbers_group()), call(more_random_numbers_group())
     # The lens may place both: what the mirror and the lamps bring is added, and no product is made of the two.
-    u, more = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
+    u, random = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
     frame = frame_of(normal, incoming, table.tangent)
     weights = envelope.weights(frame[0])
     # About how often the mirror is followed beside the closures: the balance heuristic may take any number.
     chance = weights[0][1]
-    wi, pdf = call(table.sampler, frame[0], *u[:4])
-    cosine = expr.maximum(expr.components(wi)[2], 0.0)
-    weight = adjustments.apply(expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(cosine, pdf)))
-    wi_world = to_world(wi, *frame[1:], normal)
-    met = lamp_met_group(tables.lamps, tables.lights)
-    every, counted, behind, together = call(met, position, normal, wi_world, chance * pdf)
+    drawn, of_drawn = call(table.sampler, frame[0], *u[:4])
+    seen, narrowed = (drawn, 1.0) if table.gloss is None else seen_from_table(drawn, frame[0], table.gloss)
+    # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
+    instead = aimed_instead_group(tables.lamps, tables.around is not None)
+    ahead = to_world(seen, *frame[1:], normal)
+    wi_world, aimed, unaimed, aims = call(instead, position, normal, ahead, *more[:2], *u[:2])
+    turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], normal)))
+    stored, facing, spread = lit_in_table(turned, frame[0], table.gloss)
+    wi = expr.where_vector(aims, stored, drawn)
+    # The heuristic against what is sampled takes the table's own density all the same: it may take any.
+    of_table = expr.where(aims, call(table.density, wi, frame[0]) * spread, of_drawn * narrowed)
+    pdf = aimed + unaimed * of_table
+    if table.gloss is None:
+        facing = expr.maximum(expr.components(wi)[2], 0.0)
+    else:
+        straight = expr.maximum(expr.components(drawn)[2], 0.0) * narrowed * seen_above(seen, table.gloss)
+        facing = expr.where(aims, facing, straight)
+    weight = adjustments.apply(expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(facing, pdf)))
+    met = light_met_group(tables)
+    every, counted, behind, together = call(met, position, normal, wi_world, chance * of_table)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
+    # Of a mirror that is aimed the weight says nothing of its light: Cycles would hardly ever follow one at the sun.
+    followed = expr.where(aims, chance, followed)
     mirrored, meets = u[5] < followed, lamp > 0
-    apart = meets * (1 - together)
+    apart = expr.where(aims, 1.0, meets * (1 - together))
     of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
     of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
     rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
-    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], more, chance, adjustments)
+    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], random, chance, adjustments)
     return add_closures(
         [
             envelope.closure(weights, normal, adjustments, of_closures),
-            mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror)),
+            mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror), more[2], aims),
             _emission(rest, meets),
             _emission(direct * adjustments.gain, reached),
         ]
@@ -79,7 +86,7 @@ def sampled_closure(
 
 def _direct_light(
     table: TableGroups,
-    tables: LampTables,
+    tables: LightTables,
     place: tuple[Any, Any],
     frame: tuple[Any, Any, Any],
     u_slice: Any,
@@ -87,23 +94,18 @@ def _direct_light(
     chance: Any,
     adjustments: Adjustments,
 ) -> tuple[Any, Any]:
-    """What the table, saturated, reflects of a lamp's points, and 1 where any of its light arrives."""
+    """What the table, saturated, reflects of one point of a lamp or the world, and 1 where any of its light arrives."""
     (_, normal), (wo, along, across) = place, frame
     surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
-    points = call(lamp_points_group(tables.lamps, tables.lights), *place, *random)
-    direct: Any = None
-    reached: Any = None
-    for j in range(POINTS):
-        world, density, light = points[3 * j : 3 * j + 3]
-        local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
-        # As a mirror does, nothing reflects light that comes from below the surface proper.
-        facing = expr.maximum(expr.components(local)[2], 0.0) * (expr.dot(world, surface) > 0)
-        shared = density * float(POINTS) + chance * call(table.density, local, wo)
-        reflectance = adjustments.saturated(call(table.lookup, local, wo, u_slice))
-        value = reflectance * expr.scale(light, expr.divide(facing, shared))
-        arrives = expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
-        direct, reached = (value, arrives) if direct is None else (direct + value, expr.maximum(reached, arrives))
-    return direct, reached
+    world, density, light = call(light_point_group(tables), *place, *random)
+    local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+    stored, facing, spread = lit_in_table(local, wo, table.gloss)
+    # As a mirror does, nothing reflects light that comes from below the surface proper.
+    facing = facing * (expr.dot(world, surface) > 0)
+    shared = density + chance * call(table.density, stored, wo) * spread
+    reflectance = adjustments.saturated(call(table.lookup, stored, wo, u_slice))
+    direct = reflectance * expr.scale(light, expr.divide(facing, shared))
+    return direct, expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
 
 
 def _emission(colour: Any, shown: Any) -> Any:

@@ -65,20 +65,23 @@ _LEAST_COSINE = 0.15
 _LEAST_OF_EDGE = 1e-4
 
 
-def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
+def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None, wanted: Any = 1.0) -> Any:
     """Glossy closure of roughness 0 that sends the path along wi with this weight (f cos / pdf).
 
-    With a random number, weights that Cycles might drop are carried by `_faint_mirror` or, where it cannot, live on by
-    Russian roulette: raised to `LEAST_WEIGHT`, as often as keeps their mean.
+    With a random number, and where that is `wanted`, weights that Cycles might drop are carried by `_faint_mirror` or,
+    where it cannot, live on by Russian roulette: raised to `LEAST_WEIGHT`, as often as keeps their mean.
     """
     half = expr.normalize(wi_world + incoming)
     if random is None:
         return _mirror(half, weight)
     mean = expr.dot(weight, expr.vec(*[1 / 3] * 3))
     keep = expr.minimum(mean * (1 / LEAST_WEIGHT), 1.0)
-    glossy = _mirror(half, expr.scale(weight, expr.divide(random < keep, keep)))
+    raised = expr.divide(random < keep, keep)
+    # A constant that is 0 takes all that hangs on it out of Cycles' graph.
+    raised = raised if isinstance(wanted, float) else expr.where(wanted, raised, 1.0)
+    glossy = _mirror(half, expr.scale(weight, raised))
     faint, carries = _faint_mirror(half, incoming, weight)
-    return choose_closure(carries * (mean < FAINT_WEIGHT), glossy, faint)
+    return choose_closure(carries * (mean < FAINT_WEIGHT) * wanted, glossy, faint)
 
 
 def _mirror(half: Any, weight: Any) -> Any:

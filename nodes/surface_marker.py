@@ -18,6 +18,7 @@ import bpy
 from ..bake.envelope.anisotropic_lobes import AnisotropicLobe
 from ..bake.lobes.lobes import PHONG, Lobe
 from . import expr
+from .gloss_group import glossy_roughness
 from .native_closure import add_closures, highlight_roughness
 from .weighted_closures import WeightedClosures
 
@@ -81,8 +82,13 @@ def mean_roughness(closures: WeightedClosures | None) -> Any:
     """Roughness of native closures as Cycles bakes it, seen along the normal: by their weights, matte ones left out."""
     if closures is None:
         return MATTE
-    rough = [roughness_of(lobe) for lobe in closures.closures]
-    if len({value for value in rough if value is not None}) < 2:
+    rough: list[Any] = [roughness_of(lobe) for lobe in closures.closures]
+    if closures.gloss is not None:
+        rough = [
+            glossy_roughness(value, closures.gloss) if lobe.name == "ggx" else value
+            for lobe, value in zip(closures.closures, rough, strict=True)
+        ]
+    if len({expr.key_of(value) for value in rough if value is not None}) < 2:
         return next((value for value in rough if value is not None), MATTE)
     third = expr.vec(*[1 / 3] * 3)
     total: Any = 0.0

@@ -32,12 +32,14 @@ class TableGroups:
     ----------
     density : None where nothing is aimed
     tangent : of the surface, in world space, in whose frame an anisotropic table lies; None of an isotropic one
+    gloss : by which it is seen sharper or softer, see `bake.sampling.gloss`; None as it is
     """
 
     lookup: bpy.types.ShaderNodeTree
     sampler: bpy.types.ShaderNodeTree
     density: bpy.types.ShaderNodeTree | None = None
     tangent: Any = None
+    gloss: Any = None
 
     def draw(self, normal: Any, lamps: bpy.types.Image | None) -> DrawnDirection:
         """A direction from the sampler or, with `density`, towards the lamps of a table."""
@@ -47,6 +49,7 @@ class TableGroups:
             lambda wi, wo: call(self.density, wi, wo),
             lamps,
             self.tangent,
+            self.gloss,
         )
 
 

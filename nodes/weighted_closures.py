@@ -30,12 +30,14 @@ class WeightedClosures:
     ----------
     viewers : at which weights are known: elevations, or a grid of two angles
     tangent : of the surface, in world space, along which the first of a closure's widths lies; None where there is one
+    gloss : divides the widths of GGX closures; None leaves them as fitted
     """
 
     closures: Sequence[Lobe | AnisotropicLobe]
     image: bpy.types.Image
     viewers: Viewers
     tangent: Any = None
+    gloss: Any = None
 
     def weights(self, wo: Any) -> list[tuple[Any, Any]]:
         """Colour and alpha of each closure, seen from local wo."""
@@ -50,7 +52,7 @@ class WeightedClosures:
     def closure(self, weights: list[tuple[Any, Any]], normal: Any, adjustments: Adjustments, factor: Any = 1.0) -> Any:
         """Sum of the closures, adjusted, times a scalar."""
         parts = [
-            native_closure(lobe, adjustments.apply(colour, factor), normal, self.tangent)
+            native_closure(lobe, adjustments.apply(colour, factor), normal, self.tangent, self.gloss)
             for lobe, (colour, _) in zip(self.closures, weights, strict=True)
         ]
         return add_closures(parts)

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from support.imports import measurement, plate, registered  # noqa: F401
 
 _EXIT_STATUS = pytest.StashKey[int]()
 

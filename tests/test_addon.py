@@ -13,7 +13,7 @@ from measured_materials.addon.cli.inspect import inspect_bundle
 from measured_materials.addon.material import bake_material
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.ui import import_brdf
+from measured_materials.addon.ui import drop_files, import_brdf
 from measured_materials.addon.ui.context import shown_material
 from measured_materials.addon.ui.panels import panel
 from measured_materials.addon.ui.properties.bake import settings_of, show_settings
@@ -25,7 +25,6 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
-from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
 
@@ -38,33 +37,11 @@ QUICK: dict[str, Any] = {
 }
 
 
-@pytest.fixture(scope="module")
-def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("measurement") / "lacquer.binary"
-    write_merl(path, by_name("ggx", alpha=0.3, diffuse=0.2))
-    return path
-
-
 @pytest.fixture(autouse=True)
 def registered() -> Iterator[None]:
     measured_materials.register()
     yield
     measured_materials.unregister()
-
-
-@pytest.fixture
-def plate() -> Iterator[Any]:
-    """An active object without a material; everything made in the test goes with it."""
-    known = {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
-    mesh = bpy.data.meshes.new("plate")
-    obj = bpy.data.objects.new("plate", mesh)
-    bpy.context.collection.objects.link(obj)
-    bpy.context.view_layer.objects.active = obj
-    yield obj
-    bpy.data.objects.remove(obj)
-    bpy.data.meshes.remove(mesh)
-    for kind, before in known.items():
-        bpy.data.batch_remove(set(getattr(bpy.data, kind)) - before)
 
 
 @pytest.fixture
@@ -102,9 +79,11 @@ def test_failed_registration_leaves_nothing_and_says_why(monkeypatch: pytest.Mon
 
 
 def test_every_reader_can_be_browsed_and_dropped() -> None:
-    handler = import_brdf.MEASURED_MATERIALS_FH_brdf
-    assert set(handler.bl_file_extensions.split(";")) == {s for reader in READERS for s in reader.suffixes}
-    assert handler.bl_import_operator == import_brdf.MEASURED_MATERIALS_OT_import_brdf.bl_idname
+    dropped = set(drop_files.MEASURED_MATERIALS_FH_all.bl_file_extensions.split(";"))
+    suffixes = {suffix for reader in READERS for suffix in reader.suffixes}
+    assert dropped == suffixes | {".mmat", ".lp", ".csv"}  # and no picture, which Blender makes nodes of
+    assert drop_files.MEASURED_MATERIALS_FH_all.bl_import_operator == drop_files.MEASURED_MATERIALS_OT_drop.bl_idname
+    assert set(import_brdf._FILTER_GLOB.keywords["default"].split(";")) == {f"*{suffix}" for suffix in suffixes}
 
 
 def test_settings_survive_the_properties() -> None:
@@ -278,10 +257,14 @@ class Recorder:
     def template_icon(self, *, icon_value: int, scale: float) -> None:
         assert scale > 0
 
+    def prop_enum(self, properties: Any, name: str, value: str, *, text: str) -> None:
+        assert value in properties.bl_rna.properties[name].enum_items
+        self.texts.append(text)
+
     def column(self, **options: Any) -> Recorder:
         return self
 
-    row = split = column
+    row = split = grid_flow = column
 
 
 class Stage:
@@ -322,6 +305,10 @@ def test_the_panel_and_inspect_tell_the_same_in_one_order(lacquer: Any) -> None:
 
 
 def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:
+    texts = Stage(lacquer).drawn(panel._BakePanel)
+    assert any(text.startswith("Custom: ") for text in texts)
+    assert any(text.startswith("Standard: ") and text.endswith(" MB") for text in texts) and "resolution" not in texts
+    lacquer.measured_materials.advanced = True
     texts = Stage(lacquer).drawn(panel._BakePanel)
     assert {"resolution", "alpha_theta", "measured_materials.bake_again"} <= set(texts) and "spline" not in texts
     lacquer.measured_materials.filter, lacquer.measured_materials.parameterization = "bspline", "uniform"

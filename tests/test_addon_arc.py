@@ -1,7 +1,5 @@
 """The add-on in Blender with photographs: import, another light without a bake, baking again, what the panel says."""
 
-# ruff: noqa: F811  (fixtures of another module, asked for by their names)
-
 from __future__ import annotations
 
 import shutil
@@ -19,7 +17,6 @@ from measured_materials.addon.material.lighting import lighting_of, show_lightin
 from measured_materials.addon.material.textures import kept as textures
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.addon.summary.bake_stages import USUAL_SIZE
-from measured_materials.addon.ui import import_photographs
 from measured_materials.addon.ui.panels import panel
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -36,7 +33,7 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from support.coarse_bakes import coarse  # noqa: F401
 from support.scenes import purge_groups
 from support.stacks import write_stack
-from test_addon import Stage, plate, registered  # noqa: F401
+from test_addon import Stage, registered  # noqa: F401
 
 GGX = RenderSettings(Lobe("ggx", 0.4), sigma=0.7, above="scale")
 
@@ -151,12 +148,6 @@ def test_bad_stack_is_one_report_and_leaves_nothing(tmp_path: Path, plate: Any) 
     assert set(bpy.data.materials) == known and not (tmp_path / "felt.mmat").exists()
     with pytest.raises(RuntimeError, match="No photographs were chosen"):
         bpy.ops.measured_materials.import_arc()
-
-
-def test_images_are_left_to_others_when_dropped() -> None:
-    dropped = import_photographs.MEASURED_MATERIALS_FH_arc.bl_file_extensions.split(";")
-    assert not {".jpg", ".png", ".tif", ".exr", ".hdr"} & set(dropped)
-    assert import_photographs.MEASURED_MATERIALS_FH_arc.bl_import_operator == "measured_materials.import_arc"
 
 
 # --- another light ----------------------------------------------------------------------------------------
@@ -358,7 +349,8 @@ def test_lost_photographs_can_be_replaced(felt: Any, stack: Path, tmp_path: Path
 
 def test_panel_tells_photographs_energy_and_light(felt: Any) -> None:
     texts = Stage(felt).drawn(panel._DetailsPanel)
-    for text in ("felt", "5 lights, 5 levels", "8 slices of 20 x 16", "lambert", "Held-out", "Envelope", "In memory"):
+    told = ("felt", "5 lights, 5 levels", "8 slices of 20 x 16", "lambert", "Left-out error", "Cycles' shaders")
+    for text in (*told, "In memory"):
         assert text in texts
     stage = Stage(felt)
     stage.engine = "BLENDER_EEVEE_NEXT"
@@ -368,13 +360,24 @@ def test_panel_tells_photographs_energy_and_light(felt: Any) -> None:
 def test_panels_offer_what_has_an_effect(felt: Any) -> None:
     assert panel._LightingPanel.poll(Stage(felt)) and panel._BakePanel.poll(Stage(felt))
     texts = Stage(felt).drawn(panel._LightingPanel)
-    assert {"lobe", "sigma", "above", "technique", "tiling"} <= set(texts) and not {"ggx_alpha", "mode"} & set(texts)
+    assert {"lobe", "sigma_auto", "above", "technique", "tiling"} <= set(texts) and not {
+        "ggx_alpha",
+        "mode",
+        "sigma",
+    } & set(texts)
+    felt.measured_lighting.sigma_auto = False
+    assert felt.measured_lighting.sigma == 0.5 and "sigma" in Stage(felt).drawn(panel._LightingPanel)
+    felt.measured_lighting.sigma_auto = True
+    assert felt.measured_lighting.sigma == 0
     assert {"aim", "detail"} <= set(texts := Stage(felt).drawn(panel._EffectsPanel)) and "filter" not in texts
     assert "mode" in Stage(felt).drawn(panel._Panel)
     felt.measured_lighting.lobe, felt.measured_lighting.technique = "phong", "lit_texture"
     texts = Stage(felt).drawn(panel._LightingPanel)
     assert {"phong_exponent", "phong_diffuse"} <= set(texts) and not {"above", "mode"} & set(texts)
     assert "mode" not in Stage(felt).drawn(panel._Panel)
+    texts = Stage(felt).drawn(panel._BakePanel)
+    assert "measured_materials.bake_again" in texts and "slices" not in texts
+    felt.measured_arc.advanced = True
     texts = Stage(felt).drawn(panel._BakePanel)
     assert {"size", "slices", "measured_materials.bake_again"} <= set(texts)
     assert not {"rank", "crop", "gamma", "albedo", "azimuth", "brdf", "corner_top_left"} & set(texts)

@@ -70,7 +70,7 @@ def test_aimed_mirror_is_diffuse_under_every_lamp(tmp_path: Path, lighting: str)
     render = RenderSettings(sigma=0.5, mode="reference")
     bundle = map_bundle(tmp_path / "grey", identity_map(colour=GREY), render)
     with lit_sphere(diffuse_material(0.5), 64, lamp=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         for kind, place, settings in LIGHTING[lighting]:
             add_lamp(scene, kind, place, **settings)
         reference = scene.render(20, 6)

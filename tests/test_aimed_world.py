@@ -82,7 +82,7 @@ def noise(scene: TestScene) -> float:
 def test_aimed_mirror_is_diffuse_under_a_world(tmp_path: Path, lighting: str) -> None:
     """A spot of 3 degrees that gives as much as all the rest; with a planted 2 % that fails, and the noise it saves."""
     with lit_sphere(diffuse_material(0.5), 64, lamp=False, ground=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         turn = {"rotation": (0.3, -0.2, 1.0), "scale": (1, -1, 1)} if lighting == "world" else {}
         world = show_world(scene, spot(128, (0.1, 0.9, 0.6) if turn else ABOVE, 3, 3.0), 0.8, **turn)
         if lighting == "world and lamp":
@@ -103,7 +103,7 @@ def test_aimed_mirror_is_diffuse_under_a_world(tmp_path: Path, lighting: str) ->
 def test_a_stale_table_costs_noise_and_no_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The world turns after the table was made: a third of the samples goes where nothing is any more."""
     with lit_sphere(diffuse_material(0.5), 64, lamp=False, ground=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         world = show_world(scene, spot(64, ABOVE, 20, 3.0), rotation=(0, 0, 0))
         scene.show(mirror_only(tmp_path))
         assert update_scene(scene.scene).world.aimed

@@ -20,19 +20,10 @@ from measured_materials.bake.bundle.bundle import read_bundle, write_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading_maps.bake import ArcSettings
-from measured_materials.bake.sources.analytic import by_name
-from measured_materials.bake.sources.merl import write_merl
 from support.stacks import write_stack
 
 SETTINGS = BakeSettings(8, "squared", basis="half", envelope=False, sampler=SamplerLayout(16, 8, 8))
 MODEL = Model("ggx", {"alpha": 0.3})
-
-
-@pytest.fixture(scope="module")
-def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("measurement") / "lacquer.binary"
-    write_merl(path, by_name("ggx", alpha=0.3, diffuse=0.2))
-    return path
 
 
 @pytest.fixture(autouse=True)

@@ -12,28 +12,16 @@ import measured_materials
 import pytest
 from measured_materials.addon.baking.request import BakeRequest, Model
 from measured_materials.addon.material.facts import facts_of, is_measured
-from measured_materials.addon.ui.background import bake_queue
+from measured_materials.addon.ui.background import bake_queue, tasks
 from measured_materials.addon.ui.background.tasks import STATE_KEY, AgainTask, ImportTask
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
-from measured_materials.bake.sources.analytic import by_name
-from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
+from support.imports import datablocks
 
 SETTINGS = BakeSettings(8, "squared", basis="half")
 queue = bake_queue.queue
-
-
-@pytest.fixture(scope="module")
-def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("measurement") / "lacquer.binary"
-    write_merl(path, by_name("ggx", alpha=0.3, diffuse=0.2))
-    return path
-
-
-def datablocks() -> dict[str, set[Any]]:
-    return {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
 
 
 @pytest.fixture
@@ -113,7 +101,7 @@ def test_a_bad_file_does_not_stop_the_next(
     measurement: Path, plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[str] = []
-    monkeypatch.setattr(bake_queue, "_tell", lambda words, kind="INFO": told.append(f"{kind} {words}"))
+    monkeypatch.setattr(bake_queue, "tell", lambda words, kind="INFO": told.append(f"{kind} {words}"))
     queue.add([importing(tmp_path / "absent.binary", tmp_path, None), importing(measurement, tmp_path, plate)])
     until(lambda: not queue.is_busy())
     assert is_measured(plate.active_material)
@@ -146,7 +134,7 @@ def test_a_closed_file_ends_all_bakes(measurement: Path, plate: Any, tmp_path: P
 def test_without_a_process_blender_bakes_itself(
     plate: Any, measurement: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bake_queue, "hosts", lambda request, blender: [])
+    monkeypatch.setattr(tasks, "hosts", lambda request, blender: [])
     queue.add([importing(measurement, tmp_path, plate)])
     until(lambda: not queue.is_busy())
     assert is_measured(plate.active_material)

@@ -17,20 +17,12 @@ import numpy as np
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.bake.bundle.bundle import read_bundle
-from measured_materials.bake.sources.analytic import by_name
-from measured_materials.bake.sources.merl import DIMENSIONS, write_merl
+from measured_materials.bake.sources.merl import DIMENSIONS
 from support.coarse_bakes import coarse  # noqa: F401
 
 # A small table with a given alpha bakes in about a second.
 QUICK = ["--resolution", "8", "--alpha", "0.5,0.5", "--no-envelope"]
 ENTRIES = 3 * int(np.prod(DIMENSIONS))
-
-
-@pytest.fixture(scope="module")
-def measurement(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("measurement") / "lacquer.binary"
-    write_merl(path, by_name("ggx", alpha=0.3, diffuse=0.2))
-    return path
 
 
 @pytest.fixture(scope="module")

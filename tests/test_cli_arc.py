@@ -48,8 +48,8 @@ def test_bakes_a_folder(stack: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         "5 photographs",
         "5 levels",
         "8 slices of 20 x 16",
-        "envelope",
-        "held-out error",
+        "Cycles' shaders",
+        "left-out error",
         "albedo",
         " s",
     )
@@ -211,7 +211,7 @@ def test_inspect_bundle(bundle: Path, capsys: pytest.CaptureFixture[str]) -> Non
     text = capsys.readouterr().out
     for word in (
         "felt", "5 lights, 5 levels", "15° to 90°", "file names", "8 slices of 20 x 16", "slices, half", "lambert",
-        "0.5, by default", "Envelope", "Residual", "Held-out", "Storage RMS", "Albedo", "Image slices",
+        "0.5, by default", "Cycles' shaders", "Mirror part", "Left-out error", "Storage RMS", "Albedo", "Image slices",
         "while rendering", "Calibration", "srgb",
     ):  # fmt: skip
         assert word in text

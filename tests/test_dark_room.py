@@ -53,7 +53,7 @@ def dark_room(material: bpy.types.Material) -> TestScene:
     """A small lamp, no world, and a white floor under the sphere."""
     room = lit_sphere(material, 48, lamp_size=0.4, resolution=32)
     room.scene.world = None
-    room.sphere.shadow_terminator_geometry_offset = 0
+    room.leave_terminator()
     floor = next(obj for obj in room.scene.collection.objects if obj.type == "MESH" and obj != room.sphere)
     shown = floor.data.materials[0].node_tree.nodes
     next(n for n in shown if n.type == "BSDF_DIFFUSE").inputs["Color"].default_value = (0.9, 0.9, 0.9, 1)

@@ -26,13 +26,13 @@ def names(plan: Any, kept: bool) -> set[str]:
 def test_a_residual_that_carries_light_is_kept_and_may_not_be_left_out() -> None:
     plan = plan_brdf(record(0.8), Choices(), "1 lamp")
     assert plan.residual and plan.aim and "20 % of the light" in plan.effects[0].why
-    with pytest.raises(BakeError, match="felt: needs its residual: it carries 20 %"):
+    with pytest.raises(BakeError, match="felt: needs its mirror part: it carries 20 %"):
         plan_brdf(record(0.8), Choices(residual="never"), "1 lamp")
 
 
 def test_a_residual_of_nothing_is_left_out_with_all_that_served_it() -> None:
     plan = plan_brdf(record(0.9995), Choices(), "1 lamp")
-    assert not plan.residual and not plan.aim and names(plan, False) == {"Residual by mirror"}
+    assert not plan.residual and not plan.aim and names(plan, False) == {"Mirror part"}
     assert plan_brdf(record(0.9995), Choices(residual="always"), "").residual
 
 
@@ -59,7 +59,7 @@ def test_preview_and_reference_need_no_envelope() -> None:
     preview = plan_brdf(bare, Choices(mode="preview"), "1 lamp")
     assert not preview.residual and not preview.aim
     reference = plan_brdf(bare, Choices(mode="reference"), "")
-    assert reference.residual and "Residual by mirror" not in names(reference, True)
+    assert reference.residual and "Mirror part" not in names(reference, True)
     for mode in ("exact", "balanced"):
         with pytest.raises(BakeError, match="bake it again"):
             plan_brdf(bare, Choices(mode=mode), "")

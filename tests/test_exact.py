@@ -35,7 +35,7 @@ def test_exact_is_reference(tmp_path: Path, name: str) -> None:
     bundle = read_bundle(result.path)
     reference = build_material(bundle, mode="reference", lamps=lamp_image())
     with lit_sphere(reference, 64, lamp_size=0.6) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         pictures = scene.render(32, 8)
         scene.show(build_material(bundle, lamps=lamp_image()))
         # The envelope is not interpolated from a table, the reference is; and its own stated bias is 0.1 %.

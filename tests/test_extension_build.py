@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import posixpath
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
 
 import pytest
 
@@ -24,7 +28,7 @@ TOP = {
     "bake",
     "nodes",
 }
-LEFT_OUT = ("tests", "findings", "run", "pyproject.toml", "CONTRIBUTING.md", "__main__.py", "addon/docs")
+LEFT_OUT = ("tests", "findings", "run", "pyproject.toml", "CONTRIBUTING.md", "__main__.py", "addon/docs/store")
 NEEDED = {"__init__.py", "blender_manifest.toml", "LICENSE"}
 
 
@@ -79,9 +83,50 @@ def test_zip_holds_all_that_runs_and_nothing_else(archive: Path) -> None:
     assert not [name for name in names if "__pycache__" in name or "/." in name or name.endswith((".pyc", ".zip"))]
 
 
+PAGES = ("README.md", "addon/docs/*.md")
+_LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+
+
+def test_every_page_reads_without_the_repository(archive: Path) -> None:
+    """Whatever a page in the zip links to, pictures too, is in the zip."""
+    names = set(zipfile.ZipFile(archive).namelist())
+    folders = {str(PurePosixPath(name).parent) for name in names}
+    pages = [name for name in names if any(PurePosixPath(name).match(pattern) for pattern in PAGES)]
+    assert len(pages) >= 7
+    for page in pages:
+        text = zipfile.ZipFile(archive).read(page).decode()
+        links = [link for link in _LINK.findall(text) if "://" not in link]
+        targets = {link: posixpath.normpath(posixpath.join(posixpath.dirname(page), link)) for link in links}
+        assert not [link for link, target in targets.items() if target not in names | folders], page
+
+
 def test_zip_is_small(archive: Path) -> None:
-    # Source only; data or pictures that slipped in would be far above.
-    assert archive.stat().st_size < 2_000_000
+    # Sources and the pages' small pictures; data that slipped in would be far above.
+    assert archive.stat().st_size < 3_000_000
+
+
+def manifest() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+
+
+def test_manifest_tells_what_reviewers_ask_for() -> None:
+    """The rules of extensions.blender.org's guidelines that its tool does not check."""
+    told = manifest()
+    assert told["website"].startswith("https://extensions.blender.org/add-ons/") and told["copyright"]
+    assert "blender" not in told["name"].lower() and len(told["tagline"]) <= 64
+    assert set(told["permissions"]) == {"files"}, "no network, hence no updater either"
+
+
+def test_nothing_in_the_zip_reaches_for_the_network(archive: Path) -> None:
+    wanted = re.compile(r"^\s*(?:import|from) (?:urllib\.request|http|socket|requests|ftplib|pip)\b", re.MULTILINE)
+    held = zipfile.ZipFile(archive)
+    sources = [name for name in held.namelist() if name.endswith(".py")]
+    assert len(sources) > 200 and not [name for name in sources if wanted.search(held.read(name).decode())]
+
+
+def test_the_oldest_blender_of_the_table_is_that_of_the_manifest() -> None:
+    rows = re.findall(r"^\| (\d+\.\d+)(?: LTS)? \|", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert f"{rows[0]}.0" == manifest()["blender_version_min"]
 
 
 INSTALL = """

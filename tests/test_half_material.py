@@ -71,7 +71,7 @@ def test_half_vector_material_is_the_fine_one(bundles: tuple[Bundle, Bundle], mo
         skip_without_osl()
     fine, half = bundles
     with lit_sphere(build(fine, "reference", "nodes"), lamp_size=0.8, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         pictures = scene.render(120, 8)
         material = build(half, mode, language)
         if language == "osl":

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
-import measured_materials
 import pytest
 from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
-from measured_materials.addon.ui import import_bundle
 from measured_materials.addon.ui.background.load_bundle import bundles_meant
+from measured_materials.addon.ui.drop_files import sorted_by_kind
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import MATERIAL
-from measured_materials.bake.shading_maps.bake import bake_arc
+from measured_materials.bake.photographs.settings import StackSettings
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
@@ -29,25 +30,8 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("library")
     settings = BakeSettings(6, "squared", basis="half", envelope=False)
     bake_source(by_name("ggx", alpha=0.3), folder / "gold.mmat", settings)
-    bake_arc(write_stack(folder / "felt"), folder / "felt.mmat")
+    bake_arc(write_stack(folder / "felt", suffix=".exr"), folder / "felt.mmat")
     return folder
-
-
-@pytest.fixture
-def plate() -> Iterator[Any]:
-    """An active object without a material; everything made in the test goes with it."""
-    measured_materials.register()
-    known = {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
-    mesh = bpy.data.meshes.new("plate")
-    obj = bpy.data.objects.new("plate", mesh)
-    bpy.context.collection.objects.link(obj)
-    bpy.context.view_layer.objects.active = obj
-    yield obj
-    bpy.data.objects.remove(obj)
-    bpy.data.meshes.remove(mesh)
-    for kind, before in known.items():
-        bpy.data.batch_remove(set(getattr(bpy.data, kind)) - before)
-    measured_materials.unregister()
 
 
 def load(**chosen: Any) -> Any:
@@ -105,7 +89,20 @@ def test_bad_ones_are_reported_and_the_others_are_loaded(library: Path, plate: A
         load()
 
 
-def test_bundles_can_be_dropped() -> None:
-    handler = import_bundle.MEASURED_MATERIALS_FH_bundle
-    assert handler.bl_file_extensions == ".mmat"
-    assert handler.bl_import_operator == import_bundle.MEASURED_MATERIALS_OT_import_bundle.bl_idname
+def test_files_of_several_kinds_can_be_dropped_together(library: Path, plate: Any, tmp_path: Path) -> None:
+    names = ["gold.mmat", "a.binary", "lights.csv", "b.BSDF", "felt.MMAT", "arc.lp"]
+    assert sorted_by_kind(names) == (["gold.mmat", "felt.MMAT"], ["lights.csv", "arc.lp"], ["a.binary", "b.BSDF"])
+    assert sorted_by_kind(["a.binary"]) == ([], [], ["a.binary"])
+
+
+def test_a_loaded_swatch_shows_the_settings_that_it_was_baked_with(library: Path, plate: Any, tmp_path: Path) -> None:
+    settings = ArcSettings(slices=5, tileable="offset", stack=StackSettings(size=12, crop=(0, 0, 14, 12), spread=33.0))
+    bake_arc(library / "felt", tmp_path / "felt.mmat", settings)
+    load(filepath=str(tmp_path / "felt.mmat"))
+    shown = plate.active_material.measured_arc
+    assert (shown.slices, shown.tileable, shown.size, shown.spread) == (5, "offset", 12, 33)
+    assert shown.frame == "crop" and tuple(shown.crop) == (0, 0, 14, 12)
+    document = json.loads((tmp_path / "felt.mmat" / MATERIAL).read_text())
+    document["settings"]["stack"]["weather"] = "rain"
+    record = ShadingMapRecord.parse(document, "felt")
+    assert record.settings is None and record.map.slices == 5

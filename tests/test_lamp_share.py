@@ -241,14 +241,14 @@ def test_osl_is_the_formula(tmp_path: Path, name: str) -> None:
     assert_same(found, image, table, points)
 
 
-def probability_by_osl(file: Path, layout: ShareLayout | SlopeShareLayout, table: Array) -> str:
+def probability_by_osl(file: Path, layout: ShareLayout | SlopeShareLayout, table: Array, gloss: float = 1.0) -> str:
     """Statements that find `y`, given `frame`, `usual`, `i` and `p`."""
     names = "Bins BinsPhi CellRows CellColumns Warp WidthX WidthY HalfTurn".split()
     constants = share_constants(layout)
     shares = ", ".join(f"{constants.get(f'Share{name}', 0):.9g}" for name in names)
     centre = ", ".join(f"{x:.9g}" for x in table[0, 0, :3])
     sky, _, lamps, strength = (f"{x:.9g}" for x in table[0, 4])
-    call = f"shares, frame, usual, i, p, vector({centre}), {lamps}, {strength}, {sky}"
+    call = f"shares, frame, usual, i, p, vector({centre}), {lamps}, {strength}, {sky}, {gloss:.9g}"
     return f'MMSampler shares = {{"{file}", {shares}, 0, 1}}; y = mm_lamp_probability({call});'
 
 

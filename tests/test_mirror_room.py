@@ -51,7 +51,7 @@ def room(pane: str) -> TestScene:
     """The sphere seen by way of a pane, and of nothing else."""
     kind, inputs, turned = PANES[pane]
     scene = lit_sphere(diffuse_material(0.5), 48, lamp_size=0.6, ground=False, resolution=24)
-    scene.sphere.shadow_terminator_geometry_offset = 0
+    scene.leave_terminator()
     mesh = bpy.data.meshes.new("pane")
     mesh.from_pydata([(-9, 0, -9), (9, 0, -9), (9, 0, 9), (-9, 0, 9)], [], [(0, 1, 2, 3)])
     mesh.materials.append(compat.shader_material("pane", kind, inputs))

@@ -72,7 +72,7 @@ def test_balanced_is_exact_where_it_is_seen(bundle: Bundle) -> None:
     """Without other surfaces, tinted: sample by sample, which says more than any test of means."""
     exact = tinted(build_material(bundle, mode="exact", lamps=lamp_image()))
     with lit_sphere(exact, lamp_size=0.6, ground=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         picture = scene.render(4, 1)
         scene.show(tinted(build_material(bundle, mode="balanced", lamps=lamp_image())))
         np.testing.assert_allclose(scene.render(4, 1), picture, rtol=1e-6)
@@ -87,7 +87,7 @@ def test_balanced_is_preview_after_a_diffuse_bounce(bundle: Bundle, monkeypatch:
         return expr.Scalar(made.outputs[0])
 
     with lit_sphere(build_material(bundle, mode="preview"), lamp=False) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         sphere = scene.mask()
         ground = np.zeros_like(sphere)
         # The mask leaves the sphere's edge out, which is no ground either.
@@ -208,7 +208,7 @@ def test_a_lost_texture_is_read_again(
 
 def test_the_account_says_what_was_left_out(material: bpy.types.Material) -> None:
     effects = {effect.name: effect for effect in rebuild.effects_of(material)}
-    assert effects["Residual by mirror"].kept and not effects["Aimed light"].kept
+    assert effects["Mirror part"].kept and not effects["Aimed light"].kept
     material.measured_quality.aim = "always"
     effects = {effect.name: effect for effect in rebuild.effects_of(material)}
     assert effects["Aimed light"].kept and any(name.startswith("MM Lamps") for name in images_in(material.node_tree))
@@ -217,7 +217,7 @@ def test_the_account_says_what_was_left_out(material: bpy.types.Material) -> Non
 def test_a_refused_choice_is_told_and_taken_back(material: bpy.types.Material) -> None:
     quality, before = material.measured_quality, images_in(material.node_tree)
     quality.residual = "never"
-    assert "needs its residual" in quality.problem and quality.residual == "auto"
+    assert "needs its mirror part" in quality.problem and quality.residual == "auto"
     assert images_in(material.node_tree) == before
 
 
@@ -361,10 +361,10 @@ def test_a_bundle_without_native_closures_says_what_to_do(tmp_path: Path, regist
     settings = BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
     made = bake_material.material_from(bake_source(analytic.Ggx(), tmp_path / "plain", settings), pack=True)
     assert made.measured_quality.mode == "reference"
-    with pytest.raises(BakeError, match="bake it again with Native Closures"):
+    with pytest.raises(BakeError, match="bake it again with Cycles' Own Shaders"):
         rebuild.rebuild_brdf(made, Choices(mode="balanced"))
     made.measured_quality.mode = "exact"
-    assert "Native Closures" in made.measured_quality.problem and made.measured_quality.mode == "reference"
+    assert "Cycles' Own Shaders" in made.measured_quality.problem and made.measured_quality.mode == "reference"
     made.measured_quality.mode = "preview"
     assert not made.measured_quality.problem
 

@@ -81,7 +81,7 @@ def test_grey_lambert_equals_diffuse(grey: Bundle, mode: str, samples: int, aime
     # The envelope may exceed the measurement by 0.1 %, its budget.
     tolerance = 0.001 if mode == "exact" else 0.0
     with lit_sphere(diffuse_material(0.5), lamp=aimed, lamp_size=0.8, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         reference = scene.render(24, 6)
         # Built where the table of lamps is still empty: OSL reads it as it is when rendering.
         material = build_osl_material(grey, mode=mode, lamps=lamp_image() if aimed else None)
@@ -97,7 +97,7 @@ def test_osl_is_the_material_of_nodes(paint: Bundle, mode: str) -> None:
     """Gloss, tinted, under sky and a small lamp that both aim at, with bounce light; a planted 2 % is found."""
     nodes = tinted(build_material(paint, mode=mode, lamps=lamp_image()))
     with lit_sphere(nodes, lamp_size=0.8, resolution=40) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         pictures = scene.render(64, 8)
         show_osl(scene, tinted(build_osl_material(paint, mode=mode, lamps=lamp_image())))
         assert_same(pictures, scene.render(64, range(30, 38)), scene.mask(), 0.0, EFFECT)
@@ -140,7 +140,7 @@ def test_native_closures_are_those_of_nodes(lobe: Lobe) -> None:
     """One sample under equal seeds: no noise between the two."""
     nodes, script = compat.new_material("nodes"), compat.new_material("osl")
     text = f'shader one(output closure color BSDF = 0) {{ BSDF = color(0.2, 0.5, 0.8) * mm_native("{lobe.name}", '
-    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, {lobe.p1}, vector(0), N); }}'
+    text = f'#include "measured_materials.h"\n{text} {lobe.p1}, {lobe.p1}, vector(0), N, 1); }}'
     with expr.building(nodes.node_tree) as tree:
         colour = expr.Vector(expr.node("ShaderNodeCombineXYZ", {}, {0: 0.2, 1: 0.5, 2: 0.8}).outputs[0])
         normal = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Normal"])

@@ -67,7 +67,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def scene() -> Iterator[TestScene]:
     """A sphere under a lamp, of which Exact samples as it is set up."""
     with lit_sphere(None, 24, resolution=16) as made:
-        made.sphere.shadow_terminator_geometry_offset = 0
+        made.leave_terminator()
         yield made
 
 

@@ -100,7 +100,7 @@ def test_a_world_is_aimed_at_without_bias(paint: Bundle, kind: str) -> None:
 def in_room(paint: Bundle) -> Iterator[TestScene]:
     """A sphere above ground in the room of `test_unbiased`, both lit by nothing else."""
     with lit_sphere(build_material(paint, mode="exact", lamps=lamp_image()), lamp=False, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         tree = scene.scene.world.node_tree
         strength = next(n for n in tree.nodes if n.type == "BACKGROUND").inputs["Strength"]
         tree.links.remove(strength.links[0])

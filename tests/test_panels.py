@@ -10,7 +10,7 @@ from measured_materials.addon.scene_check.findings import NOTE, WRONG, Finding
 from measured_materials.addon.ui.panels import live_check
 from measured_materials.addon.ui.panels.places import in_both_places
 from measured_materials.addon.ui.panels.wrapped_text import wrapped
-from test_addon import lacquer, measurement, plate, registered  # noqa: F401
+from test_addon import lacquer, registered  # noqa: F401
 
 
 @given(st.text(st.characters(blacklist_categories=["Cs"]), max_size=80), st.integers(3, 30))

@@ -45,7 +45,7 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 @pytest.fixture
 def sphere() -> Iterator[TestScene]:
     with lit_sphere(diffuse_material(0.5), 32, lamp_size=0.5, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         scene.scene.view_layers[0].update()
         yield scene
 

@@ -241,7 +241,7 @@ def test_a_black_channel_under_the_default_sun(tmp_path: Path) -> None:
     settings = BakeSettings(resolution=8, alpha=(0.5, 0.3), storage=Storage.FLOAT32, envelope=False)
     bundle = read_bundle(bake_source(analytic.Lambert(colour), tmp_path / "lambert", settings).path)
     with lit_sphere(diffuse_material(colour), 48, lamp=False, ground=False, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         scene.scene.world = None
         add_lamp(scene, "SUN", (1, -1.5, 2), energy=2, angle=math.radians(0.526))
         mask = scene.mask()

@@ -86,7 +86,7 @@ def veil(colour: float) -> bpy.types.Material:
 @pytest.fixture
 def small_lamp(paint: Bundle) -> Iterator[TestScene]:
     with lit_sphere(mirroring(paint), lamp_size=0.5, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         yield scene
 
 
@@ -94,7 +94,7 @@ def small_lamp(paint: Bundle) -> Iterator[TestScene]:
 def test_sampled_lamps_give_the_same_picture(paint: Bundle, size: float, points: int) -> None:
     """Beside a mirror that is aimed, with sky, bounce light and a card in the way; a planted error of 2 % is found."""
     with lit_sphere(mirroring(paint), lamp_size=size, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         add_card(scene, 0.5, veil(0.0))
         show(scene, mirroring(paint))
         pictures = scene.render(144, 8)  # the noise is nearly all theirs
@@ -112,7 +112,7 @@ def test_sampled_lamps_give_the_same_picture(paint: Bundle, size: float, points:
 def test_transparent_things_are_left_to_the_mirror(paint: Bundle) -> None:
     """Half of the lamp's light passes, by the mirror alone; taken for lost, it would be missed."""
     with lit_sphere(mirroring(paint), lamp_size=2.0, resolution=32) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         add_card(scene, 1.2, veil(0.5))
         show(scene, mirroring(paint))
         pictures = scene.render(128, 8)
@@ -149,7 +149,7 @@ def test_the_material_is_no_lamp_itself(paint: Bundle) -> None:
 def test_light_that_has_bounced_before_is_the_same(paint: Bundle, strength: float) -> None:
     """On ground beside the sphere, lit by what that reflects of a lamp: far brighter than the sky behind it, or not."""
     with lit_sphere(mirroring(paint), lamp_size=0.6, resolution=24) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         background = next(n for n in scene.scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeBackground")
         ramp = next(n for n in scene.scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeMapRange")
         ramp.inputs["To Max"].default_value = strength
@@ -167,7 +167,7 @@ def test_a_file_of_a_newer_blender_is_told(registered: None, paint: Bundle) -> N
     """Its groups sample lamps, which nothing here can: they are switched to none, and it is to be fitted again."""
     material = material_from(BakeResult(paint.path, paint.material, 0.0), pack=True)
     with lit_sphere(material, resolution=8) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         rules = {finding.rule for finding in check_scene(scene.scene) or ()}
         assert not rules & {"not_sampled", "emission_sampling"}
         aims = [tree for tree in trees_below(material.node_tree) if SLOTS_KEY in tree]

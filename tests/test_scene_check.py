@@ -199,7 +199,7 @@ def test_linked_materials_are_told_and_left_alone(bundle: Bundle, tmp_path: Path
     with bpy.data.libraries.load(str(library), link=True) as (source, target):
         target.materials = source.materials
     with lit_sphere(target.materials[0], 16) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         found = rules(scene)
         assert set(found) == {"bump_correction"} and found["bump_correction"].mend is None
         assert not mend_scene(scene.scene)
@@ -220,7 +220,7 @@ def test_linked_groups_with_too_few_slots(bundle: Bundle, tmp_path: Path, has_ro
     with bpy.data.libraries.load(str(library), link=True) as (source, target):
         target.materials = source.materials
     with lit_sphere(target.materials[0], 16) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         another_lamp("POINT", energy=9, shadow_soft_size=0.1)(scene)
         found = rules(scene)
         if has_room:

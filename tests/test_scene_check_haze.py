@@ -18,7 +18,7 @@ HAZE = RAYS | BOUNCES | {"Is Shadow Ray"}
 
 def scene_of(bundle: Bundle, mode: str = "reference") -> TestScene:
     scene = lit_sphere(build_material(bundle, mode=mode, lamps=lamp_image()), 24, resolution=16)
-    scene.sphere.shadow_terminator_geometry_offset = 0
+    scene.leave_terminator()
     return scene
 
 

@@ -32,7 +32,7 @@ from support.scenes import TestScene, diffuse_material, lit_sphere
 
 def scene_of(bundle: Bundle, mode: str = "reference") -> TestScene:
     scene = lit_sphere(build_material(bundle, mode=mode, lamps=lamp_image()), 24, resolution=16)
-    scene.sphere.shadow_terminator_geometry_offset = 0
+    scene.leave_terminator()
     return scene
 
 
@@ -321,7 +321,7 @@ def in_a_volume(bundle: Bundle, mode: str, mended: bool, seeds: int) -> float:
     """Of a sphere and its ground of one material, under a lamp only."""
     material = build_material(bundle, mode=mode, lamps=lamp_image())
     with lit_sphere(material, 24, resolution=16) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         scene.scene.world.node_tree.nodes.clear()
         world_volume(scene)
         for obj in scene.scene.objects:

@@ -46,7 +46,7 @@ def test_it_does_change_the_picture(bundle: Bundle, rule: str) -> None:
     lamps = None if unaimed else lamp_image()
     material = build_material(bundle, mode="reference" if "mirror" in kind else None, lamps=lamps)
     with lit_sphere(material, 32, lamp_size=0.2 if unaimed else 0.6, resolution=24) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         for obj in scene.scene.objects if "room" in kind else ():
             if obj.type == "MESH":
                 obj.data.materials.clear()
@@ -65,7 +65,7 @@ def test_a_mended_mix_keeps_the_sun(bundle: Bundle, mode: str, tint: tuple[float
     ) as scene:
         scene.scene.world.node_tree.nodes.clear()
         mixed_under_a_sun(scene)
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         tree, mask = material_of(scene).node_tree, scene.mask()
         mix = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeMixShader")
         next(n for n in tree.nodes if n.bl_idname == "ShaderNodeGroup").inputs["Tint"].default_value = (*tint, 1)
@@ -94,7 +94,7 @@ def test_a_mended_mix_is_what_cycles_own_closure_shows(matte: Bundle, mode: str)
     with lit_sphere(material, 32, lamp=False, ground=False, resolution=32) as scene:
         scene.scene.world.node_tree.nodes.clear()
         mixed_under_a_sun(scene)
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         mask = scene.mask()
         next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeMixShader").inputs[0].default_value = 0.7
         mend_scene(scene.scene)

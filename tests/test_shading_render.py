@@ -71,7 +71,7 @@ def test_identity_stack_is_diffuse(tmp_path: Path, mode: str) -> None:
     render = RenderSettings(Lobe("lambert"), sigma=0.5, mode=mode)
     bundle = map_bundle(tmp_path / "identity", identity_map(), render)
     with lit_sphere(diffuse_material(coloured(0.5)), 64, lamp_size=4.0) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         agree_and_find(scene, scene.render(32, 6), tinted(build_shading_map(bundle)), SAMPLES[mode])
 
 
@@ -93,7 +93,7 @@ def test_identity_stack_is_gloss(tmp_path: Path, above: str, mode: str) -> None:
         render = replace(render, a_max=0.6 * float(render.lobe.peak(grazing)))
     bundle = map_bundle(tmp_path / "identity", identity_map(), render)
     with lit_sphere(glossy_material(0.4, coloured(0.6)), 64, lamp_size=4.0) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         agree_and_find(scene, scene.render(32, 6), tinted(build_shading_map(bundle)), SAMPLES[mode])
 
 
@@ -116,7 +116,7 @@ def test_envelope_and_residual_are_the_mirror(tmp_path: Path, lobe: Lobe, above:
     bundle = map_bundle(tmp_path / "rough", rough_map(), render)
     reference = tinted(build_shading_map(bundle, settings=replace(render, mode="reference"), lamps=lamp_image()))
     with lit_sphere(reference, 64, lamp_size=2.0) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         pictures = scene.render(80, 8)
         whole = tinted(build_shading_map(bundle, settings=render, lamps=lamp_image()))
         agree_and_find(scene, pictures, whole, 80)

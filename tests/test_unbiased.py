@@ -223,7 +223,7 @@ def stage(name: str, zoom: float = 1.0) -> Iterator[Stage]:
     # Facets lie 1e-4 under the sphere on average; seen closely that moves highlights by 2.5e-5 rad, 0.7 % in a tile.
     segments = 256 if zoom == 1 else 768
     with lit_sphere(grey, segments, lamp=False, ground=False, resolution=RESOLUTION) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         scene.scene.cycles.pixel_filter_type = "BOX"
         eye = scene.scene.camera
         eye.data.lens = LENS * zoom

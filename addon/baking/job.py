@@ -21,6 +21,7 @@ from typing import Any
 from ...bake.bundle.bundle import move_bundle, read_bundle, staging
 from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
+from .look import Look
 from .request import BakeRequest
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED, NO_HOST = "waiting", "running", "done", "failed", "cancelled", "no host"
@@ -38,6 +39,7 @@ class BakeJob:
     state : one of the names above; the last four are final. NO_HOST: no program could be started, nothing was done
     stage, share : where the bake is
     preview : bundle of the quick bake, once it is there, until the job is closed
+    look : of a job that only looks at photographs, once it is done
     error : of a failed job
     """
 
@@ -45,6 +47,7 @@ class BakeJob:
         self.request, self.target = request, target
         self.state, self.stage, self.share = WAITING, "starting", 0.0
         self.preview: Path | None = None
+        self.look: Look | None = None
         self.error: BakeError | None = None
         self._hosts = [list(host) for host in hosts]
         self._stack = contextlib.ExitStack()
@@ -152,6 +155,8 @@ class BakeJob:
             self.preview = Path(event["path"])
         elif kind == "done":
             self.state, self._baked = DONE, (Path(event["path"]), float(event["seconds"]))
+        elif kind == "looked":
+            self.state, self.look = DONE, Look.of_event(event)
         elif kind == "error":
             self._fail(BakeError(event["file"], event["cause"], event["remedy"]))
 

@@ -39,11 +39,13 @@ class BakeRequest:
     source : a measurement's file, a model, or photographs: their folder or a tuple of them
     settings : those of photographs for photographs, else those of a BRDF
     quick : a quick bake comes first, for a picture of the material while it is baked
+    look : of photographs: nothing is baked, they are only looked at
     """
 
     source: Path | Model | tuple[Path, ...]
     settings: BakeSettings | ArcSettings
     quick: bool = False
+    look: bool = False
 
     @property
     def title(self) -> str:
@@ -51,6 +53,11 @@ class BakeRequest:
         if isinstance(self.source, Model):
             return self.source.name
         return self.source[0].parent.name if isinstance(self.source, tuple) else self.source.name
+
+    def photographs(self) -> Path | list[Path]:
+        """The source, where it is photographs: their folder or a list of them."""
+        assert not isinstance(self.source, Model)
+        return list(self.source) if isinstance(self.source, tuple) else self.source
 
 
 def run_request(
@@ -103,6 +110,4 @@ def _bake_photographs(
         plain = replace(settings, tileable="off", compression="none")
         quick[1](bake_stack(small, quick[0], plain, name=name, origin=origin).path)
 
-    assert not isinstance(request.source, Model)
-    source = list(request.source) if isinstance(request.source, tuple) else request.source
-    return bake_arc(source, target, settings, progress, decoder, bake_quickly)
+    return bake_arc(request.photographs(), target, settings, progress, decoder, bake_quickly)

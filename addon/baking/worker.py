@@ -46,12 +46,17 @@ def main() -> None:
 
 
 def _bake(request: Any, staging: Path, name: str, say: Callable[..., None]) -> int:
+    from .look import look_at
     from .request import run_request
 
     def preview(path: Path) -> None:
         say(event="preview", path=str(path))
 
     try:
+        if request.look:
+            look = look_at(request.photographs(), request.settings.stack, _progress(say), blender_decoder())
+            say(event="looked", **look.as_event())
+            return 0
         quick = None
         if request.quick:
             (staging / "quick").mkdir()

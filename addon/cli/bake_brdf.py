@@ -22,8 +22,10 @@ from ...bake.tables.search.grid_search import BASES
 from ...bake.tables.table import FILTERS
 from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
+from ..summary.quality_levels import BRDF_LEVELS
 from . import bake_photographs
-from .bake_jobs import Bake, Job, add_replace, bake_jobs, usage_error
+from .bake_jobs import Bake, Job, add_quality, add_replace, bake_jobs, by_quality, chosen_quality, usage_error
+from .reading_options import add_reading, reading_of
 from .result import Result
 
 _SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
@@ -52,6 +54,7 @@ def add_to(commands: Any) -> None:
     brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(brdf)
     _add_settings(brdf)
+    add_reading(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
     brdf.set_defaults(run=run, command="bake brdf")
     bake_photographs.add_to(kinds)
@@ -59,24 +62,24 @@ def add_to(commands: Any) -> None:
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     usual = BakeSettings()
+    add_quality(parser, BRDF_LEVELS)
     parser.add_argument(
         "--resolution",
         type=int,
-        default=usual.resolution,
         metavar="N",
-        help="of an N x N x 2N table, or as many bytes (%(default)s)",
+        help=f"of an N x N x 2N table, or as many bytes ({by_quality(BRDF_LEVELS, 'resolution')})",
     )
     parser.add_argument(
         "--basis",
         choices=("auto", *BASES),
-        default=usual.basis,
-        help="angles of the table: to the normal, to the half vector, or those of less measured error (%(default)s)",
+        help="angles of the table: to the normal, to the half vector, or those of less measured error "
+        f"({by_quality(BRDF_LEVELS, 'basis')})",
     )
     parser.add_argument(
         "--parameterization",
         choices=("auto", *PARAMETERIZATIONS),
-        default=usual.parameterization,
-        help="spacing of its samples; auto is that of least measured error (%(default)s)",
+        help="spacing of its samples; auto is that of least measured error "
+        f"({by_quality(BRDF_LEVELS, 'parameterization')})",
     )
     parser.add_argument(
         "--alpha",
@@ -119,7 +122,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--envelope",
         action=argparse.BooleanOptionalAction,
         default=usual.envelope,
-        help="also fit Cycles' own closures under the measurement, so that the mirror has only the rest to carry: less "
+        help="also fit Cycles' own shaders under the measurement, so that the mirror has only the rest to carry: less "
         "noise, at a bias of at most 0.1 %% of the light (on)",
     )
 
@@ -152,15 +155,14 @@ def run(options: argparse.Namespace) -> Result:
 def _settings(options: argparse.Namespace) -> BakeSettings:
     try:
         return BakeSettings(
-            resolution=options.resolution,
-            basis=options.basis,
-            parameterization=options.parameterization,
+            **chosen_quality(options, BRDF_LEVELS),
             alpha=options.alpha,
             storage=Storage(options.storage),
             filter=options.filter,
             spline=options.spline,
             sampler=isotropic_layout(options.sampler_kind, options.sampler),
             envelope=options.envelope,
+            reading=reading_of(options),
         )
     except BakeError as error:
         raise usage_error(error, options) from None

@@ -14,8 +14,10 @@ from ...bake.bundle.bundle import SUFFIX
 from ...bake.bundle.origin import Origin, refuse_another
 from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
+from ..summary.quality_levels import LEVELS, STANDARD
 from .console.progress import Progress
 
+Levels = Mapping[str, Mapping[str, Any]]
 Bake = Callable[[Path, Any, Progress], BakeResult]
 
 
@@ -65,6 +67,30 @@ def bake_jobs(
             progress.close()
             baked(job, result)
     return done, errors
+
+
+def add_quality(parser: Any, levels: Levels) -> None:
+    """Add the option that `chosen_quality` reads."""
+    parser.add_argument(
+        "--quality",
+        choices=LEVELS,
+        default=STANDARD,
+        help=f"sets {' and '.join(f'--{name}' for name in levels[STANDARD])} where they are not given (%(default)s)",
+    )
+
+
+def by_quality(levels: Levels, name: str) -> str:
+    """Words on what an option is by default."""
+    values = [str(levels[level][name]) for level in LEVELS]
+    return values[0] if len(set(values)) == 1 else f"by --quality {', '.join(values)}"
+
+
+def chosen_quality(options: argparse.Namespace, levels: Levels) -> dict[str, Any]:
+    """What the level sets, and in its place what was given."""
+    return {
+        name: value if (given := getattr(options, name)) is None else given
+        for name, value in levels[options.quality].items()
+    }
 
 
 def add_replace(parser: Any) -> None:

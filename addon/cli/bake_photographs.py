@@ -1,4 +1,4 @@
-"""Sub-command `bake arc`: photographs of a swatch on a light arc to bundles."""
+"""Sub-command `bake photographs`, or `bake arc` as older scripts have it: photographs of a swatch on a light arc to bundles."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.store import COMPRESSIONS
 from ..photographs.arc_plot import draw_arc, need_matplotlib
 from ..photographs.find_decoder import blender_decoder
-from ..summary.bake_stages import USUAL_SIZE, bake_stages
+from ..summary.bake_stages import bake_stages
+from ..summary.quality_levels import MAP_LEVELS
 from ..summary.shading_map_rows import albedo_warning, arc_summary
-from .bake_jobs import Bake, Job, add_replace, bake_jobs, usage_error
+from .bake_jobs import Bake, Job, add_quality, add_replace, bake_jobs, by_quality, chosen_quality, usage_error
 from .lighting_options import add_lighting, known_lobes, lighting, parsed_lobe
 from .result import Result, complain
 
 
 def add_to(kinds: Any) -> None:
-    """Add `arc` to the kinds of `bake`."""
+    """Add `photographs` to the kinds of `bake`."""
     arc = kinds.add_parser(
-        "arc",
+        "photographs",
+        aliases=["arc"],
         help="photographs of a flat swatch, lit from several elevations",
         description=f"Bake photographs of a flat swatch, taken from straight above with the lamp on an arc of "
         f"elevations, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; photographs given one "
@@ -44,18 +46,19 @@ def add_to(kinds: Any) -> None:
     )
     arc.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(arc)
+    add_quality(arc, MAP_LEVELS)
     _add_reading(arc.add_argument_group("photographs"))
     _add_map(arc.add_argument_group("shading map"))
     add_lighting(
         arc.add_argument_group("lighting, which can be changed later without baking"),
-        f"f_r: {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF (lambert)",
+        f"base reflection (f_r): {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF (lambert)",
         f"NAME|auto|FILE{SUFFIX}",
     )
     arc.add_argument(
-        "--plot", type=Path, metavar="FILE.png", help="draw averages before and after linearisation (needs matplotlib)"
+        "--plot", type=Path, metavar="FILE.png", help="draw the brightness of the photographs against their lights (needs matplotlib)"
     )
     arc.add_argument("--json", action="store_true", help="print the result as JSON")
-    arc.set_defaults(run=run, command="bake arc")
+    arc.set_defaults(run=run, command="bake photographs")
 
 
 def _add_reading(group: Any) -> None:
@@ -63,9 +66,9 @@ def _add_reading(group: Any) -> None:
     group.add_argument(
         "--size",
         type=int,
-        default=USUAL_SIZE,
         metavar="TEXELS",
-        help="reduce the swatch's longer side to so many; 0 keeps it as photographed (%(default)s)",
+        help="reduce the swatch's longer side to so many; 0 keeps it as photographed "
+        f"({by_quality(MAP_LEVELS, 'size')})",
     )
     group.add_argument(
         "--decode",
@@ -133,7 +136,10 @@ def _add_reading(group: Any) -> None:
 def _add_map(group: Any) -> None:
     usual = ArcSettings()
     group.add_argument(
-        "--slices", type=int, default=usual.slices, metavar="N", help="levels of light, black included (%(default)s)"
+        "--slices",
+        type=int,
+        metavar="N",
+        help=f"levels of light, black included ({by_quality(MAP_LEVELS, 'slices')})",
     )
     group.add_argument(
         "--storage",
@@ -218,12 +224,13 @@ def _photographs(sources: Sequence[Path]) -> set[Path]:
 
 def _settings(options: argparse.Namespace) -> ArcSettings:
     auto, lobe, brdf = _lobe(options)
+    level = chosen_quality(options, MAP_LEVELS)
     render = lighting(options, RenderSettings(), lobe)
     if brdf is not None:
         render = replace(render, lobe=None)
     try:
         return ArcSettings(
-            slices=options.slices,
+            slices=level["slices"],
             storage=Storage(options.storage),
             compression=options.compression,
             rank=options.rank,
@@ -232,7 +239,7 @@ def _settings(options: argparse.Namespace) -> ArcSettings:
             brdf=brdf,
             render=render,
             stack=StackSettings(
-                size=options.size or None,
+                size=level["size"] or None,
                 decode=options.decode,
                 lights=options.lights,
                 azimuth=options.azimuth,

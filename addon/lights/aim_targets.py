@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from ...nodes.lamp_light_groups import can_raycast
 from .lamp_survey import LampReport
 
+# What sampling is worth in noise, for what share of the time of a sample.
+_OF_LAMPS = "about a third of the noise under a lamp"
+_OF_WORLD = "about half of the noise under the world"
 # Irradiance of everything else, over that of the strongest lamp at distance 1.
 _HARDLY_ANY = 1e-3
 
@@ -15,12 +18,13 @@ _HARDLY_ANY = 1e-3
 class Sampling:
     """Why a scene's lamps cannot be sampled in the shader without bias, or need not be; empty where that is not so.
 
-    `beside` is what mirrors of such a material are aimed at all the same, in words; empty if at nothing.
+    `beside` is what becomes of the world, in words, where it is aimed at or sampled; `gain` what sampling is worth.
     """
 
     impossible: str = ""
     needless: str = ""
     beside: str = ""
+    gain: str = _OF_LAMPS
 
 
 UNKNOWN = Sampling("nothing is known of its lamps")
@@ -42,8 +46,11 @@ def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
         return Sampling("nodes cannot ask what a ray meets before Blender 5.1; OSL can, on the CPU")
     if report.inexact:
         return Sampling(report.inexact)
-    if osl and not report.world_inexact:
-        return Sampling(beside="the world, sampled in the shader too: half the noise of a mirror that is aimed at it")
+    if not report.world_inexact:
+        gain = f"{_OF_LAMPS}, {_OF_WORLD}" if report.slots else _OF_WORLD
+        return Sampling(
+            beside="the world, sampled in the shader too: half the noise of a mirror aimed at it", gain=gain
+        )
     if not report.slots:
         return Sampling(needless="no lamp that can be sampled")
     if not report.world.aimed:

@@ -22,7 +22,7 @@ from bpy.app.handlers import persistent
 
 from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
-from ...nodes.aimed_light_group import SLOTS_KEY, aim_by, aimed_light_group, can_switch
+from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, aim_by, aimed_light_group, can_switch
 from ...nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
 from ...nodes.light_images import new_table, world_table
 from ..events import listen, stop_listening
@@ -40,12 +40,14 @@ _PATIENCE = 0.3
 
 
 class _Need(NamedTuple):
-    """Lamps to aim at, whether at the world, lamps that a shader may sample, and the volume that was met, in words."""
+    """Lamps to aim at, whether at the world, lamps that a shader may sample, the volume that was met, in words, and
+    whether a shader may sample the world."""
 
     slots: int
     world: bool
     sampled: int
     volume: str
+    lit: bool
 
 
 # By scene, and its view layer in a window or whether it is rendered.
@@ -133,13 +135,14 @@ def _follow_scene(scene: bpy.types.Scene, for_render: bool) -> LampReport:
 
 
 def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = True) -> LampReport:
+    shown = seen_world.world_light_table(report)
     if key is not None:
         scene, which = key
         if isinstance(which, str):  # edited since a file was opened or rendered, which looked at all layers together
             for older in (False, True):
                 _needs.pop((scene, older), None)
         sampled = 0 if report.inexact else report.slots
-        _needs[key] = _Need(report.slots, report.world.aimed, sampled, report.volume)
+        _needs[key] = _Need(report.slots, report.world.aimed, sampled, report.volume, bool(shown[0, 0, 3] > 0))
         _fit_slots()
         follow_cameras()
     changed = world_survey.write_world(report.world) if report.world.aimed else []
@@ -147,7 +150,6 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
     changed += [image for image in _tables() if _write(image, table)]
     lights = light_table_of(report)
     changed += [image for image in _light_tables() if _write(image, lights)]
-    shown = seen_world.world_light_table(report)
     changed += [image for image in seen_world.world_light_images() if _write(image, shown)]
     if viewport:
         for image in changed:
@@ -162,10 +164,14 @@ def _fit_slots() -> None:
     slots, world = max((need.slots for need in needs), default=0), any(need.world for need in needs)
     # Of scenes that need lamps at all: where their light is not known in one, none is sampled in any.
     sampled = min((need.sampled for need in needs if need.slots), default=0) and slots * can_raycast()
+    # The world's own table is dark in a scene where that may not be sampled.
+    lit = can_raycast() and any(need.lit for need in needs)
     for group in bpy.data.node_groups:
         if can_switch(group):
             if SAMPLED_KEY in group:
-                aim_by(group, sampled, False)
+                aim_by(group, sampled, lit)
+            elif INSTEAD_KEY in group:
+                aim_by(group, 0 if sampled else slots, world and not (lit and group[INSTEAD_KEY]))
             else:
                 aim_by(group, slots, world)
 

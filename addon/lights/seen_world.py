@@ -7,7 +7,7 @@ import numpy as np
 
 from ...bake.source import Array
 from ...nodes.light_images import WORLD_LIGHT_TEXELS, new_table
-from ...nodes.osl_aim import PICTURE, Surroundings
+from ...nodes.world_picture import PICTURE, Surroundings
 from .lamp_survey import LampReport
 from .world_survey import WorldPicture
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import bpy
 
 from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import Bundle
+from ...bake.envelope.gloss_energy import Rows, brightened_by_gloss
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
@@ -52,8 +54,10 @@ def build_brdf(
     osl = choices.shader == OSL
     targets, sampling = what_to_aim_at(report), sampling_of(report, osl=osl)
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
+    plan = replace(plan, brightened=_brightened(record, plan.mode))
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None
+    surroundings = surroundings_of(report) if plan.sample else None
     if plan.osl:
         material = build_osl_material(
             record,
@@ -62,7 +66,7 @@ def build_brdf(
             filter=plan.filter,
             lamps=lamps,
             lights=lights,
-            surroundings=surroundings_of(report) if plan.sample else None,
+            surroundings=surroundings,
             files=texture_files(record),
             normals=plan.normals,
         )
@@ -75,6 +79,7 @@ def build_brdf(
         pack=pack,
         lamps=lamps,
         lights=lights,
+        surroundings=surroundings,
         mode=plan.mode,
         residual=plan.residual,
         features=plan.features,
@@ -94,7 +99,16 @@ def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     return {
         "choices": {name: getattr(choices, name) for name in OF_BRDF},
         "effects": [effect.facts() for effect in plan.effects],
+        "brightened": [[gloss, [list(row) for row in rows]] for gloss, rows in plan.brightened],
     }
+
+
+def _brightened(record: BrdfRecord, mode: str) -> tuple[tuple[float, Rows], ...]:
+    """What a mode's native closures gain with the gloss. Raises BakeError."""
+    if mode == "reference":
+        return ()
+    fit = record.load_preview() if mode == "preview" else record.load_envelope()
+    return brightened_by_gloss(fit, record.albedo.theta_o_deg)
 
 
 def choices_from(known: Mapping[str, str]) -> Choices:

@@ -70,7 +70,7 @@ def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.t
     facts = {**facts_of(material), "render": settings.facts()}
     record = ShadingMapRecord.parse(facts, material.name)
     if settings.lobe is None and not record.has("table"):
-        raise BakeError(material.name, "holds no measured BRDF to use as f_r", "choose a bundle below and bake again")
+        raise BakeError(material.name, "holds no measured BRDF to reflect by", "choose one under Bake and bake again")
 
     def build(loaded: ShadingMapRecord, images: Images | None) -> None:
         facts["albedo"] = _albedo(loaded)

@@ -10,12 +10,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...bake.brdf.record import BrdfRecord
+from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
 SAMPLED_EFFECT = "Lamps sampled in the shader"
+# The first as it is called now; the other in materials that were built before.
+MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
 # Light that may be left out unasked: as much as the envelope's own stated bias.
 _NEGLIGIBLE = 1e-3
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
@@ -41,7 +44,7 @@ class Effect:
 @dataclass(frozen=True)
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
-    account of it."""
+    account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`."""
 
     mode: str
     filter: str
@@ -52,6 +55,7 @@ class BrdfPlan:
     sample: bool = False
     osl: bool = False
     normals: bool = False
+    brightened: tuple[tuple[float, Rows], ...] = ()
 
 
 def plan_brdf(
@@ -80,7 +84,7 @@ def plan_brdf(
     BakeError : the bundle holds not what the mode needs, or a choice would bias the picture
     """
     if choices.mode == "preview":
-        account = Effect("Mirror", False, "mode Preview: native closures fitted to the measurement, biased")
+        account = Effect("Mirror", False, "mode Preview: Cycles' own shaders fitted to the measurement, biased")
         return BrdfPlan("preview", record.table.filter, False, False, False, (account, *_language(choices, False)))
     filter, residual = record.table.filter, True
     effects: list[Effect] = []
@@ -117,7 +121,9 @@ def _language(choices: Choices, mirror: bool) -> list[Effect]:
     """Of a material that is to be a script: whether it is, which takes a mirror."""
     if choices.shader != OSL:
         return []
-    why = "asked for; Cycles on the CPU alone renders it" if mirror else "native closures alone are as good of nodes"
+    why = (
+        "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
+    )
     return [Effect("Open Shading Language", mirror, why)]
 
 
@@ -142,7 +148,7 @@ def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
         return Effect(name, False, f"Aim at Lights is {choices.aim.capitalize()}")
     if why_not := sampling.impossible or sampling.needless:
         return Effect(name, False, why_not)
-    return Effect(name, True, "about a third of the noise under a lamp, for two to three times the time of a sample")
+    return Effect(name, True, f"{sampling.gain}, for two to four times the time of a sample")
 
 
 def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:
@@ -161,10 +167,10 @@ def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect
 
 def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
     """Whether modes "exact" and "balanced" need a mirror beside the native closures. Raises BakeError."""
-    name, envelope = "Residual by mirror", record.envelope
+    name, envelope = MIRROR_EFFECTS[0], record.envelope
     if envelope is None:
-        cause = f"mode {choices.mode} needs native closures"
-        raise BakeError(record.where, cause, "bake it again with Native Closures")
+        cause = f"mode {choices.mode} needs Cycles' own shaders"
+        raise BakeError(record.where, cause, "bake it again with Cycles' Own Shaders")
     rest = 1 - envelope.share
     # By viewer too: a residual of the rim only is a small part of all light, and all that is seen there.
     worst = max(1 - share for _, share in envelope.by_theta_o_deg)
@@ -172,12 +178,12 @@ def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
     if choices.residual == ALWAYS:
         return Effect(name, True, f"asked for; {carried}")
     if rest <= _NEGLIGIBLE and worst <= 10 * _NEGLIGIBLE:
-        return Effect(name, False, f"{carried}; native closures alone are as good")
+        return Effect(name, False, f"{carried}; Cycles' own shaders alone are as good")
     if choices.residual == NEVER:
         raise BakeError(
             record.where,
-            f"needs its residual: {carried}, {100 * worst:.2g} % from some viewers",
-            "choose mode Preview, or leave the residual to Automatic",
+            f"needs its mirror part: {carried}, {100 * worst:.2g} % from some viewers",
+            "choose mode Preview, or leave Mirror Part to Automatic",
         )
     return Effect(name, True, carried)
 
@@ -231,5 +237,5 @@ def plan_bounces(mode: str) -> Effect:
     """Whether light that a diffuse surface has scattered is worth the mirror."""
     name = "Mirror after a diffuse bounce"
     if mode == "balanced":
-        return Effect(name, False, "mode Balanced: Preview's closures there; unseen directly")
+        return Effect(name, False, "mode Balanced: Preview's shaders there; unseen directly")
     return Effect(name, True, f"mode {mode.capitalize()}")

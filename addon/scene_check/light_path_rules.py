@@ -59,7 +59,7 @@ def _told(subject: Subject, kind: str, where: str, tree: bpy.types.NodeTree) -> 
         telling.append(_PASSED)
     if telling:
         found = f"Light Path, {', '.join(telling)} changes its light by kind of ray"
-        why = f"native closures and the mirror see it as different rays do; {_WHY[kind]}"
+        why = f"Cycles' own shaders and the mirror see it as different rays do; {_WHY[kind]}"
         yield Finding(f"{kind}_light_path", WRONG, where, found, "the same light for all but camera rays", why)
 
 
@@ -67,7 +67,7 @@ def _dimmed(where: str, tree: bpy.types.NodeTree) -> Iterator[Finding]:
     """A volume that lets pass, scatters or emits otherwise by kind of ray."""
     if telling := sorted(volume_outputs(tree) & _TELLING["volume"]):
         found = f"Light Path, {', '.join(telling)} changes its volume by kind of ray"
-        why = "of one material's light the closures' is dimmed by it as shadow rays are, the mirror's as reflected ones"
+        why = "light of Cycles' own shaders is dimmed as shadow rays are, that of the mirror as reflected ones"
         yield Finding("volume_light_path", WRONG, where, found, "the same volume for all but camera rays", why)
 
 

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...nodes import compat
-from ...nodes.aimed_light_group import SLOTS_KEY, can_switch
+from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
 from ...nodes.lamp_light_groups import SAMPLED_KEY
@@ -23,7 +23,7 @@ from ..material import rebuild
 from ..material.choices import AUTO
 from ..material.facts import is_measured
 from ..material.kinds import BRDF, kind_of
-from ..material.scene_fit import SAMPLED_EFFECT, plan_sampling
+from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -189,7 +189,7 @@ def shadow_terminator(subject: Subject) -> Iterator[Finding]:
         owner, shading, geometry = compat.shadow_terminator(obj)
         if getattr(owner, shading) > 0:
             found = f"Shadow Terminator, Shading Offset is {getattr(owner, shading):.2g}"
-            why = "it darkens each closure by its own normal; 0.3 lost 10 to 16 % on a sphere of 32 segments"
+            why = "it darkens each shader by its own normal; 0.3 lost 10 to 16 % on a sphere of 32 segments"
             mend = setting(owner, shading, 0.0)
             yield Finding("shading_offset", WRONG, f"object {obj.name}", found, "0", why, mend)
         if getattr(owner, geometry) > 0:
@@ -197,7 +197,7 @@ def shadow_terminator(subject: Subject) -> Iterator[Finding]:
     if moved:
         names = ", ".join(obj.name for obj in moved[:3]) + (" and others" if len(moved) > 3 else "")
         found = f"Shadow Terminator, Geometry Offset is above 0 for {names}"
-        why = "native closures get up to 0.5 % more light on a coarse sphere, the mirror does not"
+        why = "Cycles' own shaders get up to 0.5 % more light on a coarse sphere, the mirror does not"
         mend = partial(_lay_flat, moved) if any(obj.is_editable for obj in moved) else None
         yield Finding("geometry_offset", NOTE, f"scene {subject.scene.name}", found, "", why, mend)
 
@@ -231,7 +231,7 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     scene = subject.scene
     report = light_tables.survey_scene(scene, for_render=True)
     table, lights = light_tables.table_of(report), light_tables.light_table_of(report)
-    groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t}
+    groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t and INSTEAD_KEY not in t}
     known = 0 if report.inexact else report.slots
     narrow = [group for group in groups if group[SLOTS_KEY] < (known if SAMPLED_KEY in group else report.slots)]
     where = f"scene {scene.name}"
@@ -262,7 +262,7 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
         kept = plan_sampling(choices, sampling).kept
-        stale = kept and is_scripted(material) and _shows_another_world(material, report)
+        stale = kept and _shows_another_world(material, report)
         if (sampled == kept and not stale) or not (sampled or residual_of(material)):
             continue
         mend = None
@@ -280,7 +280,7 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
 
 
 def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:
-    """Whether a script that samples lamps holds no picture of the world, or another, though it could hold that one."""
+    """Whether a material that samples light holds no picture of the world, or another, though it could hold it."""
     picture = report.world.picture
     if report.world_inexact or picture is None:
         return False
@@ -291,7 +291,7 @@ def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bo
 
 def residual_of(material: bpy.types.Material) -> bool:
     """Whether a material was built with a mirror for its residual."""
-    return any(effect.name == "Residual by mirror" and effect.kept for effect in rebuild.effects_of(material))
+    return any(effect.name in MIRROR_EFFECTS and effect.kept for effect in rebuild.effects_of(material))
 
 
 def not_aimed(subject: Subject) -> Iterator[Finding]:

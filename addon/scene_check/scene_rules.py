@@ -113,7 +113,7 @@ def engine(subject: Subject) -> Iterator[Finding]:
     """Only Cycles follows the mirror."""
     name = subject.scene.render.engine
     if name != "CYCLES":
-        why = "other engines show native closures or a stand-in, not the measurement"
+        why = "other engines show Cycles' own shaders or a stand-in, not the measurement"
         yield Finding("engine", WRONG, _scene(subject), f"Render Engine is {name}", "Cycles", why)
 
 
@@ -191,13 +191,13 @@ def world(subject: Subject) -> Iterator[Finding]:
     kinds = {node.bl_idname for node in world.node_tree.nodes} if world.node_tree else set()
     if world.cycles.sampling_method == "NONE" and kinds & {"ShaderNodeTexEnvironment", "ShaderNodeTexSky"}:
         mend = setting(world.cycles, "sampling_method", "AUTOMATIC")
-        why = "native closures find its bright places by chance only"
+        why = "Cycles' own shaders find its bright places by chance only"
         yield Finding("world_sampling", SLOW, where, "Sampling is None", "Auto", why, mend)
     if not getattr(world.cycles, "use_shadows", True):
         yield Finding("world_shadow", WRONG, where, "Shadow is off", "on", _SHADOWS)
 
 
-_SHADOWS = "its light passes obstacles on the way to native closures, but not to the mirror"
+_SHADOWS = "its light passes obstacles on the way to Cycles' own shaders, but not to the mirror"
 _UNSHADED = "a sphere behind a card got 39 % more light, in mode Reference none"
 
 
@@ -229,7 +229,7 @@ def lamps(subject: Subject) -> Iterator[Finding]:
             yield Finding("lamp_mis", WRONG, where, "Multiple Importance is off", "on", why, mend)
         if _extent(obj) <= 0:
             label, value, wanted = _size_words(obj, subject.distance(obj))
-            why = "no ray can meet it, so that only native closures see its light"
+            why = "no ray can meet it, so that only Cycles' own shaders see its light"
             mend = editable(data, partial(_give_extent, obj, subject.distance(obj))) if label != "Scale" else None
             yield Finding("lamp_size", WRONG, where, f"{label} is {value}", wanted, why, mend)
         if not data.use_shadow:
@@ -245,7 +245,7 @@ def hidden_objects(subject: Subject) -> Iterator[Finding]:
     names = [o.name for o in subject.objects if o.type != "LIGHT" and o.visible_diffuse and not o.visible_glossy]
     if names:
         found = f"Ray Visibility, Glossy is off for {', '.join(names[:3])}" + (" and others" if len(names) > 3 else "")
-        why = "mirrors of measured materials do not reflect them, native closures do"
+        why = "mirrors of measured materials do not reflect them, Cycles' own shaders do"
         yield Finding("hidden_objects", NOTE, _scene(subject), found, "", why)
 
 

@@ -74,6 +74,21 @@ def _arc_stages(settings: ArcSettings) -> dict[str, float]:
     }
 
 
+# What a person reads of those stages whose names are the workshop's.
+_WORDS = {
+    "choosing grid": "choosing the table",
+    "tabulating": "filling the table",
+    "sampler": "preparing directions",
+    "envelope": "fitting Cycles' shaders",
+    "averages and slices": "sorting by light",
+}
+
+
+def stage_words(stage: str) -> str:
+    """A stage as a person reads it."""
+    return _WORDS.get(stage, stage)
+
+
 def share_done(stages: Mapping[str, float], stage: str, share: float) -> float:
     """Share of the whole, given the share of one stage; 0 for a stage that is not known."""
     if stage not in stages:

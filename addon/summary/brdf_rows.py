@@ -96,9 +96,8 @@ def envelope_rows(record: BrdfRecord) -> Rows:
     envelope = record.envelope
     if record.residual is None or envelope is None:
         return []
-    closures = len(envelope.closures)
-    words = f"{100 * envelope.share:.3g} % of the light by {closures} closure{'s' if closures > 1 else ''}"
-    return [("Native", f"{words}, bias {100 * envelope.overshoot:.2g} %")]
+    words = f"{100 * envelope.share:.3g} % of the light by {len(envelope.closures)} of them"
+    return [("Cycles' shaders", f"{words}, bias {100 * envelope.overshoot:.2g} %")]
 
 
 def albedo_rows(record: Record) -> Rows:

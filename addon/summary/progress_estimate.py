@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from .bake_stages import share_done
+from .bake_stages import share_done, stage_words
 
 
 class ProgressEstimate:
@@ -53,7 +53,7 @@ class ProgressEstimate:
         title = f"{self._title}: " if self._title else ""
         left = self.seconds_left()
         estimate = "" if left is None else f", {readable_time(left)} left"
-        return f"{counter}{title}{self._stage}, {100 * self.overall():.0f} %{estimate}"
+        return f"{counter}{title}{stage_words(self._stage)}, {100 * self.overall():.0f} %{estimate}"
 
 
 def readable_time(seconds: float) -> str:

@@ -35,7 +35,7 @@ def read_rows(photographs: PhotographsRecord) -> Rows:
     rows += [("Converted", f"from {what}") for what in photographs.converted_from]
     if photographs.calibration is not None:
         known = photographs.calibrated_by is not None
-        rows.append(("Calibration", photographs.calibration if known else "none, sigma sets the scale"))
+        rows.append(("Calibration", photographs.calibration if known else "none, Strength sets the scale"))
     return rows
 
 
@@ -64,8 +64,8 @@ def lighting_rows(record: ShadingMapRecord) -> Rows:
     """Rows on how a shading map is lit."""
     settings, albedo = record.render, record.albedo
     rows = [
-        ("f_r", lobe_words(settings.lobe)),
-        ("Sigma", f"{albedo.sigma:.4g}" + (", by default" if settings.sigma is None else "")),
+        ("Base reflection", lobe_words(settings.lobe)),
+        ("Strength", f"{albedo.sigma:.4g}" + (", by default" if settings.sigma is None else "")),
         ("Brightest", f"r = {albedo.a_max:.4g} 1/sr, beyond it {settings.above}"),
     ]
     rows.append(("Technique", f"{settings.technique.replace('_', ' ')}, {settings.mode}, {settings.tiling}"))
@@ -89,7 +89,7 @@ def _fit_rows(record: ShadingMapRecord) -> Rows:
 def energy_rows(record: ShadingMapRecord) -> Rows:
     """Shares of the reflected light that the native closure and the stochastic mirror carry."""
     envelope, residual = record.map.envelope_energy, record.map.residual_energy
-    return [("Envelope", f"{_percent(envelope)} of the light"), ("Residual", _percent(residual))]
+    return [("Cycles' shaders", f"{_percent(envelope)} of the light"), ("Mirror part", _percent(residual))]
 
 
 def map_error_rows(record: ShadingMapRecord) -> Rows:
@@ -98,10 +98,11 @@ def map_error_rows(record: ShadingMapRecord) -> Rows:
     rows: Rows = []
     if errors.held_out_relative is not None:
         told = f"{_percent(errors.held_out_relative)} median of {errors.held_out} photographs"
-        rows.append(("Held-out", f"{told}, RMS {errors.held_out_rms:.3g}"))
+        rows.append(("Left-out error", f"{told}, RMS {errors.held_out_rms:.3g}"))
     else:
-        rows.append(("Held-out", "too few photographs to leave one out"))
-    storage = f"{errors.storage_rms:.2g} of a_max ({_percent(errors.storage_rms / max(errors.signal_rms, 1e-30))})"
+        rows.append(("Left-out error", "too few photographs to leave one out"))
+    share = _percent(errors.storage_rms / max(errors.signal_rms, 1e-30))
+    storage = f"{errors.storage_rms:.2g} of the brightest ({share})"
     return [*rows, ("Storage RMS", storage)]
 
 
@@ -134,8 +135,8 @@ def arc_summary(record: ShadingMapRecord, seconds: float) -> str:
         f"{len(photographs.averages)} photographs",
         f"{level_count(photographs.averages)} levels",
         f"{stored.slices} slices of {stored.layout.width} x {stored.layout.height}",
-        f"envelope {_percent(stored.envelope_energy)} of the energy",
-        "held-out error " + ("unknown" if held_out is None else _percent(held_out)),
+        f"Cycles' shaders {_percent(stored.envelope_energy)} of the light",
+        "left-out error " + ("unknown" if held_out is None else _percent(held_out)),
         f"albedo {colour(record.albedo.directional[0])}",
         *(f"colours converted from {what}" for what in photographs.converted_from),
         f"{seconds:.1f} s",

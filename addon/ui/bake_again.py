@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 
 from ...bake.errors import BakeError
+from ..assets.mark import refresh
 from ..baking.request import BakeRequest
 from ..material.facts import is_measured, source_file
 from ..material.kinds import kind_of
@@ -97,7 +98,7 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
         if source is None:
             source = kind.bakeable_source(material)
         request = with_source(BakeRequest(Path(), settings), source)
-        queue.add([AgainTask(request, material, pack, say_warnings)])
+        queue.add([AgainTask(request, material, pack, _settle)])
 
     def _bake(self, context: bpy.types.Context, material: bpy.types.Material) -> str:
         kind = kind_of(material)
@@ -107,7 +108,14 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
         with window_progress(context, settings) as progress_of:
             kind.bake_again(material, settings, pack=pack, source=source, progress=progress_of(0))
         tell_warnings(self, material)
+        refresh(material)
         return kind.words(material) + (f", was {before}" if before else "")
+
+
+def _settle(material: bpy.types.Material) -> None:
+    """After a bake beside the window."""
+    say_warnings(material)
+    refresh(material)
 
 
 classes = (MEASURED_MATERIALS_OT_bake_again,)

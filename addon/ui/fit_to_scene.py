@@ -3,6 +3,7 @@ know."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import Any
@@ -12,6 +13,7 @@ import bpy
 from ...bake.errors import BakeError
 from ...nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
 from ...nodes.osl_script import is_scripted, require_osl, use_osl
+from ...nodes.portions import Pause, Portions
 from ..lights import light_tables, world_survey
 from ..material.choices import NODES, OSL, show_choices
 from ..material.facts import is_measured
@@ -171,12 +173,17 @@ def _each(
 
 
 def _rebuilding(operator: bpy.types.Operator, scene: bpy.types.Scene) -> Generator[tuple[int, str], None, None]:
-    """Fit the scene's materials one by one, and give how many are fitted, and words on the next."""
+    """Fit the scene's materials one by one, each in portions, and give how many are fitted, and words on the next."""
     materials, fitted = materials_in(scene), 0
     for number, material in enumerate(materials):
         words = f"{one_line(material.name)}, {number + 1} of {len(materials)}"
-        yield fitted, words
-        fitted += _each(operator, [material], lambda one: kind_of(one).refit(one, scene))
+        work = Portions()
+        while True:
+            yield fitted, words
+            with contextlib.suppress(Pause), work.portion():
+                fitted += _each(operator, [material], lambda one: kind_of(one).refit(one, scene))
+                break
+        work.drop()
     yield fitted, ""
 
 

@@ -15,7 +15,7 @@ from ..material.together import built_together
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import ImportTask
-from .import_operator import DropTarget, ImportProperties, registration
+from .import_operator import ImportProperties, mark_and_tell, registration
 from .properties.bake import BakeProperties, draw_settings, settings_of, show_settings
 from .window_progress import window_progress
 
@@ -68,6 +68,8 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
         for material in made:
             show_settings(material.measured_materials, settings)
             material.measured_materials.pack = self.pack
+            if self.as_asset:
+                mark_and_tell(material)
         if not made:
             return {"CANCELLED"}
         for material in made[1:]:
@@ -78,11 +80,13 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
 
     def _bake_beside(self, context: bpy.types.Context, paths: list[Path], settings: BakeSettings) -> None:
         """Put the bakes into the queue; the first one's material goes to the object."""
-        pack = self.pack
+        pack, as_asset = self.pack, self.as_asset
 
         def settle(material: bpy.types.Material) -> None:
             show_settings(material.measured_materials, settings)
             material.measured_materials.pack = pack
+            if as_asset:
+                mark_and_tell(material)
 
         target = self.target(context)
         tasks = [
@@ -107,15 +111,6 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
         return [Path(bpy.path.abspath(self.filepath))] if self.filepath else []
 
 
-class MEASURED_MATERIALS_FH_brdf(DropTarget, bpy.types.FileHandler):
-    """Measurements dropped on a 3D viewport or a shader editor are imported."""
-
-    bl_idname = "MEASURED_MATERIALS_FH_brdf"
-    bl_label = "Measured BRDF"
-    bl_import_operator = "measured_materials.import_brdf"
-    bl_file_extensions = ";".join(SUFFIXES)
-
-
 def _others(count: int) -> str:
     return f", and {count} more without an object" if count else ""
 
@@ -124,5 +119,5 @@ def _menu(self: Any, _context: bpy.types.Context) -> None:
     self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({' '.join(SUFFIXES)})")
 
 
-classes = (MEASURED_MATERIALS_OT_import_brdf, MEASURED_MATERIALS_FH_brdf)
+classes = (MEASURED_MATERIALS_OT_import_brdf,)
 register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

@@ -14,10 +14,12 @@ from ..material.facts import record_of
 from ..material.kinds import BRDF, kind_of
 from ..material.together import built_together
 from ..summary.text import one_line
-from .background.load_bundle import bundles_meant, load_bundle
+from .background.bake_queue import queue
+from .background.load_bundle import LoadTask, bundles_meant, load_bundle
 from .context import object_under
-from .import_operator import DropTarget, registration
+from .import_operator import AS_ASSET, mark_and_tell, registration
 from .properties.bake import show_settings
+from .properties.photographs import show_arc_settings
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 _FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
@@ -47,14 +49,20 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
     filter_glob: _FILTER_GLOB
     object_name: _OBJECT
     pack: _PACK
+    as_asset: AS_ASSET
+
+    # Set where a person was asked: only then is there a window to keep awake; scripts wait for the result.
+    asked = False
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for bundles; dropped ones are loaded at once."""
         if not self._chosen():
+            self.asked = True
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
+        self.asked = True
         target = object_under(context, event)
-        self.object_name = target.name if target else ""
+        self.object_name = self.object_name or (target.name if target else "")
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -63,6 +71,9 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         if not bundles and not errors:
             self.report({"ERROR"}, f"No measured material was chosen: a folder NAME{SUFFIX}")
             return {"CANCELLED"}
+        if self.asked and not bpy.app.background and bundles:
+            self._load_beside(context, bundles, errors)
+            return {"CANCELLED"}  # so far nothing has changed that could be undone
         made = []
         with built_together():
             for path in bundles:
@@ -76,12 +87,28 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
             return {"CANCELLED"}
         for material in made:
             _show(material, self.pack)
+            if self.as_asset:
+                mark_and_tell(material)
         for material in made[1:]:
             assign(material, None)
         place = told_place(self, made[0], bpy.data.objects.get(self.object_name) or context.object)
         others = f", and {len(made) - 1} more without an object" if len(made) > 1 else ""
         self.report({"INFO"}, f"{made[0].name}{place}: {kind_of(made[0]).words(made[0])}{others}")
         return {"FINISHED"}
+
+    def _load_beside(self, context: bpy.types.Context, bundles: list[Path], errors: list[BakeError]) -> None:
+        """Have the queue load them, which keeps Blender awake; the first one's material goes to the object."""
+        for error in errors:
+            self.report({"ERROR"}, one_line(str(error)))
+        target = bpy.data.objects.get(self.object_name) or context.object
+        pack, as_asset = self.pack, self.as_asset
+
+        def settle(material: bpy.types.Material) -> None:
+            _show(material, pack)
+            if as_asset:
+                mark_and_tell(material)
+
+        queue.add([LoadTask(path, pack, None if number else target, settle) for number, path in enumerate(bundles)])
 
     def _chosen(self) -> list[Path]:
         """Paths that were given, the folder that the file browser stands in where nothing in it was chosen."""
@@ -94,28 +121,22 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         return [folder] if folder is not None else []
 
 
-class MEASURED_MATERIALS_FH_bundle(DropTarget, bpy.types.FileHandler):
-    """Bundles dropped on a 3D viewport or a shader editor are loaded."""
-
-    bl_idname = "MEASURED_MATERIALS_FH_bundle"
-    bl_label = "Measured Material"
-    bl_import_operator = "measured_materials.import_bundle"
-    bl_file_extensions = SUFFIX
-
-
 def _show(material: bpy.types.Material, pack: bool) -> None:
     """Have the panel offer for the next bake what this one was made with, where the bundle says it."""
-    if kind_of(material) is not BRDF:
-        material.measured_arc.pack = pack
-        return
-    material.measured_materials.pack = pack
+    brdf = kind_of(material) is BRDF
+    properties = material.measured_materials if brdf else material.measured_arc
+    properties.pack = pack
     with contextlib.suppress(BakeError, TypeError, ValueError):
-        show_settings(material.measured_materials, record_of(material).settings)
+        settings = record_of(material).settings
+        if brdf:
+            show_settings(properties, settings)
+        elif settings is not None:
+            show_arc_settings(properties, settings, pack=pack)
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:
     self.layout.operator(MEASURED_MATERIALS_OT_import_bundle.bl_idname, text=f"Measured Material ({SUFFIX})")
 
 
-classes = (MEASURED_MATERIALS_OT_import_bundle, MEASURED_MATERIALS_FH_bundle)
+classes = (MEASURED_MATERIALS_OT_import_bundle,)
 register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..assets.mark import mark_or_say
 from .context import object_under
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
@@ -17,10 +18,15 @@ _OBJECT = bpy.props.StringProperty(
 )
 _BUNDLES = bpy.props.StringProperty(
     name="Bundles",
-    description="Folder for the baked textures. Empty: beside the .blend file or, before it is saved, beside the "
+    description="Folder for the baked textures. Automatic: beside the .blend file or, before it is saved, beside the "
     "measurement or the photographs' folder",
     subtype="DIR_PATH",
     options={"SKIP_SAVE"},
+)
+AS_ASSET = bpy.props.BoolProperty(
+    name="Mark as Asset",
+    description="Show the material in the asset browser, with its picture, a catalog and tags",
+    default=False,
 )
 _Draw = Callable[[Any, bpy.types.Context], None]
 
@@ -33,6 +39,7 @@ class ImportProperties:
     directory: _DIRECTORY
     object_name: _OBJECT
     bundles: _BUNDLES
+    as_asset: AS_ASSET
 
     # Set where a person was asked: only then is there a window to bake beside; scripts wait for the result.
     asked = False
@@ -44,26 +51,34 @@ class ImportProperties:
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
         target = object_under(context, event)
-        self.object_name = target.name if target else ""
+        self.object_name = self.object_name or (target.name if target else "")
         return context.window_manager.invoke_props_dialog(self, title=f"Import {title}", confirm_text="Bake")
 
     def draw_results(self: Any) -> None:
         """Draw where the results go."""
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
-        column.prop(self, "bundles")
+        column.prop(self, "bundles", placeholder="Automatic")
+        column.prop(self, "as_asset")
         if self.object_name:
             column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
 
     def remember(self: Any, context: bpy.types.Context, *of: type) -> None:
         """Have Blender offer these settings the next time, as it does of operators that end at once."""
         last = context.window_manager.operator_properties_last(self.bl_idname)
-        for name in (name for group in of for name in group.__annotations__):
+        bases = (base for group in of for base in group.__mro__)
+        for name in (name for base in bases for name in vars(base).get("__annotations__", ())):
             setattr(last, name, getattr(self, name))
 
     def target(self: Any, context: bpy.types.Context) -> bpy.types.Object | None:
         """Object that gets the material."""
         return bpy.data.objects.get(self.object_name) or context.object
+
+
+def mark_and_tell(material: bpy.types.Material) -> None:
+    """Make the material an asset, and say what of that was not possible."""
+    if left := mark_or_say(material):
+        bpy.ops.measured_materials.tell(words=f"{material.name} as an asset: {left}", kind="WARNING")
 
 
 class DropTarget:

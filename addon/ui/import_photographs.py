@@ -15,9 +15,13 @@ from ..material.bake_photographs import folder_of, import_arc, map_words
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import ImportTask, warnings_of
-from .import_operator import DropTarget, ImportProperties, registration
+from .background.window import window
+from .context import object_under
+from .import_operator import ImportProperties, mark_and_tell, registration
+from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
+from .properties.quality_choice import heading
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
@@ -26,27 +30,52 @@ _FILTER_GLOB = bpy.props.StringProperty(
     default=";".join(f"*{suffix}" for suffix in sorted(IMAGE_SUFFIXES)), options={"HIDDEN"}
 )
 
+_LOOKED = bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+# Letters that fit beside the file browser.
+_SIDE = 26
+_OF_LOOK = ("files", "looked", "quality", "full_size")
+
 
 class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, LightingProperties, bpy.types.Operator):
     """Bake photographs of a flat swatch, lit from several elevations, and make a material of them.
     Choose the photographs, or none or one of them for the whole folder"""
 
     bl_idname = "measured_materials.import_arc"
-    bl_label = "Import Arc"
+    bl_label = "Import Photographs"
     bl_options = {"UNDO", "PRESET"}
 
     filter_glob: _FILTER_GLOB
+    looked: _LOOKED
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for photographs, or, when a file with their lights was dropped, for settings only."""
+        """Ask for photographs; of those given look at them first, and then ask for settings."""
         source = chosen_photographs(self)
-        title = source.name if isinstance(source, Path) else f"{len(source)} photographs" if source else ""
-        return self.ask(context, event, title)
+        if source is None or bpy.app.background:
+            return self.ask(context, event, "" if source is None else _title(source))
+        if not self.looked:
+            target = object_under(context, event)
+            self.object_name = self.object_name or (target.name if target else "")
+            return self._look_first(source)
+        self.asked = True
+        return context.window_manager.invoke_props_dialog(
+            self, width=WIDTH, title=f"Import {_title(source)}", confirm_text="Bake"
+        )
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the settings in the file browser's sidebar or in the dialogue."""
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings in the dialogue; the file browser comes before it."""
+        if getattr(context.area, "type", "") == "FILE_BROWSER":
+            draw_lines(self.layout, "Choose the photographs, or one of them for the whole folder.", letters=_SIDE)
+            draw_lines(self.layout, "They are shown, and settings offered, before the bake.", letters=_SIDE)
+            return
+        draw_look(self.layout, _given(chosen_photographs(self)))
         draw_arc_settings(self.layout, self, self)
-        draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)
+        if self.advanced:
+            draw_lighting(
+                heading(self.layout, "Rendering, which can be changed later"),
+                self,
+                fitted=self.fit_lobe,
+                with_mode=True,
+            )
         self.draw_results()
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -54,6 +83,9 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         source = chosen_photographs(self)
         if source is None:
             self.report({"ERROR"}, "No photographs were chosen: JPEG, PNG, TIFF, EXR or HDR, or their folder")
+            return {"CANCELLED"}
+        if self.asked and not self.looked and not bpy.app.background:
+            self._look_first(source)  # chosen in the file browser
             return {"CANCELLED"}
         try:
             settings = arc_settings_of(self, self, self.mode)
@@ -68,33 +100,60 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             return {"CANCELLED"}
         show_arc_settings(material.measured_arc, settings, pack=self.pack)
         tell_warnings(self, material)
+        if self.as_asset:
+            mark_and_tell(material)
         place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
         return {"FINISHED"}
+
+    def _look_first(self, source: Path | list[Path]) -> set[str]:
+        """Have the photographs read beside the window, and come back with the same settings."""
+        try:
+            settings = arc_settings_of(self, self, self.mode)
+        except BakeError as error:
+            self.report({"ERROR"}, one_line(str(error)))
+            return {"CANCELLED"}
+        given = {name: _plain(getattr(self, name)) for name in self.properties.keys() if name not in _OF_LOOK}
+        given["files"] = [{"name": element.name} for element in self.files]
+
+        def come_back() -> None:
+            with window():
+                bpy.ops.measured_materials.import_arc("INVOKE_DEFAULT", **given, looked=True)
+
+        looking.begin(BakeRequest(_given(source), settings, look=True), come_back)
+        self.report({"INFO"}, f"Looking at {_title(source)}")
+        return {"CANCELLED"}
 
     def _bake_beside(
         self, context: bpy.types.Context, source: Path | list[Path], folder: Path, settings: ArcSettings
     ) -> None:
         """Put the bake into the queue."""
-        pack = self.pack
+        pack, as_asset = self.pack, self.as_asset
 
         def settle(material: bpy.types.Material) -> None:
             show_arc_settings(material.measured_arc, settings, pack=pack)
             say_warnings(material)
+            if as_asset:
+                mark_and_tell(material)
 
-        request = BakeRequest(source if isinstance(source, Path) else tuple(source), settings, quick=True)
+        request = BakeRequest(_given(source), settings, quick=True)
         stem = folder_of(source).resolve().name or "swatch"
         queue.add([ImportTask(request, folder, stem, pack, self.target(context), settle, "Import Photographs")])
         self.remember(context, ArcProperties, LightingProperties)
 
 
-class MEASURED_MATERIALS_FH_arc(DropTarget, bpy.types.FileHandler):
-    """Dropping a stack's file of lights imports the stack; image files are left to others."""
+def _given(source: Path | list[Path] | None) -> Any:
+    """As a request has it."""
+    return tuple(source) if isinstance(source, list) else source
 
-    bl_idname = "MEASURED_MATERIALS_FH_arc"
-    bl_label = "Photographs on an Arc"
-    bl_import_operator = "measured_materials.import_arc"
-    bl_file_extensions = ".lp"
+
+def _title(source: Path | list[Path]) -> str:
+    return source.name if isinstance(source, Path) else f"{len(source)} photographs"
+
+
+def _plain(value: Any) -> Any:
+    """A property's value as an operator takes it."""
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
 def chosen_photographs(operator: Any) -> Path | list[Path] | None:
@@ -124,8 +183,8 @@ def say_warnings(material: bpy.types.Material) -> None:
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:
-    self.layout.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Photographs on an Arc (folder)")
+    self.layout.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Photographs of a Swatch (folder)")
 
 
-classes = (MEASURED_MATERIALS_OT_import_arc, MEASURED_MATERIALS_FH_arc)
+classes = (MEASURED_MATERIALS_OT_import_arc,)
 register, unregister = registration(classes, "TOPBAR_MT_file_import", _menu)

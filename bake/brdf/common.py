@@ -139,10 +139,17 @@ class EffectRecord:
 
 @dataclass(frozen=True)
 class RenderingRecord:
-    """How a material was built, as far as its own copy of the facts says so; nothing in a bundle."""
+    """How a material was built, as far as its own copy of the facts says so; nothing in a bundle.
+
+    Attributes
+    ----------
+    choices, effects : what an artist has chosen, and what came of it
+    brightened : gloss, and how much more is reflected at it than at 1 to viewers at the angles of `AlbedoRecord`
+    """
 
     choices: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[EffectRecord, ...] = ()
+    brightened: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
 
     @classmethod
     def parse(cls, found: object) -> RenderingRecord:
@@ -156,7 +163,19 @@ class RenderingRecord:
                 for entry in (effects if isinstance(effects, list) else [])
                 if isinstance(entry, dict)
             ),
+            _brightened_of(given.get("brightened")),
         )
+
+
+def _brightened_of(found: object) -> tuple[tuple[float, tuple[Colour, ...]], ...]:
+    """Empty where any of it is not as `gloss_energy.brightened_by_gloss` gave it."""
+    try:
+        entries = [] if not isinstance(found, list) else found
+        return tuple(
+            (float(gloss), tuple((float(r), float(g), float(b)) for r, g, b in rows)) for gloss, rows in entries
+        )
+    except (TypeError, ValueError):
+        return ()
 
 
 def kind_of(document: Mapping[str, Any]) -> str:

@@ -18,8 +18,10 @@ from ..brdf.samplers import IsotropicLayout, isotropic_layout_of
 from ..bundle.bundle import MATERIAL, Bundle
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
+from ..photographs.settings import StackSettings
 from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
+from .bake import ArcSettings
 from .record_parts import (
     LitAlbedoRecord,
     LobeFitRecord,
@@ -61,6 +63,8 @@ class ShadingMapRecord(BundleRecord):
     albedo : under that light
     tiling, lobe_fit : None where the swatch was not made to tile, and where no lobe was fitted
     f_r : the measured BRDF that the bundle holds, if any
+    settings : to bake the same again with, but for files, of which a bundle keeps the names alone; None where they
+        are not all there
     """
 
     kind, kind_words = "shading_map", "a shading map"
@@ -73,6 +77,7 @@ class ShadingMapRecord(BundleRecord):
     tiling: TilingRecord | None
     lobe_fit: LobeFitRecord | None
     f_r: MeasuredLobeRecord | None
+    settings: ArcSettings | None
 
     @classmethod
     def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
@@ -89,6 +94,7 @@ class ShadingMapRecord(BundleRecord):
             "tiling": TilingRecord.parse(fields.part("tiling")) if tiling else None,
             "lobe_fit": LobeFitRecord.parse(fields.part("lobe_fit")) if fit else None,
             "f_r": _measured_lobe_of(fields, images),
+            "settings": _settings_of(fields.entries.get("settings"), render_settings_of(fields.part("render"))),
         }
 
     def measured_lobe(self) -> MeasuredLobeRecord:
@@ -132,6 +138,23 @@ def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> Meas
     told = fields.part("f_r") if fields.has("f_r") else None
     albedo = told.number("albedo", 0, 10) if told and told.has("albedo") else None
     return MeasuredLobeRecord(table, layout, albedo)
+
+
+_FILES = ("lights", "flat_field")
+
+
+def _settings_of(told: Any, render: RenderSettings) -> ArcSettings | None:
+    """The settings as `bake.shading_maps.bake` writes them; None where they are not those of this version."""
+    try:
+        read = {key: _hashable(value) for key, value in told["stack"].items() if key not in _FILES}
+        kept = {key: value for key, value in told.items() if key not in ("stack", "brdf")}
+        return ArcSettings(**kept, render=render, stack=StackSettings(**read))
+    except (BakeError, TypeError, ValueError, KeyError, AttributeError):
+        return None
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
 Record = BrdfRecord | ShadingMapRecord

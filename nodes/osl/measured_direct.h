@@ -81,7 +81,7 @@ void mm_opposite(float kind, int j, float u1, float u2, output float s, output f
 // and followed as often as `chance` says.
 color mm_lamp_light(
     MMLamp lamps[MM_MOST_LAMPS], int count, int points, MMSampler sampler, MMTable table, MMGrid grid, MMFrame frame,
-    point position, float chance, float u1, float u2, float slice)
+    point position, float chance, float u1, float u2, float slice, float gloss)
 {
   color sum = 0;
   for (int k = 0; k < count; ++k) {
@@ -97,8 +97,13 @@ color mm_lamp_light(
       float beam = mm_beam(lamps[k], wi);
       if (local[2] <= 0 || dot(wi, Ng) <= 0 || density <= 0 || beam <= 0 || !mm_visible(lamps[k], aim, position, wi))
         continue;
-      float shared = points * density + chance * mm_density(sampler, local, frame.wo);
-      sum += mm_lookup(table, grid, local, frame.wo, slice) * color(lamps[k].radiance) * (local[2] * beam / shared);
+      float spread;
+      vector stored = mm_in_table(local, frame.wo, gloss, spread);
+      if (stored[2] <= 0)
+        continue;
+      float shared = points * density + chance * mm_density(sampler, stored, frame.wo) * spread;
+      sum += mm_lookup(table, grid, stored, frame.wo, slice) * color(lamps[k].radiance) *
+             (stored[2] * spread * beam / shared);
     }
   }
   return sum;
@@ -133,13 +138,17 @@ int mm_leaves(point position, vector wi)
 // against a mirror as in mm_lamp_light; nothing where something stands before the world.
 color mm_world_light(
     MMSampler sampler, MMTable table, MMGrid grid, MMFrame frame, point position, float chance, vector wi,
-    float density, color radiance, float slice)
+    float density, color radiance, float slice, float gloss)
 {
   vector local = mm_to_local(frame, wi);
   if (local[2] <= 0 || density <= 0 || !mm_leaves(position, wi))
     return 0;
-  float shared = density + chance * mm_density(sampler, local, frame.wo);
-  return mm_lookup(table, grid, local, frame.wo, slice) * radiance * (local[2] / shared);
+  float spread;
+  vector stored = mm_in_table(local, frame.wo, gloss, spread);
+  if (stored[2] <= 0)
+    return 0;
+  float shared = density + chance * mm_density(sampler, stored, frame.wo) * spread;
+  return mm_lookup(table, grid, stored, frame.wo, slice) * radiance * (stored[2] * spread / shared);
 }
 
 // nodes/sampled_closure.py: how often the mirror's ray is followed past a lamp, for what is seen behind it. Cycles ends

@@ -158,13 +158,15 @@ void mm_slope_share_place(MMSampler layout, vector wi, vector wo, output float s
 // bright as this one and `sky` beside. The shares' slices and nodes are described as a sampler's bins and cells are.
 float mm_lamp_probability(
     MMSampler shares, MMFrame frame, float usual, vector incoming, point position, vector centre, float lamps,
-    float strength, float sky)
+    float strength, float sky, float gloss)
 {
   vector to_centre = centre - vector(position);
   vector to_lamp = normalize(to_centre);
   float arriving = strength / dot(to_centre, to_centre);
   if (arriving <= 0)
     return usual;
+  float spread;
+  to_lamp = mm_stretched(to_lamp, incoming, frame.n, gloss, spread);
   float s;
   float t;
   if (shares.bins_phi == 0)

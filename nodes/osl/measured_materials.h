@@ -5,6 +5,7 @@
 #define MEASURED_MATERIALS_H
 
 #include "stdcycles.h"
+#include "measured_gloss.h"
 #include "measured_warps.h"
 #include "measured_tables.h"
 
@@ -24,13 +25,14 @@ struct MMFrame {
 };
 
 // Native closures, each a name and two widths, and the texture of their weights over `nodes` elevations of the viewer
-// and, where there are any, `azimuths`.
+// and, where there are any, `azimuths`. An artist's gloss divides the widths of GGX.
 struct MMClosures {
   string image;
   int nodes;
   int azimuths;
   int half_turn;
   string words;
+  float gloss;
 };
 
 // nodes/local_frame_group.py: viewer_frame
@@ -135,10 +137,14 @@ closure color mm_surface_marker(normal n, float roughness)
 
 // nodes/native_closure.py: `along` is alpha of "ggx", sigma of "sheen", roughness of "oren_nayar"; `across` is the alpha
 // at right angles to a tangent, which is 0 where both are one.
-closure color mm_native(string name, float along, float across, vector tangent, normal n)
+closure color mm_native(string name, float along, float across, vector tangent, normal n, float gloss)
 {
-  if (name == "ggx")
-    return microfacet("ggx", n, tangent, along, across, 0.0, 0);
+  if (name == "ggx") {
+    // The node's Roughness, of which this is the square, ends at 1.
+    float mean = across > 0 ? sqrt(along * across) : along;
+    float factor = min(1 / gloss, 1 / mean);
+    return microfacet("ggx", n, tangent, along * factor, across * factor, 0.0, 0);
+  }
   if (name == "sheen")
     return ashikhmin_velvet(n, along);
   if (name == "oren_nayar" && along > 0)
@@ -185,7 +191,7 @@ float mm_mean_roughness(MMClosures closures)
       color weight = mm_closure_weight(closures, k, count, vector(0, 0, 1), alpha);
       float part = weight[0] + weight[1] + weight[2];
       float across = stof(words[3 * k + 2]);
-      total += part * (name == "ggx" ? pow(stof(words[3 * k + 1]) * across, 0.25) : MM_MATTE);
+      total += part * (name == "ggx" ? min(pow(stof(words[3 * k + 1]) * across, 0.25) / sqrt(closures.gloss), 1.0) : MM_MATTE);
       sum += part;
     }
   }
@@ -203,7 +209,7 @@ closure color mm_weighted_closures(MMClosures closures, MMFrame frame, normal n,
     float alpha;
     color value = mm_saturated(mm_closure_weight(closures, k, count, frame.wo, alpha), saturation);
     color weight = max(value * factor, color(0));
-    sum += weight * mm_native(words[3 * k], stof(words[3 * k + 1]), stof(words[3 * k + 2]), tangent, n);
+    sum += weight * mm_native(words[3 * k], stof(words[3 * k + 1]), stof(words[3 * k + 2]), tangent, n, closures.gloss);
   }
   return sum;
 }

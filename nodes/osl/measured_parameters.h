@@ -92,7 +92,7 @@
   string NAME##Closures = "" [[ string label = LABEL " Closures",                                                      \
       string help = "Name and widths along and across of each: lambert 0 0 ggx 0.1 0.3" ]]
 
-#define MM_CLOSURES(NAME) {NAME, NAME##Nodes, NAME##Azimuths, NAME##HalfTurn, NAME##Closures}
+#define MM_CLOSURES(NAME, GLOSS) {NAME, NAME##Nodes, NAME##Azimuths, NAME##HalfTurn, NAME##Closures, GLOSS}
 
 #define MM_LAMP_PARAMETERS(K)                                                                                          \
   vector Centre##K = vector(0) [[ string label = "Centre " #K, string help = "Of the lamp" ]],                         \

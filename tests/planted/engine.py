@@ -293,7 +293,7 @@ MISTAKES = (
     Mistake(
         "osl-world-counted-where-lamps-are-sampled",
         "nodes/osl/measured_material.osl",
-        "pdf = mm_whole_density(Densities, WorldTexel, of_table);",
+        "pdf = mm_whole_density(Densities / vector(spread, spread, 1), WorldTexel, of_table);",
         "pdf = of_table;",
         (f"{OSL_WORLD}[sampled]",),
         "what is drawn towards the world counts as if the sampler had drawn it: bright",

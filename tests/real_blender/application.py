@@ -19,7 +19,7 @@ _HEADLESS = 'cd "$0" && exec "$@"'
 _WINDOW = """
 cd "$0"
 chosen=$(mktemp)
-Xvfb -displayfd 4 -screen 0 960x640x24 +extension GLX +render -noreset -nolisten tcp 4>"$chosen" >/dev/null 2>&1 &
+Xvfb -displayfd 4 -screen 0 WIDTHxHEIGHTx24 +extension GLX +render -noreset -nolisten tcp 4>"$chosen" >/dev/null 2>&1 &
 server=$!
 trap 'kill $server; rm -f "$chosen"' EXIT
 for _ in $(seq 100); do [ -s "$chosen" ] && break; sleep 0.1; done
@@ -68,10 +68,14 @@ class Blender:
         """Run it without a window, with whatever exit code."""
         return self._call(_HEADLESS, ["--quiet", "--background", *arguments], 1200)
 
-    def window(self, *arguments: str, timeout: float) -> subprocess.CompletedProcess[str]:
+    def window(
+        self, *arguments: str, timeout: float, size: tuple[int, int] = (960, 640)
+    ) -> subprocess.CompletedProcess[str]:
         """Run it in a window until it quits by itself, with whatever exit code; 124 where it did not in time."""
         try:
-            return self._call(_WINDOW, ["-p", "0", "0", "960", "640", *arguments], timeout)
+            width, height = map(str, size)
+            script = _WINDOW.replace("WIDTH", width).replace("HEIGHT", height)
+            return self._call(script, ["-p", "0", "0", width, height, *arguments], timeout)
         except subprocess.TimeoutExpired as error:
             return subprocess.CompletedProcess(error.cmd, 124, "", "")
 

@@ -1,5 +1,6 @@
 """Run inside a real Blender window by desk.py: imports beside it, cancelled, undone and redone, and what is left."""
 
+import functools
 import importlib
 import json
 import os
@@ -7,15 +8,18 @@ import random
 import sys
 import time
 import traceback
+import types
 from pathlib import Path
 
 import bpy
 
 PACKAGE = "bl_ext.user_default.measured_materials"
-CANCELS, ROUNDS = (int(word) for word in sys.argv[sys.argv.index("--") + 1 :][:2])
+CANCELS, ROUNDS, OTHERS = (int(word) for word in sys.argv[sys.argv.index("--") + 1 :][:3])
 HERE = Path.cwd()
 SOURCE = HERE / "data" / "lacquer.binary"
 bakes = importlib.import_module(f"{PACKAGE}.addon.ui.background.bake_queue")
+sys.path.insert(0, str(HERE))
+others = importlib.import_module("desk_others")
 found = {}
 journal = (HERE / "journal.txt").open("w", buffering=1)
 random.seed(3)
@@ -30,6 +34,8 @@ def note(words):
 
 # --- what hangs ------------------------------------------------------------------------------------------
 
+# All between two steps of the walk: the longest time without an answer, and what we did meanwhile, by wall clock and
+# by this thread's own processor time, which other programs on a busy machine do not count in.
 gaps, steps_taken = [], []
 last = [time.perf_counter()]
 
@@ -42,21 +48,57 @@ def heartbeat():
     return 0.02
 
 
-def timed(name, function):
-    """The same function, which notes how long it keeps the interface waiting."""
+inside = []
 
-    def run(*arguments):
-        start = time.perf_counter()
+
+def timed(name, function, ours=True):
+    """The same function, which notes how long it keeps the interface waiting, without what is timed within it."""
+
+    @functools.wraps(function)
+    def run(*arguments, **named):
+        start, spent = time.perf_counter(), time.thread_time()
+        inside.append([0.0, 0.0])
         try:
-            return function(*arguments)
+            return function(*arguments, **named)
         finally:
-            steps_taken.append((time.perf_counter() - start, name))
+            wall, work = time.perf_counter() - start, time.thread_time() - spent
+            within = inside.pop()
+            if inside:
+                inside[-1][0] += wall
+                inside[-1][1] += work
+            steps_taken.append((work - within[1], wall - within[0], name, ours))
 
     return run
 
 
 for method in ("_begin", "_show", "_finish", "_tell_progress", "cancel"):
     setattr(bakes.Queue, method, timed(method, getattr(bakes.Queue, method)))
+# The step of undo is Blender's own work.
+replaced = []
+bakes.push = timed("undo step, by Blender", bakes.push, ours=False)
+for event in (name for name in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, name), list)):
+    handlers = getattr(bpy.app.handlers, event)
+    for place, handler in enumerate(handlers):
+        if getattr(handler, "__module__", "").startswith(PACKAGE):
+            handlers[place] = bpy.app.handlers.persistent(timed(f"{event}: {handler.__name__}", handler))
+            replaced.append((handlers, handlers[place], handler))
+
+
+def felt(phase):
+    """Note what this part of the walk was like, and begin the next."""
+    ours = [step for step in steps_taken if step[3]]
+    work, _wall, name, _ = max(ours, default=(0.0, 0.0, "", True))
+    theirs = max((step for step in steps_taken if not step[3]), default=(0.0, 0.0, "", False))
+    found.setdefault("stalls", {})[phase] = {
+        "longest gap": round(max(gaps, default=0.0), 3),
+        "longest of ours, processor": round(work, 3),
+        "by wall clock": round(max((step[1] for step in ours), default=0.0), 3),
+        "in": name,
+        "longest undo step, processor": round(theirs[0], 3),
+    }
+    note(f"felt {phase}: {found['stalls'][phase]}")
+    gaps.clear()
+    steps_taken.clear()
 
 
 # --- what an artist does ---------------------------------------------------------------------------------
@@ -80,7 +122,7 @@ def view():
     return bpy.context.temp_override(window=window(), screen=window().screen, area=area, region=region)
 
 
-def drop(names=(SOURCE.name,)):
+def drop(names=(SOURCE.name,), **settings):
     """As Blender does when files are dropped: the operator is invoked, and the dialog confirmed."""
     with view():
         window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=300, y=300)
@@ -89,6 +131,7 @@ def drop(names=(SOURCE.name,)):
             directory=str(SOURCE.parent),
             files=[{"name": name} for name in names],
             bundles=str(SOURCE.parent),
+            **settings,
         )
     yield 0.3
     press("RET")
@@ -100,9 +143,15 @@ def measured():
     return [material for material in bpy.data.materials if material.get("measured_materials_facts")]
 
 
+def built_as(material):
+    """The mode that is set, and the one that the material was built in."""
+    facts = json.loads(material["measured_materials_facts"])
+    return material.measured_quality.mode, facts["rendering"]["choices"]["mode"]
+
+
 def bundles():
     """All that lies beside the measurement."""
-    return sorted(path.name for path in SOURCE.parent.iterdir() if path != SOURCE)
+    return sorted(path.name for path in SOURCE.parent.iterdir() if path.name not in (SOURCE.name, "swatch"))
 
 
 def datablocks():
@@ -129,7 +178,7 @@ def memory():
     return int(line.split()[1]) / 1024
 
 
-def idle(seconds=120.0):
+def idle(seconds=600.0):
     """Wait for the queue."""
     until = time.monotonic() + seconds
     while bakes.queue.is_busy():
@@ -157,10 +206,9 @@ def steps():
         bpy.ops.ed.undo_push(message="Start")
     before, first = datablocks(), cube.active_material.name
     yield 1.0
-    gaps.clear()
+    felt("start")
     yield 2.0
-    found["longest_gap_at_rest"] = max(gaps)
-    gaps.clear()
+    felt("rest")
     # One import from the drop to the end.
     start = time.monotonic()
     yield from drop()
@@ -179,9 +227,10 @@ def steps():
     check("one bundle and nothing else", bundles() == ["lacquer.mmat"])
     check("the worker is gone", not children())
     yield 0.5
-    found["longest_gap_while_importing"] = max(gaps)
-    found["steps"] = sorted((round(seconds, 3), name) for seconds, name in steps_taken)[-8:]
-    found["longest_step"] = max(seconds for seconds, _ in steps_taken)
+    felt("import")
+    if OTHERS:
+        yield from others.steps(types.SimpleNamespace(**globals()), material)
+        felt("end of others")
     # Undo and redo are one step each.
     press("Z", ctrl=True)
     yield 1.0
@@ -192,6 +241,7 @@ def steps():
     press("Z", ctrl=True)
     yield 1.0
     note(f"{datablocks()} were {before}")
+    felt("undo and redo")
     # Cancelled at random moments.
     for number in range(CANCELS):
         lying = bundles()
@@ -206,6 +256,7 @@ def steps():
         check(f"cancel {number}: slot", bpy.data.objects["Cube"].active_material.name == first)
         note(f"{datablocks()}")
         check(f"cancel {number}: no datablock", datablocks() == before)
+    felt("cancels")
     # Undone while it bakes.
     yield from drop()
     while not measured():
@@ -214,7 +265,7 @@ def steps():
     yield 1.0
     check("undo during a bake ends it", not bakes.queue.is_busy() and not children() and not measured())
     # Several at once.
-    yield from drop((SOURCE.name, SOURCE.name))
+    yield from drop((SOURCE.name, SOURCE.name), quality="draft")
     note(f"{bakes.queue.waiting}, {bakes.queue.task}")
     check("two wait in a row", len(bakes.queue.waiting) + (bakes.queue.task is not None) == 2)
     yield from idle()
@@ -226,7 +277,7 @@ def steps():
     note(f"after two undos: {[m.name for m in measured()]}")
     sizes = []
     for number in range(ROUNDS):
-        yield from drop()
+        yield from drop(quality="draft")
         yield from idle()
         yield 0.2
         press("Z", ctrl=True)
@@ -244,6 +295,7 @@ def steps():
         sizes.append(round(memory()))
         note(f"round {number}: {sizes[-1]} MiB, {datablocks()}")
     found["memory_MiB"] = sizes
+    felt("rounds")
     # Another file while it bakes.
     lying = bundles()
     yield from drop()
@@ -251,6 +303,7 @@ def steps():
     bpy.ops.wm.open_mainfile(filepath=str(HERE / "start.blend"))
     yield 1.0
     check("a closed file leaves nothing", not children() and bundles() == lying and not measured())
+    (HERE / "lying.json").write_text(json.dumps(bundles()))
     yield from drop()
     yield 2.0
     note("quit while it bakes")
@@ -269,6 +322,8 @@ def advance():
     except BaseException:
         note(traceback.format_exc())
         note(str(found))
+    for handlers, own, handler in replaced:
+        handlers[handlers.index(own)] = handler
     bpy.ops.wm.quit_blender()
     return None
 

@@ -28,12 +28,14 @@ class Case:
     ----------
     brightest : pixels around those that are brighter than so many times the median are left out: they show a lamp
     moving : with motion blur, a whole frame long
+    later : what happens once the materials are built, so that they cannot sample what they were built for
     """
 
     build: Callable[[bpy.types.Scene], Dress]
     samples: int = 64
     brightest: float = math.inf
     moving: bool = False
+    later: Callable[[bpy.types.Scene], None] | None = None
 
 
 # --- things ------------------------------------------------------------------------------------------------
@@ -103,6 +105,19 @@ def on(*objects: bpy.types.Object, name: str = "paint") -> Dress:
 def measured_node(material: bpy.types.Material) -> bpy.types.Node:
     """The node of the measured group."""
     return next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
+
+
+def bump(material: bpy.types.Material) -> None:
+    """Lean all normals by a Normal Map, and lay a Bump of noise on top."""
+    tree = material.node_tree
+    where, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")
+    lean, bumps = tree.nodes.new("ShaderNodeNormalMap"), tree.nodes.new("ShaderNodeBump")
+    noise.inputs["Scale"].default_value, bumps.inputs["Strength"].default_value = 3.0, 0.3
+    lean.inputs["Color"].default_value = (0.6, 0.45, 0.95, 1)
+    tree.links.new(where.outputs["Object"], noise.inputs["Vector"])
+    tree.links.new(noise.outputs[0], bumps.inputs["Height"])
+    tree.links.new(lean.outputs["Normal"], bumps.inputs["Normal"])
+    tree.links.new(bumps.outputs["Normal"], measured_node(material).inputs["Normal"])
 
 
 # --- cases -------------------------------------------------------------------------------------------------
@@ -229,15 +244,7 @@ def bumpy(scene: bpy.types.Scene) -> Dress:
     obj = ball(scene)
 
     def dress(materials: Materials) -> None:
-        tree = materials["paint"].node_tree
-        where, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")
-        lean, bump = tree.nodes.new("ShaderNodeNormalMap"), tree.nodes.new("ShaderNodeBump")
-        noise.inputs["Scale"].default_value, bump.inputs["Strength"].default_value = 3.0, 0.3
-        lean.inputs["Color"].default_value = (0.6, 0.45, 0.95, 1)
-        tree.links.new(where.outputs["Object"], noise.inputs["Vector"])
-        tree.links.new(noise.outputs[0], bump.inputs["Height"])
-        tree.links.new(lean.outputs["Normal"], bump.inputs["Normal"])
-        tree.links.new(bump.outputs["Normal"], measured_node(materials["paint"]).inputs["Normal"])
+        bump(materials["paint"])
         on(obj)(materials)
 
     return dress

@@ -22,14 +22,16 @@ from support.monte_carlo import SKEWNESS_LIMIT, compare
 
 PACKAGE = "bl_ext.user_default.measured_materials"
 FINDS, LEVEL, PLANTED = 0.01, 1e-3, 1.02
-PROGRAMS = ("common", "lamp_cases", "stack", "unbiased")
+CASES = ("lamp_cases", "world_cases")
+PROGRAMS = ("common", *CASES, "stack", "unbiased")
 _TOGETHER = 3
 
 
 def case_names() -> list[str]:
-    """Keys of `lamp_cases.CASES`, a module that only Blender can import."""
-    tree = ast.parse((HERE / "lamp_cases.py").read_text(encoding="utf-8"))
-    tables = (n.value for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "CASES")
+    """Keys of CASES in `lamp_cases` and `world_cases`, modules that only Blender can import."""
+    trees = [ast.parse((HERE / f"{name}.py").read_text(encoding="utf-8")) for name in CASES]
+    found = (n for tree in trees for n in tree.body if isinstance(n, ast.Assign))
+    tables = (n.value for n in found if ast.unparse(n.targets[0]) == "CASES")
     return [str(ast.literal_eval(key)) for table in tables for key in table.keys]
 
 

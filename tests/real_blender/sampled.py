@@ -35,9 +35,10 @@ def pictures(scene, first):
 
 
 def groups():
-    """Lamps by name of the group that samples or aims at them."""
-    switch = "measured_materials_lamps"
-    return {group.name: group[switch] for group in bpy.data.node_groups if switch in group and group.users}
+    """Lamps by name of the group that samples them, or aims at them where that is all it can."""
+    switch, instead = "measured_materials_lamps", "measured_materials_instead"
+    used = [group for group in bpy.data.node_groups if group.users and instead not in group]
+    return {group.name: group[switch] for group in used if switch in group}
 
 
 def compared(scene, material, first):

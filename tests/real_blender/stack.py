@@ -1,7 +1,8 @@
-"""Run inside a real Blender by lamps_agree.py: the largest graphs that sample lamps, within Cycles' 255 stack floats.
+"""Run inside a real Blender by lamps_agree.py: the largest graphs that sample light, within Cycles' 255 stack floats.
 
-Anisotropic, a B-spline whose slices are blended, codes that the shader decodes, four lamps, a denoiser's
-passes. Of each the floats that an artist's own nodes may keep alive beside it are told.
+Isotropic and anisotropic, a B-spline whose slices are blended, codes that the shader decodes, one or four lamps and the
+world, a denoiser's passes; and what is aimed at instead where the world is another. Of each the floats that an artist's
+own nodes may keep alive beside it are told.
 """
 
 import sys
@@ -9,10 +10,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path.cwd()))
 import bpy
-from common import HERE, empty_scene, lamp, ours, require
+from common import HERE, empty_scene, ours, require
 
 ROOM = 36  # nine nodes that hold a colour and a number each, as in tests/test_svm_limits.py
 _SOURCES = {
+    "paint": ("metallic-paint", {"flake_alpha": 0.3, "coat_alpha": 0.2}),
     "satin": ("ward", {"alpha": 0.2, "alpha_y": 0.5, "diffuse": (0.3, 0.2, 0.1), "specular": 0.4}),
 }
 
@@ -30,9 +32,10 @@ def bundle(name):
 
 
 def largest(source, mode):
-    """A material that samples four lamps."""
-    tables = ours("addon.lights.light_tables")
-    made = ours("nodes.material").build_material(
+    """A material that can sample four lamps and a world."""
+    tables, seen_world = ours("addon.lights.light_tables"), ours("addon.lights.seen_world")
+    picture = bpy.data.images.new("around", 8, 4, float_buffer=True, is_data=True)
+    return ours("nodes.material").build_material(
         source,
         mode=mode,
         filter="bspline",
@@ -40,16 +43,34 @@ def largest(source, mode):
         features=True,
         lamps=tables.lamp_image(),
         lights=tables.lamp_light_image(),
+        surroundings=ours("nodes.world_picture").Surroundings(picture, "Linear", seen_world.world_light_image()),
     )
-    tables.update_scene(bpy.context.scene)
-    require(sampled_lamps() == {4}, f"not four lamps are sampled: {sampled_lamps()}")
-    return made
 
 
-def sampled_lamps():
-    """How many the groups sample."""
+# Lamps and world that are sampled, and those that are aimed at instead.
+STATES = {
+    "the world": ((0, True), (0, False)),
+    "one lamp and the world": ((1, True), (0, False)),
+    "four lamps and the world": ((4, True), (0, False)),
+    "four lamps, and aimed at the world": ((4, False), (0, True)),
+    "aimed at four lamps and the world": ((0, False), (4, True)),
+}
+
+
+def switch(sampled, instead):
+    """Let all groups sample and aim at these."""
+    aim_by = ours("nodes.aimed_light_group").aim_by
+    for group in bpy.data.node_groups:
+        if "measured_materials_sampled" in group:
+            aim_by(group, *sampled)
+        elif "measured_materials_instead" in group:
+            aim_by(group, *instead)
+
+
+def sampled_now():
+    """What the groups sample."""
     groups = (group for group in bpy.data.node_groups if "measured_materials_sampled" in group)
-    return {group["measured_materials_lamps"] for group in groups if group.users}
+    return {(group["measured_materials_lamps"], group["measured_materials_world"]) for group in groups if group.users}
 
 
 if not hasattr(bpy.types, "ShaderNodeRaycast"):
@@ -59,12 +80,16 @@ else:
 
     for name in _SOURCES:
         scene, source = empty_scene(), bundle(name)
+        scene["measured_materials_probe"] = True  # no handler switches what is measured
         ours("addon.rendering.renderer").set_unbiased(scene, samples=1, seed=0)
-        for k in range(4):
-            lamp(scene, (k, 0, 3))
         for mode in ("exact", "balanced"):
-            room, closures = svm_stack.room_on_stack(material := largest(source, mode)), svm_stack.closures_in(material)
-            print(f"stack: {name}, {mode}: room for {room} floats, {closures} closures")
-            require(sampled_lamps() == {4}, f"while it was measured they were not: {sampled_lamps()}")
-            require(room >= ROOM and closures <= svm_stack.CLOSURES, "that is not enough")
+            material = largest(source, mode)
+            # The largest by far is measured in both modes, all others in one.
+            for words, (sampled, instead) in STATES.items():
+                if mode == "exact" or words == "four lamps and the world":
+                    switch(sampled, instead)
+                    room, closures = svm_stack.room_on_stack(material), svm_stack.closures_in(material)
+                    print(f"stack: {name}, {mode}, {words}: room for {room} floats, {closures} closures", flush=True)
+                    require(sampled_now() == {sampled}, f"while it was measured they were not: {sampled_now()}")
+                    require(room >= ROOM and closures <= svm_stack.CLOSURES, "that is not enough")
 print("stack: all is well")

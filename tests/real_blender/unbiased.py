@@ -9,9 +9,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path.cwd()))
 import bpy
 import numpy as np
+import world_cases
 from common import HERE, ours, require
-from lamp_cases import CASES, built
+from lamp_cases import CASES as OF_LAMPS
+from lamp_cases import built
 
+CASES = OF_LAMPS | world_cases.CASES
 SEEDS = 10
 _FORMULAS = {
     "paint": ("metallic-paint", {"flake_alpha": 0.3, "coat_alpha": 0.2}),
@@ -63,18 +66,28 @@ def compared(name):
     case = CASES[name]
     scene, dress = built(case)
     dress(materials(scene, "never"))
+    # Materials that sample are built before anything changes.
+    sampling = materials(scene, "always") if case.later else None
+    if case.later:
+        case.later(scene)
+        bpy.context.view_layer.update()
     mirrored = pictures(scene, 1, case.samples)
-    dress(materials(scene, "always"))
+    dress(sampling or materials(scene, "always"))
     bpy.context.view_layer.update()
-    groups = {
-        g["measured_materials_lamps"] for g in bpy.data.node_groups if "measured_materials_sampled" in g and g.users
-    }
-    require(min(groups, default=0) > 0, f"{name}: no lamp is sampled: {groups}")
+    require_sampled(name, later=case.later is not None)
     sampled = pictures(scene, 101, case.samples)
     mean = 0.5 * (mirrored + sampled).mean((0, 3))
     lit = mean > 0.05 * mean.mean()
     lit &= ~grown(mean > case.brightest * np.median(mean[lit]))
     np.savez(HERE / f"{name}.npz", mirrored=mirrored, sampled=sampled, mask=lit)
+
+
+def require_sampled(name, later):
+    """All groups sample what the case is about, or aim at it instead once something has changed."""
+    kind = "measured_materials_instead" if later else "measured_materials_sampled"
+    key = "measured_materials_world" if name in world_cases.CASES else "measured_materials_lamps"
+    found = [g[key] for g in bpy.data.node_groups if kind in g and g.users]
+    require(found and all(found), f"{name}: not all is sampled: {found}")
 
 
 if not hasattr(bpy.types, "ShaderNodeRaycast"):

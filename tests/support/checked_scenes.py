@@ -44,7 +44,7 @@ def clean_blend() -> Iterator[None]:
 def sound(bundle: Bundle) -> TestScene:
     """A scene that the check has nothing to say about."""
     scene = lit_sphere(build_material(bundle, lamps=lamp_image()), 16, resolution=32)
-    scene.sphere.shadow_terminator_geometry_offset = 0
+    scene.leave_terminator()
     quiet_camera(scene.scene, [scene.sphere])
     update_scene(scene.scene)
     return scene

@@ -22,7 +22,7 @@ _FACING = Vector((0.25, -0.8, 0.55)).normalized()  # a place on the sphere that 
 def hard_scene(name: str, material: bpy.types.Material, resolution: int = 32) -> Iterator[TestScene]:
     """The scene of this name in `HARD`, cleared away afterwards with all that it was made of."""
     with lit_sphere(material, 64, lamp_size=0.8, ground=False, resolution=resolution) as scene:
-        scene.sphere.shadow_terminator_geometry_offset = 0
+        scene.leave_terminator()
         scene.scene.camera.data.lens = 60  # the sphere fills the picture
         HARD[name](scene)
         try:

@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 from measured_materials.addon.lights.light_tables import update_scene
-from measured_materials.nodes import compat
 
 from support.light_paths import darken
 from support.scene_check_cases import (
@@ -112,8 +111,7 @@ def terminator(kind: int, value: float) -> Change:
     """1 for the shading's, 2 for the geometry's."""
 
     def apply(scene: TestScene) -> None:
-        owner, *names = compat.shadow_terminator(scene.sphere)
-        setattr(owner, names[kind - 1], value)
+        scene.set_terminator(kind, value)
 
     return apply
 

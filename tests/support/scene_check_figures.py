@@ -104,7 +104,7 @@ FIGURES = [
         "0.3 lost 10 to 16 %",
         -1,
         "sphere",
-        lambda s: setattr(s.sphere, "shadow_terminator_shading_offset", 0.3),
+        lambda s: s.set_terminator(1, 0.3),
     ),
     Figure(
         "+0.4 % on a coarse sphere",
@@ -168,7 +168,7 @@ def measured(bundle: Bundle, figure: Figure) -> np.ndarray:
 
 
 def _arrange(scene: TestScene, kind: list[str]) -> None:
-    scene.sphere.shadow_terminator_geometry_offset = 0
+    scene.leave_terminator()
     for light in ("world", "lamp", "emission"):
         if light in kind:
             light_of(scene, light)

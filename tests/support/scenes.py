@@ -36,6 +36,15 @@ class TestScene:
         self.sphere.data.materials.clear()
         self.sphere.data.materials.append(material)
 
+    def leave_terminator(self) -> None:
+        """Have Cycles shade the sphere's shadow terminator without its geometric offset, which is a bias."""
+        self.set_terminator(2, 0.0)
+
+    def set_terminator(self, kind: int, value: float) -> None:
+        """The sphere's Shadow Terminator, wherever this Blender keeps it: 1 for the shading's, 2 for the geometry's."""
+        owner, *names = compat.shadow_terminator(self.sphere)
+        setattr(owner, names[kind - 1], value)
+
     def render(self, samples: int = 64, seeds: int | Iterable[int] = 8) -> Array:
         """Linear pictures (K, H, W, 3) under the seeds given, or under 0 to K - 1."""
         self.scene.cycles.samples = samples

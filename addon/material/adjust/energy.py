@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....bake.errors import BakeError
+from ....bake.sampling.gloss import MOST
 from ....bake.source import LUMINANCE
-from ....nodes.adjustments import NEUTRAL
+from ....nodes.adjustments import GLOSS, NEUTRAL
 from ....nodes.material_tree import measured_nodes
 from ..facts import record_of
 
@@ -68,28 +69,55 @@ def energy_of(material: bpy.types.Material) -> Energy | None:
     """Energy of a measured material by the sockets of its node.
 
     The directional albedo of the measurement is adjusted as the reflectance is, which is the same, since both are
-    linear; of a saturation above 1, where negative values are cut off, it is a lower bound. Of several nodes the worst
-    is told.
+    linear; of a saturation above 1, where negative values are cut off, it is a lower bound. A gloss above 1 brightens
+    native closures, a softer one loses light. Of several nodes the worst is told.
 
     Returns
     -------
     None where nothing is adjusted, the albedo is not known, or the material has no sockets for it.
     """
     try:
-        rows = np.array(record_of(material).albedo.directional, np.float64)
+        record = record_of(material)
     except BakeError:
         return None
-    found = [energy for _, node in measured_nodes(material.node_tree) if (energy := _energy(node, rows)) is not None]
+    seen = _Seen(np.array(record.albedo.directional, np.float64), record.rendering.brightened)
+    found = [energy for _, node in measured_nodes(material.node_tree) if (energy := _energy(node, seen)) is not None]
     return max(found, key=lambda energy: (bool(energy.unknown), energy.largest or 0.0), default=None)
 
 
-def _energy(node: bpy.types.Node, rows: NDArray[np.float64]) -> Energy | None:
+@dataclass(frozen=True)
+class _Seen:
+    """Directional albedo (n, 3) as measured, and what a gloss adds to it, see `RenderingRecord`."""
+
+    rows: NDArray[np.float64]
+    brightened: Sequence[tuple[float, Sequence[Sequence[float]]]]
+
+    def at(self, gloss: float) -> NDArray[np.float64]:
+        """The albedo under a gloss; of a softer one, which loses light, an upper bound."""
+        if not self.brightened:
+            return self.rows
+        glosses = np.array([step for step, _ in self.brightened])
+        more = np.array([rows for _, rows in self.brightened], np.float64)
+        if more.shape[1:] != self.rows.shape:
+            return self.rows
+        flat = more.reshape(len(glosses), -1)
+        found = [np.interp(gloss, glosses, column) for column in flat.T]
+        return self.rows + np.reshape(found, self.rows.shape)
+
+
+def _energy(node: bpy.types.Node, seen: _Seen) -> Energy | None:
     """By the sockets of one node; None where they are neutral."""
     sockets = {name: node.inputs[name] for name in NEUTRAL if name in node.inputs}
-    if linked := tuple(name for name, socket in sockets.items() if socket.is_linked):
+    gloss = sockets.pop(GLOSS, None)
+    linked = tuple(name for name, socket in sockets.items() if socket.is_linked)
+    rows = seen.at(MOST if gloss is not None and gloss.is_linked else gloss.default_value if gloss is not None else 1.0)
+    if gloss is not None and gloss.is_linked and rows.max() > max(1.0, seen.rows.max()) + _TOLERANCE:
+        linked += (GLOSS,)
+    if linked:
         return Energy(unknown=linked)
     values = {name: _value(socket.default_value) for name, socket in sockets.items()}
-    if all(np.allclose(value, _value(NEUTRAL[name])) for name, value in values.items()):
+    unchanged = all(np.allclose(value, _value(NEUTRAL[name])) for name, value in values.items())
+    if unchanged and np.allclose(rows, seen.rows):
         return None
     per_brightness = float(np.max(saturated(rows, values.get("Saturation", 1.0)) * values.get("Tint", 1.0)))
     brightness = float(values.get("Brightness", 1.0))

@@ -12,7 +12,7 @@ import shutil
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
@@ -20,17 +20,17 @@ from bpy.app.handlers import persistent
 
 from ....bake.bundle.result import BakeResult
 from ....bake.errors import BakeError
+from ....nodes.portions import Pause, Portions
 from ... import events
-from ...baking.hosts import hosts
-from ...baking.job import DONE, FAILED, NO_HOST, BakeJob
-from ...baking.request import run_request
-from ...photographs.find_decoder import blender_decoder
-from ...summary.bake_stages import bake_stages
+from ...baking.job import DONE, FAILED, NO_HOST
 from ...summary.progress_estimate import ProgressEstimate
 from ...summary.text import one_line
-from .tasks import FRESH, STATE_KEY, Task
+from .tasks import FRESH, STATE_KEY, Job, Task
+from .window import is_dragging, push, tell, window
 
 _PAUSE = 0.05
+# Between portions of a material that is being made.
+_BREATH = 0.01
 _TOLD_EVERY = 0.2
 # Seconds that a drag of the artist is waited for.
 _PATIENCE = 30.0
@@ -47,16 +47,26 @@ class Queue:
         self.waiting: list[Task] = []
         self.listening = self.told = False
         self.task: Task | None = None
-        self.job: BakeJob | None = None
+        self.job: Job | None = None
         self._estimate: ProgressEstimate | None = None
         self._problems: list[str] = []
         self._shown, self._total, self._number = False, 0, 0
         self._told_at, self._held_since = 0.0, 0.0
         self._result: BakeResult | None = None
+        self._work = Portions()
+        self._is_making = False
 
     def is_busy(self) -> bool:
         """Whether anything is left to do."""
         return self.task is not None or bool(self.waiting)
+
+    def pause(self) -> float:
+        """Seconds until the next step."""
+        return _BREATH if self._is_making else _PAUSE
+
+    def undone(self) -> None:
+        """Undo or redo has exchanged the datablocks."""
+        self._work.forget()
 
     def add(self, tasks: Sequence[Task]) -> None:
         """Bake these after all others."""
@@ -70,26 +80,38 @@ class Queue:
     def stop(self) -> None:
         """End all bakes at once and touch no datablock: the file goes, or Blender does."""
         self.waiting.clear()
-        if self.job is not None:
-            self.job.cancel()
-        self._take_back()
-        self.task = self.job = None
+        self._end_job()
+        self._work, self._is_making = Portions(), False
         self._problems.clear()
         self.listening = False
         _status(None)
 
     def cancel(self) -> None:
-        """End the bake that runs, and take back what it has shown."""
-        task, job = self.task, self.job
-        if job is not None:
-            job.cancel()
-            job.close()
+        """End the bake that runs, and take back what it has shown.
+
+        A material whose new bundle lies in place of its old one already is made from it all the same.
+        """
+        task = self.task
+        if task is None or (self._result is not None and task.replaces):
+            return
+        self._end_job()
+        self._drop_work()
+        if task.drop():
+            push(f"Cancel {task.label}")
+        tell(f"{task.title}: the bake was cancelled, and nothing of it was kept")
+
+    def _end_job(self) -> None:
+        """The bake and its files, no datablock."""
+        if self.job is not None:
+            self.job.cancel()
+            self.job.close()
         self._take_back()
         self.task = self.job = None
-        if task is not None and task.drop():
-            _push(f"Cancel {task.label}")
-        if task is not None:
-            _tell(f"{task.request.title}: the bake was cancelled, and nothing of it was kept")
+
+    def _drop_work(self) -> None:
+        """What was made on the way and is not needed after all."""
+        self._work.drop()
+        self._work, self._is_making = Portions(), False
 
     def _take_back(self) -> None:
         """Remove a bundle that was put in its place for a material that is not made after all."""
@@ -104,12 +126,10 @@ class Queue:
         if self.task is None or self.job is None:
             return
         if not self.task.is_wanted():
-            title = self.task.request.title
-            self.job.cancel()
-            self.job.close()
-            self._take_back()
-            self.task = self.job = None
-            _tell(f"{title}: the material is gone, and its bake was cancelled")
+            title = self.task.title
+            self._end_job()
+            self._drop_work()
+            tell(f"{title}: the material is gone, and its bake was cancelled")
             return
         state = self.job.poll()
         if state == NO_HOST:
@@ -124,9 +144,9 @@ class Queue:
     def _begin(self, task: Task) -> None:
         self._number += 1
         self._shown, self.task, self._result = False, task, None
-        self._estimate = ProgressEstimate(bake_stages(task.request.settings))
+        self._estimate = ProgressEstimate(task.stages())
         try:
-            self.job = BakeJob(task.request, task.target(), hosts(task.request, bpy.app.binary_path))
+            self.job = task.new_job()
         except BakeError as error:
             self._fail(error)
             return
@@ -135,28 +155,45 @@ class Queue:
     def _show(self) -> None:
         """The quick bake, as a step of undo."""
         assert self.task and self.job and self.job.preview
-        self._shown = True
+        task, preview = self.task, self.job.preview
         try:
-            self.task.show(self.job.preview)
+            self._make(lambda: task.show(preview))
+        except Pause:
+            return
         except BakeError as error:  # the whole bake may be better
             print(f"measured_materials: {error}", file=sys.stderr)
+            self._shown = True
+            self._drop_work()
             return
-        _push(self.task.label)
-        self.task.shown()
+        self._shown = True
+        push(task.label)
+        task.shown(self._work.made())
+        self._work = Portions()
 
     def _finish(self) -> None:
         """Put the bundle in its place and make the material."""
         assert self.task and self.job
         task = self.task
         try:
-            self._result = self.job.finish()
-            words = task.finish(self._result)
+            result = self._result = self._result or self.job.finish()
+            words = self._make(lambda: task.finish(result))
+        except Pause:
+            return
         except BakeError as error:
             self._fail(error)
             return
         self.task = self.job = self._result = None
-        _push(task.label)
-        _tell(words)
+        self._drop_work()
+        push(task.label)
+        tell(words)
+
+    def _make(self, work: Callable[[], Any]) -> Any:
+        """A portion of this work; its result, if it comes to an end. Raises Pause and BakeError."""
+        self._is_making = True
+        with self._work.portion():
+            done = work()
+        self._is_making = False
+        return done
 
     def _bake_here(self) -> None:
         """Where no process can be started: Blender waits meanwhile."""
@@ -165,18 +202,19 @@ class Queue:
         self.task = self.job = None
         manager.progress_begin(0, 1)
         try:
-            words = task.finish(run_request(task.request, job.target, decoder=blender_decoder()))
+            words = task.finish(task.bake_here(job))
         except BakeError as error:
             self._problems.append(one_line(str(error)))
         else:
-            _push(task.label)
-            _tell(words)
+            push(task.label)
+            tell(words)
         finally:
             manager.progress_end()
 
     def _fail(self, error: BakeError | None) -> None:
+        self._drop_work()
         if self.task is not None and self.task.drop():
-            _push(f"Cancel {self.task.label}")
+            push(f"Cancel {self.task.label}")
         self.task = self.job = None
         self._problems.append(one_line(str(error)))
 
@@ -186,7 +224,7 @@ class Queue:
         if not problems:
             return
         for line in problems:
-            _tell(line, "WARNING")
+            tell(line, "WARNING")
         if bpy.app.background:  # where Blender crashes on a popup
             return
 
@@ -195,7 +233,7 @@ class Queue:
                 for part in line.split("; "):
                     popup.layout.label(text=part)
 
-        with _window():
+        with window():
             bpy.context.window_manager.popup_menu(draw, title="Could not be baked", icon="ERROR")
 
     def _may_write(self) -> bool:
@@ -203,7 +241,7 @@ class Queue:
         if any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
             return False
         now = time.monotonic()
-        if _is_dragging():
+        if is_dragging():
             self._held_since = self._held_since or now
             return now - self._held_since > _PATIENCE
         self._held_since = 0.0
@@ -216,7 +254,7 @@ class Queue:
         self._told_at = now
         self._estimate(self.job.stage, self.job.share)
         place = f" ({self._number} of {self._total})" if self._total > 1 else ""
-        _status(f"Baking {one_line(self.task.request.title)}{place}: {self._estimate.words()}   |   Esc: Cancel")
+        _status(f"Baking {one_line(self.task.title)}{place}: {self._estimate.words()}   |   Esc: Cancel")
 
 
 queue = Queue()
@@ -225,31 +263,17 @@ queue = Queue()
 def tick() -> float | None:
     """The timer's function: one step, and whether there are more."""
     try:
-        with _window():
+        with window():
             queue.step()
     except Exception:  # a defect, which must not leave a process behind
         traceback.print_exc()
         queue.stop()
     if queue.is_busy():
         _watch()
-        return _PAUSE
+        return queue.pause()
     _status(None)
     queue.tell_problems()
     return None
-
-
-def _window() -> Any:
-    """The first window as context; a timer has none."""
-    windows = bpy.context.window_manager.windows
-    return bpy.context.temp_override(window=windows[0]) if windows else contextlib.nullcontext()
-
-
-def _is_dragging() -> bool:
-    return any(
-        operator.bl_idname != "MEASURED_MATERIALS_OT_watch_bakes"
-        for window in bpy.context.window_manager.windows
-        for operator in getattr(window, "modal_operators", ())
-    )
 
 
 def _watch() -> None:
@@ -257,20 +281,8 @@ def _watch() -> None:
     windows = bpy.context.window_manager.windows
     if not windows or queue.listening:
         return
-    with _window():
+    with window():
         bpy.ops.measured_materials.watch_bakes("INVOKE_DEFAULT")
-
-
-def _push(words: str) -> None:
-    if bpy.ops.ed.undo_push.poll():
-        bpy.ops.ed.undo_push(message=words)
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            area.tag_redraw()
-
-
-def _tell(words: str, kind: str = "INFO") -> None:
-    bpy.ops.measured_materials.tell(words=one_line(words), kind=kind)
 
 
 def _status(words: str | None) -> None:
@@ -279,7 +291,7 @@ def _status(words: str | None) -> None:
     if (words is None and not queue.told) or not bpy.context.window_manager.windows:
         return
     queue.told = words is not None
-    with _window():
+    with window():
         for workspace in bpy.data.workspaces:
             workspace.status_text_set(words)
 
@@ -290,7 +302,7 @@ def _skip(direction: str) -> None:
     def go() -> None:
         if queue.is_busy() or not any(material.get(STATE_KEY) == FRESH for material in bpy.data.materials):
             return
-        with _window():
+        with window():
             operator = getattr(bpy.ops.ed, direction)
             if operator.poll():
                 operator()
@@ -300,11 +312,13 @@ def _skip(direction: str) -> None:
 
 @persistent
 def _after_undo(*_: Any) -> None:
+    queue.undone()
     _skip("undo")
 
 
 @persistent
 def _after_redo(*_: Any) -> None:
+    queue.undone()
     _skip("redo")
 
 

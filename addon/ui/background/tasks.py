@@ -7,41 +7,71 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import bpy
 
 from ....bake.brdf.record import BrdfRecord
 from ....bake.bundle.bundle import read_bundle
 from ....bake.bundle.result import BakeResult
+from ....bake.errors import BakeError
 from ....bake.shading_maps.bake import ArcSettings
 from ....bake.shading_maps.record import ShadingMapRecord
-from ...baking.request import BakeRequest, Model
+from ....nodes.portions import Block, found, remove_unused_blocks
+from ...baking.hosts import hosts
+from ...baking.job import BakeJob
+from ...baking.request import BakeRequest, Model, run_request
 from ...material.bake_material import assign, free_bundle, material_from, target_of
 from ...material.bake_photographs import folder_of, set_repeat, swatch_from
 from ...material.build_brdf import usual_choices
 from ...material.facts import record_of
 from ...material.kinds import kind_of
 from ...material.together import built_together
+from ...photographs.find_decoder import blender_decoder
+from ...summary.bake_stages import bake_stages
 
 # What a material shown while it is baked says of itself: FRESH in the undo step that shows it first, BAKING after that.
 STATE_KEY = "measured_materials_bake"
 FRESH, BAKING = "fresh", "baking"
 
 
-class Task(ABC):
-    """One bake and its end.
+class Job(Protocol):
+    """What the queue follows: `baking.job.BakeJob`, or a bundle that is there already."""
 
-    `is_new` says that its bundle replaces none.
+    state: str
+    stage: str
+    share: float
+    preview: Path | None
+    error: BakeError | None
+
+    def start(self) -> None: ...
+    def poll(self) -> str: ...
+    def cancel(self) -> None: ...
+    def finish(self) -> BakeResult: ...
+    def close(self) -> None: ...
+
+
+class Task(ABC):
+    """One material to be made or changed.
+
+    `is_new` says that its bundle is made for it, and `replaces` that this lies in the place of another from then on.
     """
 
-    is_new = False
+    is_new = replaces = False
     label: str
-    request: BakeRequest
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """Name of its source for people."""
 
     @abstractmethod
-    def target(self) -> Path:
-        """The bundle to bake to, asked when the bake begins. Raises BakeError."""
+    def stages(self) -> dict[str, float]:
+        """Stages of its job and their typical seconds."""
+
+    @abstractmethod
+    def new_job(self) -> Job:
+        """The job, asked when it is to begin. Raises BakeError."""
 
     @abstractmethod
     def is_wanted(self) -> bool:
@@ -50,20 +80,48 @@ class Task(ABC):
     def show(self, bundle: Path) -> None:  # noqa: B027
         """Show a quick bake. Raises BakeError."""
 
-    def shown(self) -> None:  # noqa: B027
-        """Called when the step of undo that shows the quick bake has been closed."""
+    def shown(self, made: set[Block]) -> None:  # noqa: B027
+        """Called with what was made, when the step of undo that shows the quick bake has been closed."""
 
     @abstractmethod
     def finish(self, result: BakeResult) -> str:
-        """Use the bundle; returns words on it. Raises BakeError."""
+        """Use the bundle; returns words on it. Raises BakeError, and Pause where this is done in portions."""
+
+    def bake_here(self, job: Job) -> BakeResult:
+        """Do the job where no process can be started. Raises BakeError."""
+        raise NotImplementedError
 
     def drop(self) -> bool:
         """Take back what `show` made; whether there was anything."""
         return False
 
 
+class BakeTask(Task):
+    """A bake, and what becomes of its bundle."""
+
+    request: BakeRequest
+
+    @property
+    def title(self) -> str:
+        return self.request.title
+
+    def stages(self) -> dict[str, float]:
+        return bake_stages(self.request.settings)
+
+    @abstractmethod
+    def target(self) -> Path:
+        """The bundle to bake to, asked when the bake begins. Raises BakeError."""
+
+    def new_job(self) -> Job:
+        return BakeJob(self.request, self.target(), hosts(self.request, bpy.app.binary_path))
+
+    def bake_here(self, job: Job) -> BakeResult:
+        assert isinstance(job, BakeJob)
+        return run_request(self.request, job.target, decoder=blender_decoder())
+
+
 @dataclass(eq=False)
-class ImportTask(Task):
+class ImportTask(BakeTask):
     """A material made of a measurement or of photographs.
 
     Parameters
@@ -85,7 +143,7 @@ class ImportTask(Task):
     _material: int = 0
     _before: tuple[int, int] = (0, 0)
     _scale: tuple[float, ...] = ()
-    _made: set[tuple[str, int]] = field(default_factory=set)
+    _made: set[Block] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         # Undo makes all pointers to datablocks invalid, and keeps these numbers.
@@ -98,9 +156,8 @@ class ImportTask(Task):
         return not self._material or found("materials", self._material) is not None
 
     def show(self, bundle: Path) -> None:
-        before = _datablocks()
-        material = self._build(BakeResult(bundle, {}, 0.0), None, quick=True)
-        self._made = _datablocks() - before
+        with built_together():
+            material = self._build(BakeResult(bundle, {}, 0.0), None, quick=True)
         material[STATE_KEY] = FRESH
         self._scale = _scale_of(material)
         self._material = material.session_uid
@@ -109,7 +166,8 @@ class ImportTask(Task):
             self._before = obj.active_material_index, obj.active_material.session_uid
         assign(material, obj)
 
-    def shown(self) -> None:
+    def shown(self, made: set[Block]) -> None:
+        self._made = made
         if material := found("materials", self._material):
             material[STATE_KEY] = BAKING
 
@@ -131,23 +189,15 @@ class ImportTask(Task):
     def drop(self) -> bool:
         material = found("materials", self._material) if self._material else None
         if material is None:
-            self._remove_made()
+            remove_unused_blocks(self._made)
             return False
         obj, (slot, uid) = found("objects", self._obj), self._before
         before = found("materials", uid) if uid else None
         if obj is not None and slot < len(obj.material_slots) and obj.material_slots[slot].material == material:
             obj.material_slots[slot].material = before
         bpy.data.materials.remove(material)
-        self._remove_made()
+        remove_unused_blocks(self._made)
         return True
-
-    def _remove_made(self) -> None:
-        # Users before what they use, in whatever order they were made.
-        for _ in range(len(self._made)):
-            unused = [one for key, uid in self._made if (one := found(key, uid)) is not None and not one.users]
-            if not unused:
-                break
-            bpy.data.batch_remove(unused)
 
     def _build(self, result: BakeResult, material: Any, *, quick: bool) -> bpy.types.Material:
         source, pack = self.request.source, self.pack or quick
@@ -166,7 +216,7 @@ class ImportTask(Task):
 
 
 @dataclass(eq=False)
-class AgainTask(Task):
+class AgainTask(BakeTask):
     """A material baked again in place.
 
     Parameters
@@ -180,6 +230,7 @@ class AgainTask(Task):
     pack: bool
     told: Callable[[bpy.types.Material], None]
     label: str = "Bake Again"
+    replaces = True
     _material: int = 0
 
     def __post_init__(self) -> None:
@@ -210,16 +261,6 @@ class AgainTask(Task):
             del material[STATE_KEY]
         self.told(material)
         return f"{material.name}: {kind_of(material).words(material)}" + (f", was {before}" if before else "")
-
-
-def found(kind: str, uid: int) -> Any:
-    """The datablock of this number in this collection of `bpy.data`, or None."""
-    return next((one for one in getattr(bpy.data, kind) if one.session_uid == uid), None)
-
-
-def _datablocks() -> set[tuple[str, int]]:
-    """Kind and number of all that a material may bring with it."""
-    return {(kind, one.session_uid) for kind in ("images", "node_groups") for one in getattr(bpy.data, kind)}
 
 
 def warnings_of(material: bpy.types.Material) -> tuple[str, ...]:

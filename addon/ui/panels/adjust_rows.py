@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ....nodes.adjustments import SOCKETS
+from ....nodes.adjustments import GLOSS, SOCKETS
 from ....nodes.material_tree import measured_nodes
 from ...material.adjust.energy import energy_of
 from ...material.adjust.relief import relief_nodes
@@ -51,10 +51,11 @@ def draw_adjust(layout: Any, material: bpy.types.Material, lines: Lines) -> None
 
 def _draw_colour(layout: Any, material: bpy.types.Material, tree: Any, node: Any, lines: Lines) -> None:
     """Sockets of the node, and whether too much light is reflected."""
-    for name in SOCKETS:
+    names = (*SOCKETS, *((GLOSS,) if kind_of(material) is not SHADING_MAP else ()))
+    for name in names:
         if name in node.inputs:
             _draw_socket(layout, tree, node, name)
-    if any(name not in node.inputs for name in SOCKETS):
+    if any(name not in node.inputs for name in names):
         lines.draw(layout, "An older version made this material; Fit to Scene adds what is missing here", "INFO")
         layout.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
     energy = energy_of(material)

@@ -12,7 +12,10 @@ from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ....bake.tables.grids.parameterization import Parameterization
 from ....bake.tables.search.grid_search import BASES
 from ....bake.tables.table import Filter
+from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
+from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
+from .reading import ReadingProperties, draw_reading, reading_of, show_reading
 from .registration import registration
 
 _USUAL = BakeSettings()
@@ -55,6 +58,8 @@ def _enum(
     return enum(name, description, choices, _WORDS | (words or {}), usual)
 
 
+_QUALITY = quality_choice(BRDF_LEVELS)
+_ADVANCED = advanced()
 _RESOLUTION = bpy.props.IntProperty(
     name="Resolution",
     description="N of an N x N x 2N table, or of one of as many bytes. Time and memory grow with its cube",
@@ -88,19 +93,19 @@ _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USU
 _FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _SAMPLER_WORDS = {
-    "alias": ("Alias Tables", "Four random numbers: less noise, and a little quicker to render"),
+    "alias": ("Tables", "Four random numbers: less noise, and a little quicker to render"),
     "warp": ("Warp", "Two random numbers, which may be of low discrepancy: a ninth of the sampler's bytes"),
 }
 _SAMPLER = _enum(
-    "Sampler",
+    "Light Directions",
     "How directions of the light are drawn",
     KINDS,
     kind_of_layout(_USUAL.sampler),
     _SAMPLER_WORDS,
 )
 _ENVELOPE = bpy.props.BoolProperty(
-    name="Native Closures",
-    description="Let Cycles' own closures carry what they can of the measurement, and the mirror only the rest: less "
+    name="Cycles' Own Shaders",
+    description="Let Cycles' own shaders carry what they can of the measurement, and the mirror only the rest: less "
     "noise, at a bias of at most 0.1 % of the light",
     default=_USUAL.envelope,
 )
@@ -111,9 +116,11 @@ _PACK = bpy.props.BoolProperty(
 )
 
 
-class BakeProperties:
+class BakeProperties(ReadingProperties):
     """Mixed into a PropertyGroup or an Operator."""
 
+    quality: _QUALITY
+    advanced: _ADVANCED
     resolution: _RESOLUTION
     basis: _BASIS
     parameterization: _PARAMETERIZATION
@@ -148,6 +155,7 @@ def settings_of(properties: Any) -> BakeSettings:
         spline=properties.spline,
         sampler=isotropic_layout(properties.sampler),
         envelope=properties.envelope,
+        reading=reading_of(properties),
     )
 
 
@@ -160,6 +168,7 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
     """Set the properties to what a bake was made with."""
     for name in ("resolution", "filter", "spline", "envelope"):
         setattr(properties, name, getattr(settings, name))
+    show_reading(properties, settings.reading)
     # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
     properties.parameterization = settings.spacing
     properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
@@ -172,9 +181,11 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
 
 
 def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
-    """Draw the settings of a BRDF's bake that have an effect."""
-    column = layout.column()
-    column.use_property_split, column.use_property_decorate = True, False
+    """Draw the quality of a BRDF's bake and, where they are asked for, the settings that have an effect."""
+    inner = draw_quality_choice(layout, properties, BRDF_LEVELS, settings_of)
+    if inner is None:
+        return
+    column = heading(inner, "Table")
     column.prop(properties, "resolution")
     column.prop(properties, "basis")
     column.prop(properties, "parameterization")
@@ -187,10 +198,13 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "filter")
     if properties.filter == "bspline":
         column.prop(properties, "spline")
-    column.prop(properties, "storage")
+    column = heading(inner, "Rendering")
     column.prop(properties, "sampler")
     column.prop(properties, "envelope")
+    column = heading(inner, "Files")
+    column.prop(properties, "storage")
     column.prop(properties, "pack")
+    draw_reading(inner, properties)
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_bake, "measured_materials")

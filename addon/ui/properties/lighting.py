@@ -39,9 +39,19 @@ _WORDS = {
 }
 
 
+_PARAMETERS = {
+    "roughness": ("Roughness", "0 is an even diffuse, 1 the flattest"),
+    "alpha": ("Alpha", "Width of the highlight: the square of Roughness in Cycles' shaders"),
+    "sigma": ("Width", "How far from the rim it is bright"),
+    "exponent": ("Exponent", "Sharpness of the highlight; larger is narrower"),
+    "diffuse": ("Diffuse", "Share of the light that the diffuse part reflects"),
+}
+
+
 def _parameter(parameter: Parameter, **options: Any) -> Any:
     return bpy.props.FloatProperty(
-        name=parameter.name.capitalize(),
+        name=_PARAMETERS[parameter.name][0],
+        description=_PARAMETERS[parameter.name][1],
         default=parameter.default,
         min=parameter.low,
         max=parameter.high,
@@ -57,11 +67,13 @@ def _choice(name: str, description: str, choices: tuple[str, ...], usual: object
 
 def _annotations(**options: Any) -> dict[str, Any]:
     """Of both classes below; `options` go to every property."""
-    lobe = _choice("f_r", "How the flat material reflects", (*LOBES, MEASURED), "lambert", **options)
+    about = "How the swatch reflects on the large scale"
+    lobe = _choice("Base Reflection", about, (*LOBES, MEASURED), "lambert", **options)
     parameters = {parameter_key(name, p): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known}
     sigma = bpy.props.FloatProperty(
-        name="Sigma",
-        description=f"Factor of f_r, the albedo of a white one. 0: as calibrated, or else {UNCALIBRATED_SIGMA:g}",
+        name="Strength",
+        description="Factor of the base reflection, the albedo of a white one. 0 is Automatic: as calibrated, or else "
+        f"{UNCALIBRATED_SIGMA:g}",
         default=0.0,
         min=0.0,
         max=1e6,
@@ -71,8 +83,8 @@ def _annotations(**options: Any) -> dict[str, Any]:
     )
     a_max = bpy.props.FloatProperty(
         name="Brightest",
-        description="Light that the brightest photograph reflects, in 1/sr. 0: as calibrated, or else as much as f_r "
-        "does at most",
+        description="Light that the brightest photograph reflects, in 1/sr. 0 is Automatic: as calibrated, or else as "
+        "much as the base reflection does at most",
         default=0.0,
         min=0.0,
         max=1e9,
@@ -85,11 +97,26 @@ def _annotations(**options: Any) -> dict[str, Any]:
         "lobe": lobe,
         **parameters,
         "sigma": sigma,
+        "sigma_auto": _automatic("Strength", "sigma", UNCALIBRATED_SIGMA),
         "a_max": a_max,
+        "a_max_auto": _automatic("Brightest", "a_max", 1.0),
         "above": _choice("Above", above, ABOVE, _USUAL.above, **options),
-        "technique": _choice("Technique", "Of Kautz et al. 2004", TECHNIQUES, _USUAL.technique, **options),
+        "technique": _choice(
+            "Technique", "How the photographs are used (Kautz et al. 2004)", TECHNIQUES, _USUAL.technique, **options
+        ),
         "tiling": _choice("Tiling", "Beyond the swatch's border", TILINGS, _USUAL.tiling, **options),
     }
+
+
+def _automatic(title: str, name: str, usual: float) -> Any:
+    """A switch between 0, which means that the number follows from what is known, and a number of one's own."""
+    return bpy.props.BoolProperty(
+        name=f"{title}: Automatic",
+        description=f"{title} as calibrated or else as usual; off: a number of your own",
+        get=lambda properties: getattr(properties, name) == 0,
+        set=lambda properties, automatic: setattr(properties, name, 0.0 if automatic else usual),
+        options={"SKIP_SAVE"},
+    )
 
 
 class LightingProperties:
@@ -120,8 +147,10 @@ def draw_lighting(
         column.prop(properties, "lobe")
         for parameter in PARAMETERS.get(properties.lobe, ()):
             column.prop(properties, parameter_key(properties.lobe, parameter), slider=parameter.high <= 1)
-    column.prop(properties, "sigma")
-    column.prop(properties, "a_max")
+    for name in ("sigma", "a_max"):
+        column.prop(properties, f"{name}_auto")
+        if getattr(properties, name) != 0:
+            column.prop(properties, name, text="1/sr" if name == "a_max" else "Factor")
     column.prop(properties, "technique")
     if uses_mode(properties.technique):
         column.prop(properties, "above")

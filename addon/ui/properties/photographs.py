@@ -14,7 +14,9 @@ from ....bake.shading_maps.shading_map import MAX_SLICES, MIN_SLICES
 from ....bake.shading_maps.store import COMPRESSIONS
 from ...material.lighting import MEASURED, lighting_of, number
 from ...summary.bake_stages import USUAL_SIZE
+from ...summary.quality_levels import MAP_LEVELS
 from .enum_items import enum
+from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
 from .registration import registration
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
@@ -86,9 +88,16 @@ class ArcProperties:
     """Mixed into a PropertyGroup or an Operator."""
 
     __annotations__ = {
-        "size": _whole(
-            "Size", "Texels of the swatch's longer side. 0 keeps it as photographed", USUAL_SIZE, 0, 16384, 4096
+        "quality": quality_choice(MAP_LEVELS),
+        "advanced": advanced(),
+        "full_size": bpy.props.BoolProperty(
+            name="Full Size",
+            description="Keep the swatch in the photographs' own size",
+            get=lambda properties: properties.size == 0,
+            set=lambda properties, full: setattr(properties, "size", 0 if full else USUAL_SIZE),
+            options={"SKIP_SAVE"},
         ),
+        "size": _whole("Size (px)", "Texels of the swatch's longer side; 0 is Full Size", USUAL_SIZE, 0, 16384, 4096),
         "slices": _whole(
             "Slices", "Levels of reflected light, black included", _USUAL.slices, MIN_SLICES, MAX_SLICES, 16
         ),
@@ -97,7 +106,7 @@ class ArcProperties:
         "rank": _whole("Rank", "Numbers per texel and channel", _USUAL.rank, 1, 3),
         "storage": _enum("Storage", "Format of the texels", tuple(map(str, IMAGE_STORAGES)), _USUAL.storage),
         "frame": _enum("Frame", "Where the swatch is in the photographs", ("whole", "crop", "corners"), "whole"),
-        "crop": _rectangle("Crop", "The swatch"),
+        "crop": _rectangle("Crop (px)", "The swatch"),
         **{name: _corner(name.removeprefix("corner_").replace("_", " ").title()) for name in _CORNERS},
         "decode": _enum(
             "Decode",
@@ -108,17 +117,17 @@ class ArcProperties:
         "gamma": _float("Gamma", "Its exponent", 2.2, 0.1, 10),
         "scale_by": _enum("Calibrate", "How brightness gets its unit", ("none", "albedo", "card"), "none"),
         "albedo": _float("Albedo", "Share of light that the swatch reflects", 0.5, 0.001, 1),
-        "white_card": _rectangle("Card", "The white card"),
+        "white_card": _rectangle("Card (px)", "The white card"),
         "white_reflectance": _float("Reflectance", "Of the white card", _STACK.white_reflectance, 0.01, 1),
         "flat_field": _path("Flat Field", "Photograph of an evenly white board under the same lamp"),
-        "align": _enum("Camera", "What is done about small movements of it", ALIGNMENTS, _STACK.align),
-        "lights": _path("Lights", "A lights.csv or .lp file. Empty: found in the folder, or angles in file names"),
+        "align": _enum("Stabilise", "What is done about small movements of the camera", ALIGNMENTS, _STACK.align),
+        "lights": _path("Lights", "A lights.csv or .lp file. Automatic: found in the folder, or angles in file names"),
         "one_plane": _flag("Choose Plane", "Use the lights near this azimuth. Off: where most elevations are"),
-        "azimuth": _float("Azimuth", "Degrees: 0 right, 90 up", 0, -360, 360),
-        "spread": _float("Spread", "Degrees that a light may lie off the plane of the arc", _STACK.spread, 0.1, 90),
+        "azimuth": _float("Azimuth (°)", "Degrees: 0 right, 90 up", 0, -360, 360),
+        "spread": _float("Spread (°)", "Degrees that a light may lie off the plane of the arc", _STACK.spread, 0.1, 90),
         "sides": _enum("Sides", "Of the arc that the lights may stand on", SIDES, _STACK.sides),
-        "fit_lobe": _flag("Fit f_r", "Choose f_r by the brightness of the photographs along the arc"),
-        "brdf": _path("BRDF", "Bundle (.mmat) of a baked BRDF to use as f_r", "DIR_PATH"),
+        "fit_lobe": _flag("Fit Base Reflection", "Choose it by the brightness of the photographs along the arc"),
+        "brdf": _path("Measured", "Measured material (.mmat) to use as the base reflection", "DIR_PATH"),
         "pack": _flag("Pack into .blend", "Keep the textures inside the .blend file", True),
     }
 
@@ -181,24 +190,45 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
 
 
 def draw_arc_settings(layout: bpy.types.UILayout, properties: Any, light: Any) -> None:
-    """Draw the settings of a bake of photographs that have an effect."""
-    p, column = properties, layout.column()
-    column.use_property_split, column.use_property_decorate = True, False
+    """Draw the quality of a bake of photographs and, where they are asked for, the settings that have an effect."""
+    p = properties
+    inner = draw_quality_choice(layout, p, MAP_LEVELS, _settings_to_weigh)
+    if inner is None:
+        return
+    for words, names in _parts(p, light):
+        column = heading(inner, words)
+        for name in names:
+            if name in _WHERE_EMPTY:
+                column.prop(p, name, placeholder=_WHERE_EMPTY[name])
+            else:
+                column.prop(p, name)
+
+
+# What an empty path means.
+_WHERE_EMPTY = {"lights": "Automatic", "flat_field": "None"}
+
+
+def _parts(p: Any, light: Any) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Headings, and the names of the settings under them that have an effect."""
+    size = ("full_size",) if p.full_size else ("full_size", "size")
     rank = ("rank",) if p.compression == "basis" else ()
     frame = {"crop": ("crop",), "corners": _CORNERS}.get(p.frame, ())
     gamma = ("gamma",) if p.decode == "gamma" else ()
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("azimuth",) if p.one_plane else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
-    for part in (
-        ("size", "slices", "tileable", "compression", *rank, "storage"),
-        ("frame", *frame, "decode", *gamma, "scale_by", *scale, "flat_field", "align"),
-        ("lights", "one_plane", *plane, "spread", "sides"),
-        ("fit_lobe", *brdf, "pack"),
-    ):
-        for name in part:
-            column.prop(p, name)
-        column.separator()
+    return (
+        ("Swatch", (*size, "slices", "tileable", "frame", *frame)),
+        ("Brightness", ("decode", *gamma, "scale_by", *scale, "flat_field", "align")),
+        ("Light", ("lights", "one_plane", *plane, "spread", "sides", "fit_lobe", *brdf)),
+        ("Files", ("compression", *rank, "storage", "pack")),
+    )
+
+
+def _settings_to_weigh(p: Any) -> ArcSettings:
+    """What time and size depend on. Raises BakeError."""
+    settings = {name: getattr(p, name) for name in _MAP}
+    return ArcSettings(**settings, stack=StackSettings(size=p.size or None, align=p.align))
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_arc, "measured_arc")

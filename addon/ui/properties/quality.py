@@ -16,11 +16,11 @@ from .registration import registration
 _MODE_WORDS = {
     "preview": (
         "Preview",
-        "Cycles' own closures fitted to the measurement; as quick as Principled, and what EEVEE shows",
+        "Cycles' own shaders fitted to the measurement; as quick as Principled, and what EEVEE shows",
     ),
     "balanced": ("Balanced", "Exact where it is seen directly or in a mirror, Preview after a diffuse bounce"),
-    "exact": ("Exact", "Cycles' own closures where they fit, a stochastic mirror for the rest: less noise"),
-    "reference": ("Reference", "All of it by a stochastic mirror"),
+    "exact": ("Exact", "Cycles' own shaders where they fit, a mirror for the rest: less noise"),
+    "reference": ("Reference", "All of it by a mirror, in directions drawn at random"),
 }
 _FILTER_WORDS = {"nearest": "Nearest", "trilinear": "Linear", "bspline": "B-Spline"}
 
@@ -56,8 +56,8 @@ _SAMPLE = bpy.props.EnumProperty(
     update=rebuild_or_say,
 )
 _RESIDUAL = bpy.props.EnumProperty(
-    name="Residual",
-    description="The mirror for the part of the measurement that Cycles' own closures do not carry",
+    name="Mirror Part",
+    description="The mirror for the part of the measurement that Cycles' own shaders do not carry",
     items=[
         (AUTO, "Automatic", "Where it carries light"),
         ("always", "Always", "Even if it carries next to nothing"),
@@ -91,12 +91,12 @@ _SHADER = bpy.props.EnumProperty(
     update=rebuild_or_say,
 )
 _DETAIL = bpy.props.EnumProperty(
-    name="Detail",
-    description="The swatch's texels",
+    name="Swatch Detail",
+    description="The pattern of the swatch",
     items=[
-        (AUTO, "Automatic", "Left out where a texel is far below a pixel everywhere"),
+        (AUTO, "Automatic", "Left out where the pattern is far finer than a pixel everywhere"),
         ("always", "Always", "Kept at any distance"),
-        ("never", "Never", "The swatch's mean; refused where texels can be seen"),
+        ("never", "Never", "The swatch's mean; refused where the pattern can be seen"),
     ],
     default=AUTO,
     options=set(),

@@ -1,0 +1,1 @@
+"""Measured materials as assets of Blender's asset browser: catalogue, words, picture."""

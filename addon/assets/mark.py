@@ -1,0 +1,117 @@
+"""A measured material made an asset of Blender's asset browser, and made an ordinary material again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...bake.bundle.bundle import PREVIEW
+from ...bake.errors import BakeError
+from ...bake.images.image_io import read_image
+from ..material.facts import is_measured, record_of
+from ..material.textures.kept import bundle_path
+from ..summary.text import one_line
+from .catalogue import add_catalogue, library_of
+from .words import Rights, rights_of, words_of
+
+_LARGEST_PICTURE = 1 << 24  # bytes
+
+
+def mark(material: bpy.types.Material, rights: Rights | None = None) -> str:
+    """Make the material an asset, or bring one in line with its last bake; words on what could not be done, or none.
+
+    Parameters
+    ----------
+    rights : to state; by default what is stated already stays, and else what the measurement says of itself
+
+    Raises
+    ------
+    BakeError : its record cannot be read, and it is no asset
+    """
+    record = record_of(material)
+    words = words_of(record)
+    if rights is None:
+        rights = stated_rights(material)
+    material.asset_mark()
+    data = material.asset_data
+    data.description = words.description
+    data.author, data.license, data.copyright = rights.author, rights.license, rights.copyright
+    for tag in words.tags:
+        data.tags.new(tag, skip_if_exists=True)
+    return "; ".join(filter(None, (_set_picture(material), _set_catalogue(material, words.catalogue))))
+
+
+def refresh(material: bpy.types.Material) -> str:
+    """Bring an asset in line with its last bake; nothing where it is none. Words as `mark`; raises nothing."""
+    if material.asset_data is None or not is_measured(material):
+        return ""
+    return mark_or_say(material)
+
+
+def mark_or_say(material: bpy.types.Material) -> str:
+    """As `mark`, where the bake must not fail by it: all that went wrong as words."""
+    try:
+        return mark(material)
+    except BakeError as error:
+        return one_line(str(error))
+
+
+def unmark(material: bpy.types.Material) -> None:
+    """Make the material an ordinary one. It stays in the .blend even where nothing uses it, and so does its catalogue,
+    which other assets may be in."""
+    unused = material.users - material.use_fake_user < 1
+    material.asset_clear()
+    material.use_fake_user = unused
+
+
+def stated_rights(material: bpy.types.Material) -> Rights:
+    """Author, licence and copyright of an asset, and where one is not stated there, as the measurement says.
+
+    Raises BakeError.
+    """
+    known, data = rights_of(record_of(material)), material.asset_data
+    if data is None:
+        return known
+    return Rights(data.author or known.author, data.license or known.license, data.copyright or known.copyright)
+
+
+def library_folder() -> Path | None:
+    """Folder of the asset library that the open .blend belongs to; None before it is saved."""
+    if not bpy.data.filepath:
+        return None
+    libraries = bpy.context.preferences.filepaths.asset_libraries
+    return library_of(Path(bpy.data.filepath), [Path(library.path) for library in libraries if library.path])
+
+
+def _set_catalogue(material: bpy.types.Material, path: str) -> str:
+    folder = library_folder()
+    if folder is None:
+        return "Save the .blend file and mark again to give it a catalog"
+    try:
+        material.asset_data.catalog_id = add_catalogue(folder, path)
+    except BakeError as error:
+        return one_line(str(error))
+    return ""
+
+
+def _set_picture(material: bpy.types.Material) -> str:
+    """The picture of its bundle; where that is gone the one that it has, else one that Blender renders by and by."""
+    file = bundle_path(material) / PREVIEW
+    try:
+        picture = read_image(file, _LARGEST_PICTURE)
+    except (BakeError, ValueError):
+        if material.preview is not None and material.preview.is_image_custom:
+            return ""
+        if bpy.app.background:
+            return "Its bundle is gone, and with it the picture"
+        material.asset_generate_preview()
+        return ""
+    pixels = np.ones((*picture.shape[:2], 4), np.float32)
+    colours = picture.shape[2] - (picture.shape[2] in (2, 4))
+    pixels[..., :3] = picture[..., :colours]
+    preview = material.preview_ensure()
+    preview.image_size = pixels.shape[1], pixels.shape[0]
+    preview.image_pixels_float.foreach_set(pixels[::-1].ravel())
+    return ""

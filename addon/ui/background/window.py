@@ -1,0 +1,39 @@
+"""What the queue, which a timer calls, does to the window: it has no context of its own."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import bpy
+
+from ...summary.text import one_line
+
+
+def window() -> Any:
+    """The first window as context."""
+    windows = bpy.context.window_manager.windows
+    return bpy.context.temp_override(window=windows[0]) if windows else contextlib.nullcontext()
+
+
+def is_dragging() -> bool:
+    """Whether an artist is in the middle of something."""
+    return any(
+        operator.bl_idname != "MEASURED_MATERIALS_OT_watch_bakes"
+        for window in bpy.context.window_manager.windows
+        for operator in getattr(window, "modal_operators", ())
+    )
+
+
+def push(words: str) -> None:
+    """Close a step of undo, and have all drawn again."""
+    if bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message=words)
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
+
+
+def tell(words: str, kind: str = "INFO") -> None:
+    """Report it."""
+    bpy.ops.measured_materials.tell(words=one_line(words), kind=kind)

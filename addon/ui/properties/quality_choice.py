@@ -1,0 +1,103 @@
+"""The first level of a bake's dialogue: Draft, Standard or Fine, with what each takes; the second is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import bpy
+
+from ....bake.errors import BakeError
+from ...summary.quality_levels import CUSTOM, LEVELS, expectation_words, level_of
+
+Levels = Mapping[str, Mapping[str, Any]]
+_ITEMS = [
+    ("draft", "Draft", "For a first look"),
+    ("standard", "Standard", "For nearly everything"),
+    ("fine", "Fine", "For what fills the picture"),
+    (CUSTOM, "Custom", "Settings of your own, under Advanced"),
+]
+_NUMBERS = {name: number for number, (name, *_) in enumerate(_ITEMS)}
+
+
+def quality_choice(levels: Levels) -> Any:
+    """A property that sets the others of a level, and says which level they are; so it never contradicts them."""
+
+    def get(properties: Any) -> int:
+        return _NUMBERS[level_of(properties, levels)]
+
+    def put(properties: Any, number: int) -> None:
+        for name, value in levels.get(_ITEMS[number][0], {}).items():
+            setattr(properties, name, value)
+
+    return bpy.props.EnumProperty(
+        name="Quality",
+        description="How much of the measurement the bake keeps, for how much time and memory",
+        items=_ITEMS,
+        get=get,
+        set=put,
+        options={"SKIP_SAVE"},
+    )
+
+
+def advanced() -> Any:
+    """Whether the second level is open."""
+    return bpy.props.BoolProperty(
+        name="Advanced",
+        description="Show all settings of the bake",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+
+
+def draw_quality_choice(
+    layout: bpy.types.UILayout, properties: Any, levels: Levels, settings_of: Callable[[Any], Any]
+) -> bpy.types.UILayout | None:
+    """Draw the choice, each level with what it is expected to take, and where the second level goes if it is open.
+
+    Parameters
+    ----------
+    settings_of : the bake's settings of such properties; raises BakeError
+    """
+    column = layout.column(align=True)
+    column.label(text="Quality")
+    shown = LEVELS if level_of(properties, levels) != CUSTOM else (*LEVELS, CUSTOM)
+    for name in shown:
+        title = next(words for key, words, _ in _ITEMS if key == name)
+        column.prop_enum(properties, "quality", name, text=f"{title}{_expected(properties, levels, name, settings_of)}")
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(
+        properties,
+        "advanced",
+        icon="DISCLOSURE_TRI_DOWN" if properties.advanced else "DISCLOSURE_TRI_RIGHT",
+        emboss=False,
+    )
+    return layout.column() if properties.advanced else None
+
+
+def heading(layout: bpy.types.UILayout, words: str) -> bpy.types.UILayout:
+    """A column under a heading."""
+    column = layout.column()
+    column.label(text=words)
+    column.use_property_split, column.use_property_decorate = True, False
+    return column
+
+
+class _At:
+    """Properties, with what a level sets in their place."""
+
+    def __init__(self, properties: Any, level: Mapping[str, Any]) -> None:
+        self._properties, self._level = properties, level
+
+    def __getattr__(self, name: str) -> Any:
+        return self._level[name] if name in self._level else getattr(self._properties, name)
+
+
+def _expected(properties: Any, levels: Levels, name: str, settings_of: Callable[[Any], Any]) -> str:
+    """Time and size of a level, all else being as it is."""
+    try:
+        words = expectation_words(settings_of(_At(properties, levels.get(name, {}))))
+    except BakeError:  # told when the bake is asked for
+        return ""
+    return f": {words}"

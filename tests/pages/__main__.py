@@ -1,0 +1,49 @@
+"""`./run docs [NAME ...] [--window BLENDER]`: the pictures of the pages for people, made again into addon/docs."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+PICTURES = {
+    "setup": "setup.jpg: how a swatch is photographed, drawn",
+    "swatch": "swatch_photographs.jpg, swatch_plot.jpg, swatch.jpg: denim of the gantry, to the material",
+    "gallery": "gallery.jpg: one material for each command of gallery.md",
+    "store": "store/icon.png, store/featured.jpg: what is uploaded beside the zip",
+    "window": "window_*.jpg: a real Blender at work; only with --window",
+}
+DOCS = Path(__file__).resolve().parents[2] / "addon" / "docs"
+
+
+def main() -> int:
+    """Make those asked for, or all."""
+    listing = "\n".join(f"  {name:8s} {what}" for name, what in PICTURES.items())
+    parser = argparse.ArgumentParser(
+        prog="./run docs",
+        description=__doc__,
+        epilog="pictures:\n" + listing + "\n\ndemo.jpg, arc.jpg and the plots: see ./run demo and ./run bench.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("names", nargs="*", choices=[*PICTURES, []], metavar="NAME")
+    parser.add_argument("--window", type=Path, metavar="BLENDER", help="the program, or a folder to chroot into")
+    parser.add_argument("--out", type=Path, default=DOCS, help="folder (default: addon/docs)")
+    options = parser.parse_args()
+    names = options.names or [name for name in PICTURES if name != "window" or options.window]
+    if "window" in names and not options.window:
+        parser.error("window needs --window BLENDER")
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        began = time.perf_counter()
+        with tempfile.TemporaryDirectory() as folder:
+            more = [options.window] if name == "window" else []
+            importlib.import_module(name).make(options.out.resolve(), Path(folder), *more)
+        print(f"docs {name}: {time.perf_counter() - began:.0f} s", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
