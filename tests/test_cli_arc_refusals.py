@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli.main import main
+from measured_materials.addon.cli.main import main, parser
 from measured_materials.bake.images.image_io import write_image, write_png
 from measured_materials.bake.images.storage import Storage
 from support.stacks import complaints_in, frame, png_declaring, write_frame, write_stack
@@ -219,3 +219,8 @@ def test_bad_lights_option(text: str, stack: Path, tmp_path: Path, capsys: pytes
     assert main(["bake", "arc", str(stack), *arguments]) == 1
     (line,) = complaints_in(capsys.readouterr().err)
     assert "lamp.csv" in line and not (tmp_path / "out").exists()
+
+
+def test_older_scripts_say_arc() -> None:
+    told = [parser().parse_args(["bake", word, "denim", "--slices", "5"]) for word in ("photographs", "arc")]
+    assert vars(told[0]) == vars(told[1]) and told[0].command == "bake photographs"

@@ -1,4 +1,4 @@
-"""Sub-command `bake arc`: photographs of a swatch on a light arc to bundles."""
+"""Sub-command `bake photographs`, or `bake arc` in older scripts: photographs on a light arc to bundles."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ from .result import Result, complain
 
 
 def add_to(kinds: Any) -> None:
-    """Add `arc` to the kinds of `bake`."""
+    """Add `photographs` to the kinds of `bake`."""
     arc = kinds.add_parser(
-        "arc",
+        "photographs",
+        aliases=["arc"],
         help="photographs of a flat swatch, lit from several elevations",
         description=f"Bake photographs of a flat swatch, taken from straight above with the lamp on an arc of "
         f"elevations, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; photographs given one "
@@ -50,14 +51,18 @@ def add_to(kinds: Any) -> None:
     _add_map(arc.add_argument_group("shading map"))
     add_lighting(
         arc.add_argument_group("lighting, which can be changed later without baking"),
-        f"f_r: {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF (lambert)",
+        f"base reflection (f_r): {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF "
+        "(lambert)",
         f"NAME|auto|FILE{SUFFIX}",
     )
     arc.add_argument(
-        "--plot", type=Path, metavar="FILE.png", help="draw averages before and after linearisation (needs matplotlib)"
+        "--plot",
+        type=Path,
+        metavar="FILE.png",
+        help="draw the brightness of the photographs against their lights (needs matplotlib)",
     )
     arc.add_argument("--json", action="store_true", help="print the result as JSON")
-    arc.set_defaults(run=run, command="bake arc")
+    arc.set_defaults(run=run, command="bake photographs")
 
 
 def _add_reading(group: Any) -> None:

@@ -1,4 +1,4 @@
-"""Options of `bake arc` and `render` that say how a shading map is lit."""
+"""Options of `bake photographs` and `render` that say how a shading map is lit."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def add_lighting(parser: Any, lobe_help: str, lobe_words: str = "NAME") -> None:
     parser.add_argument(
         "--mode",
         choices=MODES,
-        help="preview: Cycles' own closures alone; exact: as far as they go, the rest by stochastic mirror; balanced: "
-        "exact until a diffuse bounce, then preview; reference: all by stochastic mirror (exact)",
+        help="preview: Cycles' own shaders alone; exact: as far as they go, the rest by a mirror; balanced: "
+        "exact until a diffuse bounce, then preview; reference: all by the mirror (exact)",
     )
     parser.add_argument("--tiling", choices=TILINGS, help=f"beyond the swatch's border ({usual.tiling})")
     parser.add_argument(

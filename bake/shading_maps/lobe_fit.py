@@ -1,4 +1,4 @@
-"""The lobe that fits a swatch, by the averages of its photographs along the arc (`bake arc --lobe auto`)."""
+"""The lobe that fits a swatch, by the averages of its photographs along the arc (`bake photographs --lobe auto`)."""
 
 from __future__ import annotations
 

@@ -267,7 +267,8 @@ STATED = (
 
 # Versions, settings, counts of the code and sizes that are asked for: no bench measures them.
 NO_FIGURES = (
-    "| 4.2 LTS, 4.4 |",
+    "| 4.4 |",
+    "Blender 4.2 LTS and older",
     "Use Blender 4.5 LTS",
     "about the same look (1.0)",
     # Held by tests/test_anisotropic_bake.py.

@@ -8,6 +8,7 @@ import traceback
 from pathlib import Path
 
 import bpy
+from mathutils import Euler
 
 PACKAGE = "bl_ext.user_default.measured_materials"
 HERE = Path.cwd()
@@ -30,12 +31,32 @@ def within(area):
     return bpy.context.temp_override(window=window(), screen=window().screen, area=area, region=region)
 
 
-def take(name, *areas):
-    """A picture of what these areas cover together."""
+def take(name, *areas, share=1.0):
+    """A picture of what these areas cover together, of their height only an upper share."""
     subprocess.run(["import", "-window", "root", str(HERE / f"{name}.png")], check=True)
     left, low = min(a.x for a in areas), min(a.y for a in areas)
     right, high = max(a.x + a.width for a in areas), max(a.y + a.height for a in areas)
-    taken[name] = [left, low, right - left, high - low]
+    high_enough = round(share * (high - low))
+    taken[name] = [left, high - high_enough, right - left, high_enough]
+
+
+def scrolled(area, steps):
+    """Turn the wheel over a panel."""
+    for _ in range(steps):
+        with within(area):
+            bpy.ops.view2d.scroll_down()
+        yield 0.05
+
+
+def split(view):
+    """The editor cut in two; the new one, on the right, shows properties."""
+    known = set(window().screen.areas)
+    with within(view):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.62)
+    (new,) = set(window().screen.areas) - known
+    right, left = sorted((view, new), key=lambda area: area.x, reverse=True)
+    right.ui_type = "PROPERTIES"
+    return left, right
 
 
 def open_panels(names):
@@ -55,8 +76,8 @@ def scene():
         if obj.type == "MESH":
             bpy.data.objects.remove(obj)
     with within(area_of("VIEW_3D")):
-        bpy.ops.mesh.primitive_plane_add(size=14, location=(0, 0, -1))
-        bpy.ops.mesh.primitive_monkey_add(size=2.4, rotation=(-0.5, 0, 0.6))
+        bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -1))
+        bpy.ops.mesh.primitive_monkey_add(size=2.4, rotation=(-0.35, 0, 0.35))
         bpy.ops.object.shade_smooth()
         modifier = bpy.context.object.modifiers.new("Subdivision", "SUBSURF")
         modifier.levels = modifier.render_levels = 2
@@ -72,31 +93,37 @@ def scene():
 def steps():
     """All of them; each pause is in seconds."""
     scene()
-    view, panel = area_of("VIEW_3D"), area_of("PROPERTIES")
+    view, panel = split(area_of("VIEW_3D"))
+    yield 0.5
     with within(view):
         bpy.ops.measured_materials.import_bundle(filepath=str(HERE / "gold.mmat"))
+    bpy.context.view_layer.objects.active.active_material.name = "Gold"
+    yield 0.5
     panel.spaces.active.context = "MATERIAL"
     space = view.spaces.active
     space.overlay.show_overlays, space.show_gizmo, space.show_region_toolbar = False, False, False
-    space.region_3d.view_distance, space.region_3d.view_location = 6.5, (0, 0, 0.1)
+    around = space.region_3d
+    around.view_perspective, around.view_distance, around.view_location = "PERSP", 8.5, (0, 0, 0.1)
+    around.view_rotation = Euler((1.25, 0, 0.25)).to_quaternion()
     bpy.context.scene.cycles.preview_samples = 48
     space.shading.type = "RENDERED"
     yield 2.0
-    with within(panel):
-        bpy.ops.view2d.scroll_down(deltay=260)
-    yield 25.0
+    yield from scrolled(panel, 14)
+    yield 40.0
     take("window_panel", view, panel)
     space.shading.type = "SOLID"
     check = importlib.import_module(f"{PACKAGE}.addon.ui.panels.live_check")
     check.check_now(bpy.context.scene)
     yield 0.5
-    with within(panel):
-        bpy.ops.view2d.scroll_down(deltay=330)
+    yield from scrolled(panel, 16)
     yield 1.0
     take("window_check", panel)
     with within(panel):
         bpy.ops.measured_materials.mark_asset(author="A. Weaver", license="CC0", copyright="")
     bpy.ops.wm.save_mainfile()
+    with within(panel):
+        bpy.ops.screen.area_close()
+    view = area_of("VIEW_3D")
     view.ui_type = "ASSETS"
     yield 1.0
     browser = view.spaces.active
@@ -104,9 +131,9 @@ def steps():
     browser.show_region_tool_props = True
     yield 3.0
     with within(view):
-        browser.activate_asset_by_id(bpy.data.materials["ggx"])
+        browser.activate_asset_by_id(bpy.data.materials["Gold"])
     yield 3.0
-    take("window_assets", view)
+    take("window_assets", view, share=0.75)
 
 
 def run():
