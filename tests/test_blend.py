@@ -15,6 +15,7 @@ from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.addon.scene_check.check import check_scene
+from measured_materials.addon.ui.panels.adjust_rows import AdjustPanel
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.bundle.result import BakeResult
@@ -30,7 +31,7 @@ from support.gloss import link_socket
 from support.monte_carlo import assert_agree
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
-from test_addon import lacquer, registered  # noqa: F401
+from test_addon import Stage, lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 from test_unbiased import FINDS, stage
 
@@ -187,3 +188,17 @@ def test_the_blend_is_no_lamp(pair: tuple[Bundle, Bundle]) -> None:
     assert first.cycles.emission_sampling != "NONE"
     lit_by_emission(second, True)
     assert first.cycles.emission_sampling == "NONE"
+
+
+def test_panel_and_operators(lacquer: Any, pair: tuple[Bundle, Bundle]) -> None:
+    """A button, then the mask and a button back; a name that is none is refused in one line."""
+    second, _ = materials_of(pair)
+    assert "measured_materials.blend" in Stage(lacquer).drawn(AdjustPanel)
+    with pytest.raises((RuntimeError, TypeError)):
+        bpy.ops.measured_materials.blend(second="nobody")
+    assert bpy.ops.measured_materials.blend(second=second.name) == {"FINISHED"}
+    assert second_of(lacquer) == second
+    texts = Stage(lacquer).drawn(AdjustPanel)
+    assert f"Blended with {second.name}" in texts and "measured_materials.remove_blend" in texts
+    assert bpy.ops.measured_materials.remove_blend() == {"FINISHED"}
+    assert second_of(lacquer) is None
