@@ -98,8 +98,6 @@ def test_files_of_several_kinds_can_be_dropped_together(library: Path, plate: An
 def test_a_loaded_swatch_shows_the_settings_that_it_was_baked_with(library: Path, plate: Any, tmp_path: Path) -> None:
     stack = StackSettings(size=12, crop=(0, 0, 14, 12), spread=33.0)
     settings = ArcSettings(slices=5, compression="basis", stack=stack)
-        slices=5, compression="basis", stack=StackSettings(size=12, crop=(0, 0, 14, 12), spread=33.0)
-    )
     bake_arc(library / "felt", tmp_path / "felt.mmat", settings)
     load(filepath=str(tmp_path / "felt.mmat"))
     shown = plate.active_material.measured_arc
