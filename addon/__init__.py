@@ -16,6 +16,7 @@ _MODULES = (
     "ui.properties.quality",
     "ui.background.bake_queue",
     "ui.background.watch_bakes",
+    "ui.background.rebuild_later",
     "ui.import_brdf",
     "lights.light_tables",
     "material.texture_repair",

@@ -14,6 +14,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from .reading import Reading
+
 Array = NDArray[Any]
 Json = bool | int | float | str | None | Sequence["Json"] | Mapping[str, "Json"]
 # An account that a bundle's material.json keeps.
@@ -63,12 +65,15 @@ class BrdfSource(Protocol):
 
 @dataclass(frozen=True)
 class Reader:
-    """A file format: `suffixes` in lower case with the dot, `matches` sniffs the first 64 bytes."""
+    """A file format: `suffixes` in lower case with the dot, `matches` sniffs the first 64 bytes.
+
+    `read` takes what the file leaves open as the reading has it, and does not look at the rest of that.
+    """
 
     name: str
     suffixes: tuple[str, ...]
     matches: Callable[[Path, bytes], bool]
-    read: Callable[[Path], BrdfSource]
+    read: Callable[[Path, Reading], BrdfSource]
 
 
 # Of linear Rec.709's channels (ITU-R BT.709, section 3.2).

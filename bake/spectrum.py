@@ -10,10 +10,9 @@ points by linear interpolation, so the shorter table loses nothing).
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
+from .reading import Illuminant
 from .source import Array
 
 OBSERVER_WAVELENGTHS = np.arange(380.0, 781.0, 5.0)
@@ -74,8 +73,6 @@ REC709_PRIMARIES = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 _GRID = np.arange(380.0, 781.0, 1.0)
 
-Illuminant = Literal["D65", "E"]
-
 
 def xyz_weights(wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
     """Weights that turn a sampled reflectance into CIE XYZ under an illuminant.
@@ -86,7 +83,7 @@ def xyz_weights(wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
     Parameters
     ----------
     wavelengths : (L,) strictly increasing, nm
-    illuminant : "D65", or "E" for equal energy
+    illuminant : "D65"; "E", equal energy; or "A", incandescent light
 
     Returns
     -------
@@ -106,6 +103,8 @@ def xyz_weights(wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
     observer = np.stack([np.interp(_GRID, OBSERVER_WAVELENGTHS, OBSERVER[:, c]) for c in range(3)], -1)
     if illuminant == "D65":
         observer *= np.interp(_GRID, D65_WAVELENGTHS, D65)[:, None]
+    elif illuminant == "A":
+        observer *= illuminant_a(_GRID)[:, None]
     observer /= observer[:, 1].sum()
     inside = np.clip(_GRID, wavelengths[0], wavelengths[-1])
     lower = np.clip(np.searchsorted(wavelengths, inside, side="right") - 1, 0, max(wavelengths.size - 2, 0))
@@ -116,6 +115,14 @@ def xyz_weights(wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
     np.add.at(weights, lower, (1 - share)[:, None] * observer)
     np.add.at(weights, upper, share[:, None] * observer)
     return weights
+
+
+def illuminant_a(wavelengths: Array) -> Array:
+    """Relative power of illuminant A, 100 at 560 nm: Planck's law at 2848 K by the older c2 (CIE 15:2018, eq. 2.2)."""
+    second = 1.435e7
+    ratio = np.expm1(second / (2848 * 560)) / np.expm1(second / (2848 * wavelengths))
+    power: Array = 100 * (560 / wavelengths) ** 5 * ratio
+    return power
 
 
 def white_point(illuminant: Illuminant = "D65") -> Array:

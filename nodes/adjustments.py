@@ -24,6 +24,17 @@ GLOSS = "Gloss"
 NEUTRAL: dict[str, Any] = {"Tint": (1.0, 1.0, 1.0, 1.0), "Brightness": 1.0, "Saturation": 1.0, GLOSS: 1.0}
 # What a slider offers; a link may bring anything, and what is negative then counts as 0.
 LIMITS = {"Brightness": (0.0, 10.0), "Saturation": (0.0, 2.0), GLOSS: (LEAST, MOST)}
+# Shown where the mouse rests on a socket or its row in the panel.
+WORDS = {
+    "Normal": "Shading normal; link a Bump or a Normal Map",
+    "Tint": "Colour that all reflected light is multiplied by",
+    "Brightness": "Factor of all reflected light; the Adjust panel says up to where the material stays physical",
+    "Saturation": "0 is grey of the same luminance, 1 as measured; above 1 colours are exaggerated",
+    "Gloss": "Highlights sharper above 1, softer below; 1 is as measured",
+    "Tangent": "Direction that an anisotropic measurement's x-axis lies along",
+    "UV": "Where on the swatch; 0 to 1 is one swatch",
+    "Light Level": "EEVEE only: irradiance of the brightest light, which shows the brightest photograph",
+}
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,14 @@ class Adjustments:
         """A reflectance adjusted, times a scalar; the light that it meets is to be a factor of the result."""
         gain = self.gain if isinstance(factor, float) and factor == 1.0 else expr.scale(self.gain, factor)
         return self.saturated(reflectance) * gain
+
+
+def describe_sockets(group: bpy.types.ShaderNodeTree) -> None:
+    """Give a measured group's inputs their words; they are no part of what it is known by."""
+    for item in group.interface.items_tree:
+        words = WORDS.get(item.name, "") if item.item_type == "SOCKET" and item.in_out == "INPUT" else ""
+        if words and item.description != words:
+            item.description = words
 
 
 def saturation_group() -> bpy.types.ShaderNodeTree:

@@ -22,20 +22,27 @@ def exchange_group(tree: bpy.types.NodeTree, node: bpy.types.Node, group: bpy.ty
     kept = {s.name: (getattr(s, "default_value", None), [k.from_socket for k in s.links]) for s in node.inputs}
     kept = {name: (tuple(v) if hasattr(v, "__len__") else v, links) for name, (v, links) in kept.items()}
     targets = [(s.name, [k.to_socket for k in s.links]) for s in node.outputs]
+    # By itself Blender would give links and values to whatever stands in the new group where they stood in the old one.
+    for link in [link for socket in (*node.inputs, *node.outputs) for link in socket.links]:
+        tree.links.remove(link)
     node.node_tree = group
-    for name, (value, sources) in kept.items():
-        socket = node.inputs.get(name)
-        if socket is not None:
-            # An artist may have changed the type of an input to one that has nothing in common with the old one.
-            with contextlib.suppress(TypeError, ValueError):
-                socket.default_value = _fitted(value, socket)
-            for source in sources:
-                tree.links.new(source, socket)
+    usual = {item.name: getattr(item, "default_value", None) for item in group.interface.items_tree if _is_input(item)}
+    for socket in node.inputs:
+        value, sources = kept.get(socket.name, (usual[socket.name], []))
+        # An artist may have changed the type of an input to one that has nothing in common with the old one.
+        with contextlib.suppress(AttributeError, TypeError, ValueError):
+            socket.default_value = _fitted(value, socket)
+        for source in sources:
+            tree.links.new(source, socket)
     for name, sockets in targets:
         for socket in sockets if name in node.outputs else ():
             tree.links.new(node.outputs[name], socket)
     _move_animation(tree, node, before)
     return frozenset(before)
+
+
+def _is_input(item: Any) -> bool:
+    return item.item_type == "SOCKET" and item.in_out == "INPUT"
 
 
 def _fitted(value: Any, socket: Any) -> Any:

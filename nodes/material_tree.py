@@ -12,6 +12,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.shading_maps.record import ShadingMapRecord
 from . import compat, portions
+from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
 from .tangent_frame_group import surface_tangent_group
@@ -93,6 +94,7 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     Tint, and whatever else an artist has added.
     """
     tree = compat.node_tree(material)
+    describe_sockets(group)
     lookup = any(item.name == "EEVEE" for item in group.interface.items_tree)
     places = measured_nodes(tree) or [(tree, _fresh_tree(tree, None if lookup else albedo))]
     previous = {n.node_tree for _, n in places if n.node_tree and n.node_tree != group}

@@ -9,7 +9,7 @@ its end.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -38,6 +38,7 @@ class Portions:
     def __init__(self) -> None:
         self.partial: dict[str, tuple[int, int]] = {}
         self.hashes: dict[int, str] = {}
+        self._known: dict[str, Any] = {}
         self._made: set[Block] = set()
         self._began = 0.0
         self._working: float | None = None
@@ -54,6 +55,13 @@ class Portions:
         finally:
             _active = outer
             self._made |= datablocks() - before
+
+    def once(self, key: str, find: Callable[[], Any]) -> Any:
+        """As the function of this name."""
+        if key not in self._known:
+            self.rest()
+            self._known[key] = find()
+        return self._known[key]
 
     def forget(self) -> None:
         """Undo may have taken any datablock, or made it what it was."""
@@ -95,6 +103,11 @@ def rest() -> None:
     """Call before work that lasts, where it can be begun anew. Raises Pause where the portion is over."""
     if _active is not None:
         _active.rest()
+
+
+def once(key: str, find: Callable[[], Any]) -> Any:
+    """What `find` gives, which is no datablock: of one work looked for in one portion alone. Raises Pause."""
+    return find() if _active is None else _active.once(key, find)
 
 
 def no_return() -> None:

@@ -66,8 +66,10 @@ def sampled_closure(
     every, counted, behind, together = call(met, position, normal, wi_world, chance * of_table)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
+    # Of a mirror that is aimed the weight says nothing of its light: Cycles would hardly ever follow one at the sun.
+    followed = expr.where(aims, chance, followed)
     mirrored, meets = u[5] < followed, lamp > 0
-    apart = meets * (1 - together)
+    apart = expr.where(aims, 1.0, meets * (1 - together))
     of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
     of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
     rest = weight * (expr.scale(every, 1 - of_mirror) - counted)

@@ -28,12 +28,12 @@ from measured_materials.addon.ui.panels.adjust_rows import AdjustPanel
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes import compat, expr
-from measured_materials.nodes.adjustments import LIMITS, NEUTRAL, SOCKETS
+from measured_materials.nodes.adjustments import LIMITS, NEUTRAL, SOCKETS, WORDS
 from measured_materials.nodes.exchanged_group import exchange_group
 from measured_materials.nodes.group import node_group
 from measured_materials.nodes.material_tree import measured_nodes
 from support.coarse_bakes import coarse  # noqa: F401
-from test_addon import Stage, lacquer, measurement, plate, registered  # noqa: F401
+from test_addon import Stage, lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 
 
@@ -61,6 +61,7 @@ def test_sockets_start_neutral_and_have_limits(lacquer: Any, felt: Any) -> None:
             assert (tuple(value) if kind == "color" else value) == NEUTRAL[name]
         items = {item.name: item for item in node.node_tree.interface.items_tree if item.in_out == "INPUT"}
         assert items["Tint"].socket_type == "NodeSocketColor"
+        assert all(item.description == WORDS[name] for name, item in items.items())
         for name, (least, most) in LIMITS.items():
             if name not in items:  # Gloss, of BRDFs alone
                 continue
@@ -155,6 +156,26 @@ def test_keyframes_follow_an_input_that_moves(felt: Any) -> None:
     assert found == {f'nodes["{node.name}"].inputs[4].default_value', f'nodes["{other.name}"].inputs[3].default_value'}
     (driver,) = tree.animation_data.drivers
     assert driver.data_path == f'nodes["{node.name}"].inputs[0].default_value'
+
+
+def test_nothing_comes_to_stand_where_another_input_stood(lacquer: Any) -> None:
+    """Blender goes by the place: a tangent's link would reach the brightness, and a level the saturation."""
+    tree, node, new = lacquer.node_tree, node_of(lacquer), node_of(lacquer).node_tree
+    inputs = {"Normal": "vector", "Tint": "vector", "Tangent": "vector", "Level": "float"}
+
+    def nothing(*_: Any) -> Any:
+        return expr.Scalar(expr.node("ShaderNodeBsdfDiffuse", {}, {}).outputs[0])
+
+    exchange_group(tree, node, node_group("Older", inputs, {"BSDF": "shader"}, nothing))
+    tangent = tree.nodes.new("ShaderNodeTangent")
+    tree.links.new(tangent.outputs[0], node.inputs["Tangent"])
+    node.inputs["Level"].default_value = 5
+    normal, target = node.inputs["Normal"].links[0].from_socket, node.outputs["BSDF"].links[0].to_socket
+    assert new.interface.items_tree["Brightness"].identifier == node.inputs["Tangent"].identifier
+    exchange_group(tree, node, new)
+    assert [socket.name for socket in node.inputs if socket.is_linked] == ["Normal"]
+    assert node.inputs["Normal"].links[0].from_socket == normal and target.links[0].from_node == node
+    assert {node.inputs[name].default_value for name in ("Brightness", "Saturation")} == {1.0}
 
 
 # --- relief -----------------------------------------------------------------------------------------------
@@ -336,6 +357,9 @@ def test_the_panel_of_photographs_and_of_an_older_file(felt: Any) -> None:
     texts = Stage(felt).drawn(AdjustPanel)
     assert {"measured_materials.lay_out", "default_value", "measured_materials.random_tiling"} <= set(texts)
     assert "Patch Size" not in texts
+    felt.measured_lighting.tiling = "extend"
+    assert "measured_materials.random_tiling" not in Stage(felt).drawn(AdjustPanel)
+    felt.measured_lighting.tiling = "repeat"
     set_random_tiling(felt, True)
     exchange_group(felt.node_tree, node_of(felt), older_group(felt))
     texts = Stage(felt).drawn(AdjustPanel)

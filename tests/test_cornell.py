@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import BrdfSource, luminance
-from measured_materials.bake.sources import cornell, scattered
-from measured_materials.bake.sources.scattered_invariants import invariants
-from measured_materials.bake.sources.scattered_lobes import nonnegative_least_squares
+from measured_materials.bake.sources import cornell, read_source
+from measured_materials.bake.sources.lookup import scattered
+from measured_materials.bake.sources.lookup.scattered_invariants import invariants
+from measured_materials.bake.sources.lookup.scattered_lobes import nonnegative_least_squares
 from measured_materials.bake.spectrum import spectrum_to_rec709
 
 LARGEST_THETA = np.radians(80)
@@ -188,7 +190,7 @@ def text_file(rows: int = 20) -> str:
 def test_small_file_is_read(tmp_path: Path) -> None:
     path = tmp_path / "grey.brdf"
     path.write_text(text_file())
-    source = cornell.READER.read(path)
+    source = cornell.READER.read(path, Reading())
     assert isinstance(source, BrdfSource) and source.isotropic and source.bilateral
     assert source.name == "grey" and source.facts["comments"] == ["Cornell"]
     assert source.facts["wavelengths_nm"] == [450, 650] and source.facts["samples"] == 20
@@ -286,7 +288,7 @@ def test_real_paint_source(shared_data: Path, tmp_path: Path) -> None:
     renamed = tmp_path / "paint.txt"
     shutil.copyfile(original, renamed)
     assert cornell.READER.matches(renamed, original.read_bytes()[:64])
-    source = cornell.READER.read(original)
+    source = read_source(original)
     assert source.facts["comments"][1] == "Garnet Red" and source.facts["samples"] == 1439
     assert source.facts["interpolation"] in ("spline", "lobes+spline")
     nadir = source.evaluate(spherical(np.radians(20), 0.0), spherical(np.radians(45), np.radians(90)))
@@ -296,7 +298,7 @@ def test_real_paint_source(shared_data: Path, tmp_path: Path) -> None:
 def test_real_paint_is_smooth_between_samples(shared_data: Path) -> None:
     """In the plane of incidence the curve must not go up and down much more than the samples on it do."""
     path = shared_data / "cornell" / "garnet_red.brdf"
-    source, samples = cornell.READER.read(path), cornell.read_samples(path)
+    source, samples = read_source(path), cornell.read_samples(path)
     truth = luminance(spectrum_to_rec709(samples.values, samples.wavelengths))
     for degrees in (10, 30, 50):
         wi = spherical(np.radians(degrees), 0.0)

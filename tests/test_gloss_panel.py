@@ -16,7 +16,7 @@ from measured_materials.bake.brdf.common import RenderingRecord
 from measured_materials.bake.sampling.gloss import LEAST, MOST
 from measured_materials.nodes.material_tree import measured_nodes
 from support.coarse_bakes import coarse  # noqa: F401
-from test_addon import lacquer, measurement, plate, registered  # noqa: F401
+from test_addon import lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 
 

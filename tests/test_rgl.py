@@ -11,9 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.rgl import READER, read_rgl
 from measured_materials.bake.sources.tensor_file import MAGIC, write_tensor_file
+from measured_materials.bake.spectrum import spectrum_to_rec709
 
 CHANNELS = np.array([0.2, 0.5, 0.9])
 
@@ -101,7 +103,7 @@ def test_matches_mitsuba_on_every_measurement(shared_data: Path):
 
 
 def test_facts_of_a_measurement(shared_data: Path):
-    source = READER.read(shared_data / "rgl" / "chm_orange_rgb.bsdf")
+    source = READER.read(shared_data / "rgl" / "chm_orange_rgb.bsdf", Reading())
     assert isinstance(source, BrdfSource)
     assert source.name == "chm_orange_rgb" and source.isotropic and not source.bilateral
     assert source.facts["description"] == "TeckWrap vinyl wrapping film (Orange CHM11E)"
@@ -276,12 +278,57 @@ def test_missing_field_is_named(tmp_path: Path, name):
         read_rgl(tmp_path / "x.bsdf")
 
 
-def test_spectral_file_points_to_the_rgb_variant(tmp_path: Path):
+def spectral_fields(illuminated=lambda nm: np.ones_like(nm)):
+    """A file of the same BRDF in every wavelength, times a spectrum."""
     fields = closed_form_fields()
-    fields["spectra"] = fields.pop("rgb")
-    fields["wavelengths"] = np.array([400.0, 500, 600])
+    grey = fields.pop("rgb")[:, :, :1]
+    wavelengths = np.arange(360.0, 1000.0, 4.0)
+    fields["spectra"] = (grey * illuminated(wavelengths)[:, None, None]).astype(np.float32)
+    fields["wavelengths"] = wavelengths.astype(np.float32)
+    return fields, grey
+
+
+def test_a_flat_spectrum_is_grey_under_every_illuminant(tmp_path: Path):
+    fields, grey = spectral_fields()
     write_tensor_file(tmp_path / "x.bsdf", fields)
-    with pytest.raises(BakeError, match=r"spectral.*_rgb\.bsdf"):
+    rgb = closed_form_fields() | {"rgb": np.repeat(grey, 3, 2)}
+    write_tensor_file(tmp_path / "grey.bsdf", rgb)
+    wi, wo = random_pairs(200)[2:]
+    truth = read_rgl(tmp_path / "grey.bsdf").evaluate(wi, wo)
+    for illuminant in ("D65", "E", "A"):
+        source = read_rgl(tmp_path / "x.bsdf", Reading(illuminant=illuminant))
+        np.testing.assert_allclose(source.evaluate(wi, wo), truth, rtol=1e-5)
+        assert source.facts["illuminant"] == illuminant and source.facts["wavelength_count"] == 160
+
+
+def test_a_red_spectrum_has_the_colour_of_its_sum(tmp_path: Path):
+    """Beside the spectrum summed over the observer here: a step at 600 nm, under D65 and under A."""
+
+    def step(nm):
+        return (nm >= 600).astype(float)
+
+    fields, grey = spectral_fields(step)
+    write_tensor_file(tmp_path / "red.bsdf", fields)
+    write_tensor_file(tmp_path / "grey.bsdf", closed_form_fields() | {"rgb": np.repeat(grey, 3, 2)})
+    wi, wo = random_pairs(50)[2:]
+    flat = read_rgl(tmp_path / "grey.bsdf").evaluate(wi, wo)
+    reds = []
+    for illuminant in ("D65", "A"):
+        colour = spectrum_to_rec709(step(fields["wavelengths"]), fields["wavelengths"], illuminant)
+        found = read_rgl(tmp_path / "red.bsdf", Reading(illuminant=illuminant)).evaluate(wi, wo)
+        np.testing.assert_allclose(found, flat * colour, rtol=1e-4, atol=1e-6)
+        reds.append(colour[0])
+    # Lamplight has more red than daylight.
+    assert reds[1] > 1.2 * reds[0]
+
+
+def test_spectra_and_wavelengths_have_to_agree(tmp_path: Path):
+    fields, _ = spectral_fields()
+    write_tensor_file(tmp_path / "x.bsdf", fields | {"wavelengths": fields["wavelengths"][:-1]})
+    with pytest.raises(BakeError, match="differ: 160 and 159"):
+        read_rgl(tmp_path / "x.bsdf")
+    write_tensor_file(tmp_path / "x.bsdf", fields | {"wavelengths": fields["wavelengths"][::-1].copy()})
+    with pytest.raises(BakeError, match="increase"):
         read_rgl(tmp_path / "x.bsdf")
 
 
@@ -304,7 +351,7 @@ def test_only_bake_error_escapes_a_spoiled_header(synthetic, changes):
     path.write_bytes(data)
     wi, wo = random_pairs(20)[2:]
     try:
-        source = READER.read(path)
+        source = READER.read(path, Reading())
     except BakeError as error:
         assert "\n" not in str(error)
     else:
@@ -322,7 +369,7 @@ def test_only_bake_error_escapes_spoiled_numbers(synthetic, changes):
     path.write_bytes(data)
     wi, wo = random_pairs(20)[2:]
     try:
-        assert np.isfinite(READER.read(path).evaluate(wi, wo)).all()
+        assert np.isfinite(READER.read(path, Reading()).evaluate(wi, wo)).all()
     except BakeError as error:
         assert "\n" not in str(error)
 

@@ -16,12 +16,14 @@ import pytest
 ROOT = Path(measured_materials.__file__).parent
 BLENDER = {"bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "gpu_extras", "blf", "bl_ui", "idprop"}
 IMAGES = {"OpenEXR", "OpenImageIO"}
+# Not in Blender, used where present: readers of Keras' weights.
+HDF5 = {"h5py", "pyfive"}
 OPTIONAL = {"scipy", "matplotlib", "rich", "mitsuba", "drjit", "PIL"}
 
 # What each folder may import of the others, and of packages that are not Python's own.
 INSIDE = {"bake": {"bake"}, "nodes": {"nodes", "bake"}, "addon": {"addon", "nodes", "bake"}}
 OUTSIDE = {
-    "bake": {"numpy"} | IMAGES,
+    "bake": {"numpy"} | IMAGES | HDF5,
     "nodes": {"numpy"} | BLENDER,
     "addon": {"numpy"} | IMAGES | BLENDER,
 }

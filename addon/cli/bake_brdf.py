@@ -25,6 +25,7 @@ from ..summary.brdf_rows import bake_summary
 from ..summary.quality_levels import BRDF_LEVELS
 from . import bake_photographs
 from .bake_jobs import Bake, Job, add_quality, add_replace, bake_jobs, by_quality, chosen_quality, usage_error
+from .reading_options import add_reading, reading_of
 from .result import Result
 
 _SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
@@ -53,6 +54,7 @@ def add_to(commands: Any) -> None:
     brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(brdf)
     _add_settings(brdf)
+    add_reading(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
     brdf.set_defaults(run=run, command="bake brdf")
     bake_photographs.add_to(kinds)
@@ -160,6 +162,7 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             spline=options.spline,
             sampler=isotropic_layout(options.sampler_kind, options.sampler),
             envelope=options.envelope,
+            reading=reading_of(options),
         )
     except BakeError as error:
         raise usage_error(error, options) from None

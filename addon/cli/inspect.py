@@ -12,6 +12,7 @@ from ...bake.bundle.checked_json import Fields
 from ...bake.errors import BakeError
 from ...bake.photographs.settings import StackSettings
 from ...bake.photographs.stack import read_stack
+from ...bake.reading import Reading
 from ...bake.shading_maps.record import Record, read_record
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.sources import read_source
@@ -21,6 +22,7 @@ from ..summary import brdf_rows, shading_map_rows
 from ..summary.parts import parts_of
 from ..summary.text import columns, one_line
 from .console.progress import Progress
+from .reading_options import add_reading, reading_of
 from .result import Result
 
 
@@ -35,6 +37,7 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "path", type=Path, metavar="PATH", help="a folder NAME.mmat, a measurement, or a folder of photographs"
     )
+    add_reading(parser)
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     parser.set_defaults(run=run, command="inspect")
 
@@ -51,7 +54,7 @@ def run(options: argparse.Namespace) -> Result:
         raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
     if bundle or (folder and is_bundle(path)):
         return inspect_bundle(path)
-    return inspect_photographs(path) if folder else inspect_measurement(path)
+    return inspect_photographs(path) if folder else inspect_measurement(path, reading_of(options))
 
 
 def inspect_bundle(path: Path) -> Result:
@@ -91,9 +94,9 @@ def inspect_photographs(path: Path) -> Result:
     return Result(document, [*columns(rows), "", *map(one_line, shading_map_rows.stack_lines(found))])
 
 
-def inspect_measurement(path: Path) -> Result:
+def inspect_measurement(path: Path, reading: Reading) -> Result:
     """Format, what the reader found, and albedo of a measurement."""
-    source = read_source(path)
+    source = read_source(path, reading)
     albedo = albedo_facts(source)
     name = str(source.facts.get("format", "unknown"))
     document = {

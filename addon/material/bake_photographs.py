@@ -15,6 +15,7 @@ from ...bake.errors import BakeError
 from ...bake.shading_maps.bake import ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.slice_atlas import SliceLayout
+from ...nodes import portions
 from ...nodes.shading_map_material import build_shading_map
 from ..lights.light_tables import lamp_image
 from ..photographs.blender_decoder import decode
@@ -82,20 +83,23 @@ def swatch_from(
     bundle = read_bundle(result.path)
     fresh = material is None
     record = ShadingMapRecord.read(bundle)
+    # With the mean colour of every slice the albedo under another light follows without a look at the pixels.
+    means = portions.once(
+        f"means {record.images[record.map.image].sha256}",
+        lambda: record.load_map().slices.mean(axis=(1, 2), dtype=np.float64).tolist(),
+    )
     # With what `build_map` will ask for where nothing is known of the material's place: the same group, made once.
     material = build_shading_map(record, material, pack=pack, lamps=lamp_image())
     if fresh:
         set_repeat(material, 1.0, record.map.layout)
     rendering = build_map(record, material, record.render, pack=pack)
     keep_textures(material, bundle, pack=pack)
-    # With the mean colour of every slice the albedo under another light follows without a look at the pixels.
-    means = record.load_map().slices.mean(axis=(1, 2), dtype=np.float64)
     remember(
         material,
         bundle,
         pack=pack,
         file=None if source is None else folder_of(source),
-        map={**bundle.material["map"], "means": means.tolist()},
+        map={**bundle.material["map"], "means": means},
         rendering=rendering,
     )
     whole = source is None or isinstance(source, Path)

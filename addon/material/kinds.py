@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -206,23 +206,33 @@ def kind_of(material: bpy.types.Material | None) -> Kind | None:
     return SHADING_MAP if kind_told(facts_of(material)) == "shading_map" else BRDF
 
 
-def rebuild_or_say(changed: Any, _context: bpy.types.Context | None = None) -> None:
+# Builds where a window is to stay awake, in the place of `Kind.rebuild_as_set`: called with the group that has changed
+# and the context; whether it is left for later. Raises BakeError.
+builders: list[Callable[[Any, bpy.types.Context | None], bool]] = []
+
+
+def rebuild_or_say(changed: Any, context: bpy.types.Context | None = None) -> None:
     """Rebuild the material as its properties say, of which a group has `changed`; the update of all of these.
 
     Where that fails, the group says so and the properties are set back.
     """
     if not is_rebuilding():
         return
-    material = changed.id_data
-    kind = kind_of(material)
+    kind = kind_of(changed.id_data)
     with without_rebuilding():
         changed.problem = ""
         if kind is None:
             return
-        try:
-            kind.rebuild_as_set(material, changed)
-        except BakeError as error:
-            changed.problem = one_line(f"{error.cause}; {error.remedy}")
-            # Facts of a foreign bundle cannot be shown; the panel reports them.
-            with contextlib.suppress(BakeError):
-                kind.show(material)
+        build = builders[-1] if builders else lambda *_: kind.rebuild_as_set(changed.id_data, changed)
+        saying_why_not(changed, lambda: build(changed, context))
+
+
+def saying_why_not(changed: Any, build: Callable[[], object]) -> None:
+    """Call `build`; where it fails, the group of properties says so, and all are set back."""
+    try:
+        build()
+    except BakeError as error:
+        changed.problem = one_line(f"{error.cause}; {error.remedy}")
+        # Facts of a foreign bundle cannot be shown; the panel reports them.
+        with contextlib.suppress(BakeError):
+            kind_of(changed.id_data).show(changed.id_data)

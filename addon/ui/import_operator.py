@@ -66,7 +66,8 @@ class ImportProperties:
     def remember(self: Any, context: bpy.types.Context, *of: type) -> None:
         """Have Blender offer these settings the next time, as it does of operators that end at once."""
         last = context.window_manager.operator_properties_last(self.bl_idname)
-        for name in (name for group in of for name in group.__annotations__):
+        bases = (base for group in of for base in group.__mro__)
+        for name in (name for base in bases for name in vars(base).get("__annotations__", ())):
             setattr(last, name, getattr(self, name))
 
     def target(self: Any, context: bpy.types.Context) -> bpy.types.Object | None:

@@ -21,6 +21,7 @@ from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
+from .properties.quality_choice import heading
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
@@ -69,7 +70,12 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         draw_look(self.layout, _given(chosen_photographs(self)))
         draw_arc_settings(self.layout, self, self)
         if self.advanced:
-            draw_lighting(self.layout, self, fitted=self.fit_lobe, with_mode=True)
+            draw_lighting(
+                heading(self.layout, "Rendering, which can be changed later"),
+                self,
+                fitted=self.fit_lobe,
+                with_mode=True,
+            )
         self.draw_results()
 
     def execute(self, context: bpy.types.Context) -> set[str]:

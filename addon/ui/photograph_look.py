@@ -30,7 +30,7 @@ from ..baking.request import BakeRequest
 
 _PAUSE = 0.05
 # Seconds after which the dialogue opens in any case: photographs of a large camera take longer.
-_PATIENCE = 4.0
+_PATIENCE = 12.0
 _COLUMNS = 8
 # Of the dialogue: pixels at a UI scale of 1, and letters that surely fit beside an icon.
 WIDTH, LETTERS = 420, 58

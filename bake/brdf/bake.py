@@ -50,7 +50,7 @@ def bake_file(
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source, origin = read_source(file), file_origin(file)
+    source, origin = read_source(file, (settings or BakeSettings()).reading), file_origin(file)
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -267,6 +267,9 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
     plain["viewers"] = list(settings.viewers)
+    plain["reading"] = settings.reading.told()
+    if not plain["reading"] or source.facts.get("format") == "analytic":
+        del plain["reading"]
     if source.isotropic:
         del plain["viewers"]
     plain["storage"] = str(settings.storage)

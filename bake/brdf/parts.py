@@ -15,6 +15,7 @@ from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
 from ..images.storage import TABLE_STORAGES, Storage
 from ..lobes.lobes import Lobe
+from ..reading import READING_CHOICES, Reading
 from ..source import Array
 from ..tables.grids.grid import Grid
 from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
@@ -47,6 +48,10 @@ def settings_of(fields: Fields) -> BakeSettings:
     if fields.has("viewers"):
         given["viewers"] = fields.wholes("viewers", (2, 2))
     try:
+        if fields.has("reading"):
+            told = fields.part("reading")
+            chosen: dict[str, Any] = {name: told.text(name) for name in READING_CHOICES if told.has(name)}
+            given["reading"] = Reading(**chosen)
         return BakeSettings(**given)
     except BakeError as error:
         raise BakeError(fields.where, f"'{error.file}' {error.cause}", "bake it again") from error

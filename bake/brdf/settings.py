@@ -8,6 +8,7 @@ from typing import Literal, get_args
 from ..envelope.viewers import MOST_EACH_WAY
 from ..errors import check_choice, check_setting
 from ..images.storage import TABLE_STORAGES, Storage
+from ..reading import Reading
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.inverse_tables import MOST_CELLS
@@ -20,6 +21,7 @@ from .samplers import IsotropicLayout
 AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
 _MOST_VIEWERS = MOST_EACH_WAY // 2
+_USUAL_READING = Reading()
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class BakeSettings:
     sampler : kind and sizes of the samplers: alias tables, or a warp of the unit square
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
+    reading : how what the file leaves open is read; of no matter to a formula
     viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     """
 
@@ -53,6 +56,7 @@ class BakeSettings:
     envelope: bool = True
     basis: Basis | Literal["auto"] = "auto"
     viewers: tuple[int, int] = (24, 8)
+    reading: Reading = _USUAL_READING
 
     def __post_init__(self) -> None:
         check_setting(

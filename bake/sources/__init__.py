@@ -5,10 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import BakeError
+from ..reading import Reading
 from ..source import BrdfSource, Reader
-from . import cornell, merl, rgl
+from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
+from .exchanged import Exchanged
+from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
+from .mistaken import refuse_mistaken
+from .radiance import window_xml
 
-READERS: tuple[Reader, ...] = (merl.READER, rgl.READER, cornell.READER)
+READERS: tuple[Reader, ...] = (
+    merl.READER,
+    rgl.READER,
+    cornell.READER,
+    utia.READER,
+    mbsdf.READER,
+    zemax.READER,
+    lighttools.READER,
+    fred.READER,
+    astm.READER,
+    alta.READER,
+    pab_opto.READER,
+    integra.READER,
+    window_xml.READER,
+    neural_brdf.READER,
+    npy_table.READER,
+    table.READER,
+)
 
 
 def known_formats() -> str:
@@ -16,7 +38,12 @@ def known_formats() -> str:
     return ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in READERS)
 
 
-def read_source(path: str | Path) -> BrdfSource:
+def known_suffixes() -> tuple[str, ...]:
+    """The suffixes that measurements have, each once."""
+    return tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
+
+
+def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
     """Read a measured BRDF in any known format.
 
     Content decides before the suffix, so that a renamed file is still read; a file whose content nobody
@@ -32,8 +59,12 @@ def read_source(path: str | Path) -> BrdfSource:
     by_suffix = [reader for reader in READERS if path.suffix.lower() in reader.suffixes]
     by_content = [reader for reader in READERS if reader.matches(path, head)]
     both = [reader for reader in by_content if reader in by_suffix]
+    if not by_content:
+        refuse_mistaken(path, head)
+    reading = reading or Reading()
     for reader in (*both, *by_content, *by_suffix):
-        return reader.read(path)
+        source = reader.read(path, reading)
+        return source if reading.reciprocity == "measured" else Exchanged(source, reading.reciprocity)
     raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
 
 

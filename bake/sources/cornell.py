@@ -19,9 +19,10 @@ import numpy as np
 
 from ..directions import spherical
 from ..errors import BakeError
+from ..reading import Illuminant, Reading
 from ..source import Array, Facts, Reader
-from ..spectrum import xyz_to_rec709, xyz_weights
-from .scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
+from ..spectrum import white_point, xyz_to_rec709, xyz_weights
+from .lookup.scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
 
 MAX_BYTES = 64 << 20
 MAX_LINE_BYTES = 1 << 16
@@ -55,10 +56,11 @@ class CornellSource:
     isotropic = True
     bilateral = True
 
-    def __init__(self, path: Path, samples: CornellSamples) -> None:
+    def __init__(self, path: Path, samples: CornellSamples, illuminant: Illuminant = "D65") -> None:
         self.name = path.stem
-        self._fit = _fit(path, samples, np.arange(len(samples.values)))
-        rgb = _xyz(path, samples) @ xyz_to_rec709().T
+        self._fit = _fit(path, samples, np.arange(len(samples.values)), illuminant)
+        self._to_rgb = xyz_to_rec709(white_point(illuminant)).T
+        rgb = _xyz(path, samples, illuminant) @ self._to_rgb
         self.facts: Facts = {
             "format": "Cornell goniometer",
             "comments": samples.comments,
@@ -68,13 +70,13 @@ class CornellSource:
             "negative_share": float((samples.values < 0).mean()),
             "zero_share": float((samples.values == 0).mean()),
             "outside_rec709_share": float((rgb < 0).any(-1).mean()),
-            "illuminant": "D65",
+            "illuminant": illuminant,
             **self._fit.facts,
         }
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr, linear Rec.709; see `BrdfSource.evaluate`."""
-        return self._fit.evaluate(wi, wo) @ xyz_to_rec709().T
+        return self._fit.evaluate(wi, wo) @ self._to_rgb
 
 
 def read_samples(path: Path) -> CornellSamples:
@@ -192,13 +194,13 @@ def _sample(path: Path, line: int, tokens: Sequence[str]) -> Array:
     return row
 
 
-def _xyz(path: Path, samples: CornellSamples) -> Array:
-    return samples.values @ xyz_weights(samples.wavelengths)
+def _xyz(path: Path, samples: CornellSamples, illuminant: Illuminant) -> Array:
+    return samples.values @ xyz_weights(samples.wavelengths, illuminant)
 
 
-def _fit(path: Path, samples: CornellSamples, chosen: Array) -> ScatteredBrdf:
+def _fit(path: Path, samples: CornellSamples, chosen: Array, illuminant: Illuminant = "D65") -> ScatteredBrdf:
     try:
-        return fit_scattered(samples.wi[chosen], samples.wo[chosen], _xyz(path, samples)[chosen])
+        return fit_scattered(samples.wi[chosen], samples.wo[chosen], _xyz(path, samples, illuminant)[chosen])
     except ValueError as error:
         raise BakeError(path, str(error), _REMEDY) from error
 
@@ -226,7 +228,7 @@ def held_out_error(path: Path, share: float = 0.1, seed: int = 0) -> dict[str, A
     out = order[: max(1, round(share * len(order)))]
     fit = _fit(Path(path), samples, np.sort(order[len(out) :]))
     to_rgb = xyz_to_rec709().T
-    rgb = _xyz(Path(path), samples) @ to_rgb
+    rgb = _xyz(Path(path), samples, "D65") @ to_rgb
     wi, wo = samples.wi[out], samples.wo[out]
     cosine = np.minimum(wi[:, 2], wo[:, 2])
     typical = max(float(np.median(np.abs(rgb).mean(-1))), 1e-9)
@@ -250,8 +252,8 @@ def _matches(path: Path, head: bytes) -> bool:
         return False
 
 
-def _read(path: Path) -> CornellSource:
-    return CornellSource(path, read_samples(path))
+def _read(path: Path, reading: Reading) -> CornellSource:
+    return CornellSource(path, read_samples(path), reading.illuminant)
 
 
 READER = Reader("Cornell goniometer", (".brdf",), _matches, _read)

@@ -4,6 +4,12 @@ Layout: three little-endian int32 (90, 90, 180), then the red, green and blue pl
 [theta_h, theta_d, phi_d]. theta_h is sampled at (i / 90)^2 90 degrees, theta_d and phi_d in steps of one
 degree; phi_d covers half a turn, reciprocity gives the other half. Numbers are BRDF values divided by 1/1500,
 1.15/1500 and 1.66/1500; a negative number marks an entry without a measurement.
+
+The authors' code rounds an angle down to its entry, so that an entry stands for a cell above its index (a "bin");
+readers that interpolate mostly take it for a "node" at the index itself, half a step from the cell's centre: 0.7
+degrees at theta_h = 45, half a degree of phi_d. The file tells which it is: a material that is its own mirror image
+pairs entry j of phi_d with 179 - j where entries are bins, with 180 - j where they are nodes. Variants that are read
+too: 360 steps of phi_d over the whole turn (LIRIS), big-endian, float32.
 """
 
 from __future__ import annotations
@@ -16,13 +22,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import BakeError
+from ..reading import Reading
 from ..source import Array, BrdfSource, Reader
+from .merl_file import DIMENSIONS, HEADER, is_header, raw_planes
 
-DIMENSIONS = (90, 90, 180)
 SCALES = (1 / 1500, 1.15 / 1500, 1.66 / 1500)
 FOLDED = 91  # phi_d nodes left in [0, pi/2] once phi_d and pi - phi_d are one
-_HEADER = np.array(DIMENSIONS, "<i4").tobytes()
-_FILE_BYTES = len(_HEADER) + 3 * int(np.prod(DIMENSIONS)) * 8
+OFFSETS = {"nodes": 0.0, "bins": 0.5}
+_USUAL = Reading()
 _LARGEST = 1e30  # beyond this a number is damage, and its float32 square would overflow
 _CHUNK = 1 << 14  # directions per pass; its temporaries stay in the cache
 _HOLE_PASSES = 16
@@ -34,7 +41,8 @@ class MerlSource:
 
     Parameters
     ----------
-    table : (90, 90, 91, 3) float32, BRDF in 1/sr over [theta_h, theta_d, phi_d folded to 0..pi/2, rgb]
+    table : (90, 90, 91 or 90, 3) float32, BRDF in 1/sr over [theta_h, theta_d, phi_d folded to 0..pi/2, rgb]
+    offset : of an entry from its index: 0 for nodes, 0.5 for bins
     """
 
     name: str
@@ -42,6 +50,7 @@ class MerlSource:
     facts: dict[str, Any] = field(default_factory=dict)
     isotropic: bool = True
     bilateral: bool = True
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         rows = np.ascontiguousarray(self.table, np.float32).reshape(-1, 3)
@@ -61,18 +70,19 @@ class MerlSource:
 
     def _lookup(self, wi: Array, wo: Array) -> Array:
         theta_h, theta_d, phi_d = grid_coordinates(wi, wo)
-        i, u = _cell(theta_h, DIMENSIONS[0])
-        j, v = _cell(theta_d, DIMENSIONS[1])
-        k, w = _cell(phi_d, FOLDED)
-        base = (i * DIMENSIONS[1] + j) * FOLDED + k
+        folded = self.table.shape[2]
+        i, u = _cell(theta_h, DIMENSIONS[0], self.offset)
+        j, v = _cell(theta_d, DIMENSIONS[1], self.offset)
+        k, w = _cell(phi_d, folded, self.offset)
+        base = (i * DIMENSIONS[1] + j) * folded + k
         u, v, w = u[:, None], v[:, None], w[:, None]
         pairs = np.zeros((len(base), 6), np.float32)
-        next_theta_h = DIMENSIONS[1] * FOLDED
+        next_theta_h = DIMENSIONS[1] * folded
         for step, weight in (
             (0, (1 - u) * (1 - v)),
-            (FOLDED, (1 - u) * v),
+            (folded, (1 - u) * v),
             (next_theta_h, u * (1 - v)),
-            (next_theta_h + FOLDED, u * v),
+            (next_theta_h + folded, u * v),
         ):
             pairs += weight * np.take(self._pairs, base + step, 0, mode="clip")
         value = pairs[:, :3] + w * (pairs[:, 3:] - pairs[:, :3])
@@ -102,14 +112,20 @@ def _single(values: Array) -> Array:
     return values.astype(np.float32, copy=False)
 
 
-def _cell(coordinate: Array, nodes: int) -> tuple[Array, Array]:
-    """Lower node and fraction; beyond the last node its value holds."""
+def _cell(coordinate: Array, nodes: int, offset: float) -> tuple[Array, Array]:
+    """Lower entry and fraction; beyond the first and the last their values hold."""
+    if offset:
+        coordinate = np.maximum(coordinate - np.float32(offset), 0)
     lower = np.minimum(coordinate.astype(np.int32), nodes - 2)
     return lower, np.minimum(coordinate - lower, np.float32(1))
 
 
-def read(path: Path) -> MerlSource:
+def read(path: Path, reading: Reading = _USUAL) -> MerlSource:
     """Read a MERL `.binary` file, average its two mirror halves and fill the entries without a measurement.
+
+    Parameters
+    ----------
+    reading : its `merl` says whether entries are bins or nodes
 
     Returns
     -------
@@ -121,23 +137,45 @@ def read(path: Path) -> MerlSource:
     BakeError : unreadable, not of MERL's exact size and header, a channel without any valid entry, all zero
     """
     path = Path(path)
-    values, valid, facts = _planes(path)
-    table, valid, facts["phi_d_asymmetry"] = _mirror_average(values, valid)
-    _collapse_poles(table, valid)
-    above = ~below_horizon()[:, :, :FOLDED]
+    planes, variant = raw_planes(path)
+    asymmetry = {name: _asymmetry(planes, offset) for name, offset in OFFSETS.items()}
+    entries = min(asymmetry, key=lambda name: asymmetry[name]) if reading.merl == "auto" else reading.merl
+    offset = OFFSETS[entries]
+    values, valid, facts = _planes(path, planes, offset)
+    facts |= variant | {"entries_read_as": entries, "asymmetry_of_readings": asymmetry}
+    table, valid, facts["phi_d_asymmetry"] = _mirror_average(values, valid, offset)
+    if not offset:
+        _collapse_poles(table, valid)
+    above = ~below_horizon(offset)[:, :, : table.shape[2]]
     facts["filled_from_neighbours"] = _fill_holes(table, valid, above)
     facts["filled_by_holding"] = int(np.count_nonzero(~valid & above[..., None]))
     table = _hold_nearest(table, valid)
-    return MerlSource(path.stem, table, facts)
+    return MerlSource(path.stem, table, facts, offset=offset)
 
 
-def _planes(path: Path) -> tuple[Array, Array, dict[str, Any]]:
+def _asymmetry(planes: list[Array], offset: float) -> float:
+    """Relative difference of the entries that mirror each other in phi_d, if they lie at this offset."""
+    count, index = DIMENSIONS[2], np.arange(1, DIMENSIONS[2] // 2)
+    other = count - 1 - index if offset else count - index
+    difference = total = 0.0
+    for plane in planes:
+        # Every fourth row tells as much as all of them.
+        left, right = plane[::4, :, index], plane[::4, :, other]
+        both = (left > 0) & (right > 0) & (left < _LARGEST) & (right < _LARGEST)
+        left, right = left[both], right[both]
+        # Relative entry by entry: else a mirror's peak alone would decide.
+        difference += float((np.abs(left - right) / (left + right)).sum())
+        total += left.size
+    return difference / max(total, 1.0)
+
+
+def _planes(path: Path, planes: list[Array], offset: float) -> tuple[Array, Array, dict[str, Any]]:
     """BRDF values (90, 90, 180, 3) float32 with 0 where invalid, the validity of each, and the counts."""
     values = np.empty((*DIMENSIONS, 3), np.float32)
     valid = np.empty(values.shape, bool)
-    below = below_horizon()
+    below = below_horizon(offset)
     not_finite, negative, invalid, below_valid = [], [], [], []
-    for channel, plane in enumerate(_raw_planes(path)):
+    for channel, plane in enumerate(planes):
         finite = np.isfinite(plane) & (np.abs(plane) < _LARGEST)
         # Some writers put 0 below the horizon; read as a value it would draw a black ring at grazing angles.
         good = finite & np.where(below, plane > 0, plane >= 0)
@@ -165,52 +203,31 @@ def _planes(path: Path) -> tuple[Array, Array, dict[str, Any]]:
     return values, valid, facts
 
 
-def _raw_planes(path: Path) -> list[Array]:
-    """The three float64 planes (90, 90, 180) as stored, after size and header have been checked."""
-    remedy = "use an undamaged MERL .binary file"
-    try:
-        with path.open("rb") as stream:
-            size = os.fstat(stream.fileno()).st_size
-            head = stream.read(len(_HEADER))
-            if len(head) == len(_HEADER) and head != _HEADER:
-                found = " x ".join(str(n) for n in np.frombuffer(head, "<i4"))
-                cause = f"the header says {found}, MERL's is 90 x 90 x 180 ({_FILE_BYTES} bytes, found {size})"
-                raise BakeError(path, cause, remedy)
-            if size != _FILE_BYTES:
-                kind = "truncated" if size < _FILE_BYTES else "too long"
-                raise BakeError(path, f"{kind}: expected {_FILE_BYTES} bytes, found {size}", remedy)
-            data = np.fromfile(stream, "<f8")
-    except (OSError, ValueError) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BakeError(path, f"cannot be read ({cause})", remedy) from error
-    if data.nbytes + len(_HEADER) != _FILE_BYTES:
-        raise BakeError(path, f"read {data.nbytes + len(_HEADER)} of {_FILE_BYTES} bytes", remedy)
-    return list(data.reshape(3, *DIMENSIONS))
+def grid_angles(offset: float = 0.0) -> tuple[Array, Array, Array]:
+    """theta_h (90, 1, 1), theta_d (90, 1) and phi_d (180,) of the entries, in radians."""
+    theta_h = ((np.arange(90) + offset) / 90) ** 2 * (np.pi / 2)
+    theta_d = np.radians(np.arange(90) + offset)
+    return theta_h[:, None, None], theta_d[:, None], np.radians(np.arange(180) + offset)
 
 
-def grid_angles() -> tuple[Array, Array, Array]:
-    """theta_h (90, 1, 1), theta_d (90, 1) and phi_d (180,) of the nodes, in radians."""
-    theta_h = (np.arange(90) / 90) ** 2 * (np.pi / 2)
-    theta_d = np.radians(np.arange(90))
-    return theta_h[:, None, None], theta_d[:, None], np.radians(np.arange(180))
-
-
-def below_horizon() -> Array:
+def below_horizon(offset: float = 0.0) -> Array:
     """(90, 90, 180) bool: cells whose light or viewer lies below the surface or, up to rounding, in it."""
-    theta_h, theta_d, phi_d = grid_angles()
+    theta_h, theta_d, phi_d = grid_angles(offset)
     level = np.cos(theta_h) * np.cos(theta_d)
     tilt = np.sin(theta_h) * np.sin(theta_d) * np.cos(phi_d)
     return level <= np.abs(tilt) + 1e-9
 
 
-def _mirror_average(values: Array, valid: Array) -> tuple[Array, Array, float]:
-    """Mean over phi_d and pi - phi_d of the valid entries, folded to 91 nodes.
+def _mirror_average(values: Array, valid: Array, offset: float) -> tuple[Array, Array, float]:
+    """Mean over phi_d and pi - phi_d of the valid entries, folded to 91 nodes or 90 bins.
 
     The third result is sum |f(phi_d) - f(pi - phi_d)| / sum (f(phi_d) + f(pi - phi_d)) where both are valid.
     """
     mirror = (180 - np.arange(FOLDED)) % 180
-    left, right = values[:, :, :FOLDED], values[:, :, mirror]
-    left_valid, right_valid = valid[:, :, :FOLDED], valid[:, :, mirror]
+    if offset:
+        mirror = 179 - np.arange(FOLDED - 1)
+    left, right = values[:, :, : mirror.size], values[:, :, mirror]
+    left_valid, right_valid = valid[:, :, : mirror.size], valid[:, :, mirror]
     total = left + right
     both = left_valid & right_valid
     scale = float(np.sum(total[both], dtype=np.float64))
@@ -260,7 +277,9 @@ def _neighbour_sum(table: Array, valid: Array, holes: Array, steps: tuple[tuple[
     i, j, k, c = holes.T
     for kind, step in steps:
         # phi_d continues as its own mirror image; where a theta axis ends the hole meets its invalid self.
-        near_k = FOLDED - 1 - np.abs(FOLDED - 1 - np.abs(k + step)) if kind == 1 else k
+        last = table.shape[2] - 1
+        mirrored = last - np.abs(last - np.abs(k + step)) if last == FOLDED - 1 else np.clip(k + step, 0, last)
+        near_k = mirrored if kind == 1 else k
         near_j = np.clip(j + step, 0, DIMENSIONS[1] - 1) if kind == 0 else j
         near_i = np.clip(i + step, 0, DIMENSIONS[0] - 1) if kind == 2 else i
         known = valid[near_i, near_j, near_k, c]
@@ -286,9 +305,9 @@ def _hold_nearest(table: Array, valid: Array) -> Array:
     return table
 
 
-def grid_directions(row: int, phi_h: float = 0.0) -> tuple[Array, Array]:
-    """wi and wo, (90, 180, 3) each, of the nodes with one theta_h index."""
-    theta_h, theta_d, phi_d = grid_angles()
+def grid_directions(row: int, phi_h: float = 0.0, offset: float = 0.0) -> tuple[Array, Array]:
+    """wi and wo, (90, 180, 3) each, of the entries with one theta_h index."""
+    theta_h, theta_d, phi_d = grid_angles(offset)
     cos_h, sin_h = np.cos(theta_h[row, 0]), np.sin(theta_h[row, 0])
     along, across, up = np.sin(theta_d) * np.cos(phi_d), np.sin(theta_d) * np.sin(phi_d), np.cos(theta_d)
     cos_p, sin_p = np.cos(phi_h), np.sin(phi_h)
@@ -299,8 +318,8 @@ def grid_directions(row: int, phi_h: float = 0.0) -> tuple[Array, Array]:
     return pair[0], pair[1]
 
 
-def write_merl(path: str | Path, source: BrdfSource) -> None:
-    """Sample a BRDF on MERL's grid and write the file, as a measurement of it would be.
+def write_merl(path: str | Path, source: BrdfSource, entries: str = "nodes") -> None:
+    """Sample a BRDF on MERL's grid and write the file, as a measurement of it would be, its entries nodes or bins.
 
     Cells below the horizon are written as -1. An anisotropic source is averaged over 8 azimuths of the
     half vector. The file appears complete or not at all.
@@ -310,17 +329,18 @@ def write_merl(path: str | Path, source: BrdfSource) -> None:
     BakeError : the file cannot be written
     """
     path = Path(path)
+    offset = OFFSETS[entries]
     azimuths = [0.0] if source.isotropic else list(np.arange(8) * (np.pi / 4))
     planes = np.empty((3, *DIMENSIONS))
     for row in range(DIMENSIONS[0]):
-        pairs = (grid_directions(row, phi_h) for phi_h in azimuths)
+        pairs = (grid_directions(row, phi_h, offset) for phi_h in azimuths)
         mean = sum(source.evaluate(wi, wo).astype(np.float64) for wi, wo in pairs) / len(azimuths)
         planes[:, row] = np.moveaxis(mean / np.array(SCALES), -1, 0)
-    planes[:, below_horizon()] = -1
+    planes[:, below_horizon(offset)] = -1
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as stream:
-            stream.write(_HEADER)
+            stream.write(HEADER)
             planes.astype("<f8", copy=False).tofile(stream)
         os.replace(temporary, path)
     except OSError as error:
@@ -330,4 +350,4 @@ def write_merl(path: str | Path, source: BrdfSource) -> None:
         temporary.unlink(missing_ok=True)
 
 
-READER = Reader("MERL", (".binary",), lambda path, head: head.startswith(_HEADER), read)
+READER = Reader("MERL", (".binary",), lambda path, head: is_header(head), read)

@@ -1,4 +1,4 @@
-"""Measured materials of the EPFL/RGL database, RGB `.bsdf` files, isotropic and anisotropic.
+"""Measured materials of the EPFL/RGL database, `.bsdf` files, RGB and spectral, isotropic and anisotropic.
 
 Source: J. Dupuy and W. Jakob, "An Adaptive Parameterization for Efficient Material Acquisition and
 Rendering", ACM Trans. Graph. 37(6), 2018. For each incident direction the measurement is stored over the
@@ -24,10 +24,13 @@ import numpy as np
 
 from ..directions import normalize, polar_angle, spherical
 from ..errors import BakeError
+from ..reading import Illuminant, Reading
 from ..source import Array, Facts, Reader
+from ..spectrum import white_point, xyz_to_rec709, xyz_weights
 from .grid_warp import Grid, Slices, WarpInverse, bracket
 from .tensor_file import MAGIC, read_tensor_file
 
+_USUAL = Reading()
 # Pairs evaluated at once: small enough for the temporaries (about 0.5 kB per pair) to stay in the cache.
 CHUNK = 1 << 14
 # The tables hold f cos(theta_o); their noise divided by a vanishing cosine would grow without bound, so
@@ -254,12 +257,25 @@ class _Validator:
         text = value[:200].tobytes().decode("utf-8", "replace")
         return "".join(c if c.isprintable() else " " for c in text).strip()
 
-    def tables(self) -> _Tables:
+    def colours(self, illuminant: Illuminant) -> Array:
+        """The field `rgb`, or `spectra` under an illuminant, as (phi_i, theta_i, 3, y, x)."""
+        if "spectra" not in self.fields:
+            return self.table("rgb", 5)
+        wavelengths, spectra = self.table("wavelengths", 1, 0), self.table("spectra", 5)
+        if spectra.shape[2] != wavelengths.size:
+            raise self.error(f"fields 'spectra' and 'wavelengths' differ: {spectra.shape[2]} and {wavelengths.size}")
+        try:
+            weights = xyz_weights(wavelengths, illuminant) @ xyz_to_rec709(white_point(illuminant)).T
+        except ValueError as error:
+            raise self.error(f"field 'wavelengths': {error}") from error
+        return np.einsum("ptwyx,wc->ptcyx", spectra, weights, optimize=True)
+
+    def tables(self, illuminant: Illuminant = "D65") -> _Tables:
         """All tables of the file, checked against each other."""
         phi_i = self.angles("phi_i", -np.pi, np.pi)
         theta_i = self.angles("theta_i", 0, np.pi / 2)
         ndf, sigma = self.table("ndf", 2, 0), self.table("sigma", 2, MIN_SIGMA)
-        vndf, rgb = self.table("vndf", 4, 0), self.table("rgb", 5)
+        vndf, rgb = self.table("vndf", 4, 0), self.colours(illuminant)
         for name, table in {"ndf": ndf, "sigma": sigma, "vndf": vndf, "rgb": rgb}.items():
             if min(table.shape[-2:]) < 2:
                 raise self.error(f"field {name!r} has fewer than two samples along an axis")
@@ -280,22 +296,26 @@ class _Validator:
         )
 
 
-def read_rgl(path: str | Path) -> RglSource:
-    """Read an RGB `.bsdf` file of the RGL database.
+def read_rgl(path: str | Path, reading: Reading = _USUAL) -> RglSource:
+    """Read a `.bsdf` file of the RGL database, RGB or spectral.
 
     Parameters
     ----------
     path : the file; untrusted
+    reading : its illuminant is that of a spectral file
 
     Raises
     ------
-    BakeError : not a tensor file, damaged, or a spectral file
+    BakeError : not a tensor file, or damaged
     """
     path = Path(path)
     fields = read_tensor_file(path)
-    if "rgb" not in fields and ("spectra" in fields or "wavelengths" in fields):
-        raise BakeError(path, "holds a spectral measurement", "use the RGB variant of the material, named *_rgb.bsdf")
-    return RglSource(path.stem, _Validator(path, fields).tables())
+    source = RglSource(path.stem, _Validator(path, fields).tables(reading.illuminant))
+    if "spectra" in fields:
+        wavelengths = fields["wavelengths"]
+        told = {"wavelengths_nm": [float(wavelengths[0]), float(wavelengths[-1])], "illuminant": reading.illuminant}
+        source.facts = {**source.facts, **told, "wavelength_count": wavelengths.size}
+    return source
 
 
 def _matches(path: Path, head: bytes) -> bool:

@@ -24,6 +24,7 @@ from measured_materials.bake.envelope import (
 from measured_materials.bake.envelope.linear_program import solve
 from measured_materials.bake.envelope.views import gauss_chords, sample_views
 from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.tables.accuracy import direction_pairs
@@ -63,7 +64,7 @@ def run(out: Path, quick: bool) -> None:
 def _sources(quick: bool) -> Iterator[BrdfSource]:
     with tempfile.TemporaryDirectory() as folder:
         for name in (MERL[0], MERL[-1]) if quick else MERL:
-            yield read_source(merl_file(name, Path(folder)))
+            yield read_source(merl_file(name, Path(folder)), Reading(merl="nodes"))
     for file in rgl_files()[:: 6 if quick else 1]:
         yield read_source(file)
 

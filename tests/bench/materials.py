@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.sources.analytic import AshikhminShirley, Ggx, Lambert, MetallicPaint, OrenNayar, Ward
@@ -78,7 +79,7 @@ def merl_sources(every: int = 1) -> Iterator[BrdfSource]:
     with tempfile.TemporaryDirectory() as folder:
         for name in tool.NAMES[::every]:
             path = merl_file(name, Path(folder))
-            yield read_source(path)
+            yield read_source(path, Reading(merl="nodes"))
             path.unlink()
 
 

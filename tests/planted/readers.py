@@ -62,7 +62,7 @@ MISTAKES = (
     Mistake(
         "cornell-white-of-equal-energy",
         "bake/sources/cornell.py",
-        "xyz_weights(samples.wavelengths)",
+        "xyz_weights(samples.wavelengths, illuminant)",
         'xyz_weights(samples.wavelengths, "E")',
         (CORNELL,),
         "20 % of red: every Cornell paint is too warm",
@@ -70,8 +70,8 @@ MISTAKES = (
     Mistake(
         "cornell-matrix-untransposed",
         "bake/sources/cornell.py",
-        "self._fit.evaluate(wi, wo) @ xyz_to_rec709().T",
-        "self._fit.evaluate(wi, wo) @ xyz_to_rec709()",
+        "xyz_to_rec709(white_point(illuminant)).T",
+        "xyz_to_rec709(white_point(illuminant))",
         (CORNELL,),
         "colours of another world",
     ),

@@ -91,7 +91,7 @@ def main() -> None:
         blender.run("--python-exit-code", "9", "--python", "start.py")
         counts = [str(options.cancels), str(options.rounds), str(int(not options.no_others))]
         script = ["--enable-event-simulate", "start.blend", "--python", "desk_steps.py", "--", *counts]
-        done = blender.window(*script, timeout=2400)
+        done = blender.window(*script, timeout=3600)
         journal = (share / "journal.txt").read_text() if (share / "journal.txt").exists() else "nothing"
         print(journal)
         if done.returncode or not (share / "found.json").exists():

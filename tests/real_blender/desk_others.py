@@ -70,16 +70,34 @@ def baking_again(desk, uid):
 
 def modes(desk, uid):
     """Each mode in turn; and lamps to aim at, which the walk has switched off, on again."""
-    desk.timed("setting aim", setattr)(found(uid).measured_quality, "aim", "auto")
-    yield 0.5
+    later = importlib.import_module(f"{PACKAGE}.addon.ui.background.rebuild_later")
+    later._went_on = desk.timed("rebuilding", later._went_on)
+    yield from setting(desk, later, uid, "aim", "auto")
     desk.felt("aim at lamps")
     for mode in ("reference", "balanced", "preview", "exact"):
-        desk.timed(f"setting {mode}", setattr)(found(uid).measured_quality, "mode", mode)
+        yield from setting(desk, later, uid, "mode", mode)
         desk.check(f"mode {mode}", not found(uid).measured_quality.problem)
-        with desk.view():
-            bpy.ops.ed.undo_push(message=f"Mode {mode}")
-        yield 0.5
         desk.felt(f"mode {mode}")
+    yield from setting(desk, later, uid, "mode", "reference")
+    desk.press("Z", ctrl=True)
+    yield 1.0
+    desk.check("a mode is undone in one step", desk.built_as(found(uid)) == ("exact", "exact"))
+    desk.press("Z", ctrl=True, shift=True)
+    yield 1.0
+    desk.check("and redone in one", desk.built_as(found(uid)) == ("reference", "reference"))
+    yield from setting(desk, later, uid, "mode", "exact")
+    desk.felt("modes undone and redone")
+
+
+def setting(desk, later, uid, name, value):
+    """As a panel does: the change, its step of undo, and what is built after that."""
+    with desk.view():
+        desk.timed(f"setting {value}", setattr)(found(uid).measured_quality, name, value)
+        bpy.ops.ed.undo_push(message=f"{name} {value}")
+    yield 0.02
+    while later._pending:
+        yield 0.02
+    yield 0.5
 
 
 def lamps(desk):

@@ -122,7 +122,7 @@ def view():
     return bpy.context.temp_override(window=window(), screen=window().screen, area=area, region=region)
 
 
-def drop(names=(SOURCE.name,)):
+def drop(names=(SOURCE.name,), **settings):
     """As Blender does when files are dropped: the operator is invoked, and the dialog confirmed."""
     with view():
         window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=300, y=300)
@@ -131,6 +131,7 @@ def drop(names=(SOURCE.name,)):
             directory=str(SOURCE.parent),
             files=[{"name": name} for name in names],
             bundles=str(SOURCE.parent),
+            **settings,
         )
     yield 0.3
     press("RET")
@@ -140,6 +141,12 @@ def drop(names=(SOURCE.name,)):
 def measured():
     """Materials of ours."""
     return [material for material in bpy.data.materials if material.get("measured_materials_facts")]
+
+
+def built_as(material):
+    """The mode that is set, and the one that the material was built in."""
+    facts = json.loads(material["measured_materials_facts"])
+    return material.measured_quality.mode, facts["rendering"]["choices"]["mode"]
 
 
 def bundles():
@@ -171,7 +178,7 @@ def memory():
     return int(line.split()[1]) / 1024
 
 
-def idle(seconds=120.0):
+def idle(seconds=600.0):
     """Wait for the queue."""
     until = time.monotonic() + seconds
     while bakes.queue.is_busy():
@@ -258,7 +265,7 @@ def steps():
     yield 1.0
     check("undo during a bake ends it", not bakes.queue.is_busy() and not children() and not measured())
     # Several at once.
-    yield from drop((SOURCE.name, SOURCE.name))
+    yield from drop((SOURCE.name, SOURCE.name), quality="draft")
     note(f"{bakes.queue.waiting}, {bakes.queue.task}")
     check("two wait in a row", len(bakes.queue.waiting) + (bakes.queue.task is not None) == 2)
     yield from idle()
@@ -270,7 +277,7 @@ def steps():
     note(f"after two undos: {[m.name for m in measured()]}")
     sizes = []
     for number in range(ROUNDS):
-        yield from drop()
+        yield from drop(quality="draft")
         yield from idle()
         yield 0.2
         press("Z", ctrl=True)

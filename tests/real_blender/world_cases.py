@@ -137,7 +137,7 @@ CASES = {
     "world with a sun": Case(under_the_sun, samples=96),
     "world with a window": Case(in_a_room, samples=96),
     "world and lamps": Case(beside_a_lamp, samples=96),
-    "world that cameras miss": Case(not_for_cameras, samples=192),
+    "world that cameras miss": Case(not_for_cameras, samples=288),
     "world under a plane": Case(leaning, samples=96),
     "world by the lens": Case(by_the_lens, samples=64),
     "world exchanged": Case(beside_a_lamp, samples=96, later=exchange),

@@ -13,6 +13,7 @@ from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, StoredImage, read_bundle, write_bundle
 from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.reading import Reading
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import analytic, read_source
@@ -79,7 +80,8 @@ def measured_source(name: str, shared_tools: Path, folder: Path) -> BrdfSource:
     path = folder / f"{MEASURED[name]}.binary"
     tool.write(MEASURED[name], path)
     tool._W.close()  # its weights: a file left open is a warning wherever the collector finds it
-    return read_source(path)
+    # As the networks were trained; the entries themselves pair as bins.
+    return read_source(path, Reading(merl="nodes"))
 
 
 def baked(source: BrdfSource, folder: Path) -> Bundle:

@@ -91,6 +91,8 @@ def _draw_swatch(layout: Any, material: bpy.types.Material) -> None:
     layout.operator(MEASURED_MATERIALS_OT_lay_out.bl_idname, icon="DRIVER_DISTANCE")
     if mapping is not None and not mapping.inputs["Rotation"].is_linked:
         layout.prop(mapping.inputs["Rotation"], "default_value", index=2, text="Rotation")
-    layout.operator(MEASURED_MATERIALS_OT_random_tiling.bl_idname, icon="MOD_ARRAY", depress=tiling is not None)
+    # Beyond a swatch that is not repeated there is nothing to choose from.
+    if tiling is not None or material.measured_lighting.tiling == "repeat":
+        layout.operator(MEASURED_MATERIALS_OT_random_tiling.bl_idname, icon="MOD_ARRAY", depress=tiling is not None)
     for name in ("Patch Size", "Seed") if tiling is not None else ():
         _draw_socket(layout, tiling.id_data, tiling, name)

@@ -15,6 +15,7 @@ from ....bake.tables.table import Filter
 from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
 from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
+from .reading import ReadingProperties, draw_reading, reading_of, show_reading
 from .registration import registration
 
 _USUAL = BakeSettings()
@@ -115,7 +116,7 @@ _PACK = bpy.props.BoolProperty(
 )
 
 
-class BakeProperties:
+class BakeProperties(ReadingProperties):
     """Mixed into a PropertyGroup or an Operator."""
 
     quality: _QUALITY
@@ -154,6 +155,7 @@ def settings_of(properties: Any) -> BakeSettings:
         spline=properties.spline,
         sampler=isotropic_layout(properties.sampler),
         envelope=properties.envelope,
+        reading=reading_of(properties),
     )
 
 
@@ -166,6 +168,7 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
     """Set the properties to what a bake was made with."""
     for name in ("resolution", "filter", "spline", "envelope"):
         setattr(properties, name, getattr(settings, name))
+    show_reading(properties, settings.reading)
     # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
     properties.parameterization = settings.spacing
     properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
@@ -201,6 +204,7 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column = heading(inner, "Files")
     column.prop(properties, "storage")
     column.prop(properties, "pack")
+    draw_reading(inner, properties)
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_bake, "measured_materials")

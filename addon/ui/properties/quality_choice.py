@@ -65,7 +65,9 @@ def draw_quality_choice(
     for name in shown:
         title = next(words for key, words, _ in _ITEMS if key == name)
         column.prop_enum(properties, "quality", name, text=f"{title}{_expected(properties, levels, name, settings_of)}")
-    layout.prop(
+    row = layout.row()
+    row.alignment = "LEFT"
+    row.prop(
         properties,
         "advanced",
         icon="DISCLOSURE_TRI_DOWN" if properties.advanced else "DISCLOSURE_TRI_RIGHT",

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from ..source import Array
+from ...source import Array
 from .scattered_invariants import Invariants
 
 NARROW_ALPHAS = (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.12)

@@ -27,7 +27,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..source import Array, Facts
+from ...source import Array, Facts
 from .scattered_invariants import Invariants, invariants
 from .scattered_lobes import Lobes, fit_lobes
 

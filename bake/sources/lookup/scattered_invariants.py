@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..source import Array
+from ...source import Array
 
 
 class Invariants(NamedTuple):

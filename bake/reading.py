@@ -1,0 +1,55 @@
+"""How to read what a measurement's file leaves open."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal, get_args
+
+from .errors import check_choice
+
+Illuminant = Literal["D65", "E", "A"]
+MerlEntries = Literal["auto", "bins", "nodes"]
+Reciprocity = Literal["measured", "exchanged", "mean"]
+Side = Literal["auto", "front", "back"]
+UtiaValues = Literal["auto", "linear", "sRGB", "scaled"]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Choices of reading; each matters to some formats only.
+
+    Parameters
+    ----------
+    illuminant : that spectra become colours under; its white is (1, 1, 1)
+    merl : whether an entry of a MERL file stands for the cell above its index, or for the point at it; "auto": as the
+        file's own mirror symmetry has it
+    reciprocity : which of a pair of directions is the light: the file's incident one ("measured"), its other one
+        ("exchanged", as Mitsuba and pbrt read RGL files), or the mean of both, which is reciprocal
+    side : of a window layer; "auto": the front where there is one
+    utia : what UTIA's numbers are; "auto": linear, unless the albedo would exceed 1
+    """
+
+    illuminant: Illuminant = "D65"
+    merl: MerlEntries = "auto"
+    reciprocity: Reciprocity = "measured"
+    side: Side = "auto"
+    utia: UtiaValues = "auto"
+
+    def __post_init__(self) -> None:
+        for name, choices in READING_CHOICES.items():
+            check_choice(name, getattr(self, name), choices)
+
+    def told(self) -> dict[str, Any]:
+        """What differs from the usual, JSON-ready."""
+        usual = asdict(Reading())
+        return {name: value for name, value in asdict(self).items() if value != usual[name]}
+
+
+READING_CHOICES: dict[str, tuple[str, ...]] = {
+    "illuminant": get_args(Illuminant),
+    "merl": get_args(MerlEntries),
+    "reciprocity": get_args(Reciprocity),
+    "side": get_args(Side),
+    "utia": get_args(UtiaValues),
+}
+assert set(READING_CHOICES) == {field.name for field in fields(Reading)}

@@ -1,0 +1,1 @@
+"""Readers of what goniometers and optical design programs write as text."""

@@ -1,0 +1,161 @@
+"""The XML around measured window layers, as LBNL's WINDOW and Radiance's genBSDF write it.
+
+`read` takes the reflection of such a file. Sides are named as Radiance loads them, which its own library confirms:
+`Reflection Back` is the front, whose normal is +z. A file that has the other side only is read from that side.
+
+The blocks `Visible` (Y), `CIE-X` and `CIE-Z` of matrices, `CIE-u` and `CIE-v` (u', v' chromaticities) of trees become
+linear Rec.709 with the white of D65; without them the material is grey. Blocks of the sun's spectrum are not colours
+and are left out. Negative numbers count as 0, as in Radiance.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import BakeError
+from ...reading import Reading
+from ...source import Array, Reader
+from ...spectrum import xyz_to_rec709
+from ..lookup.lookup_source import LookupSource
+from ..lookup.text_file import printable
+from .klems import klems_lookup
+from .tensor_tree import tree_lookup
+
+MAX_BYTES = 256 << 20
+_REMEDY = "give a BSDF file as WINDOW, genBSDF or pabopto2bsdf wrote it"
+_SIDES = {"reflection back": "front", "reflection front": "back"}
+_CHANNELS = {"visible": "Y", "cie-x": "X", "cie-z": "Z", "cie-u": "u", "cie-v": "v"}
+
+Lookup = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A file's layer: its name and maker, its data structure, and its blocks by side and channel."""
+
+    name: str
+    structure: str
+    blocks: dict[str, dict[str, ElementTree.Element]]
+    others: tuple[str, ...]
+
+
+def read(path: Path, reading: Reading) -> LookupSource:
+    """Read the reflection of a WINDOW or Radiance XML file.
+
+    Raises
+    ------
+    BakeError : not such a file, damaged, without reflection, of a basis that is not known
+    """
+    layer = read_layer(path)
+    side = ("front" if "front" in layer.blocks else "back") if reading.side == "auto" else reading.side
+    if side not in layer.blocks:
+        what = "reflection" if reading.side == "auto" else f"reflection of its {side}"
+        raise BakeError(path, f"holds no {what}", "give a file with a block Reflection Back or Reflection Front")
+    blocks = layer.blocks[side]
+    make = tree_lookup if layer.structure.startswith("tensortree") else klems_lookup
+    channels: dict[str, Lookup] = {}
+    facts: dict[str, Any] = {
+        "format": "Radiance tensor tree" if make is tree_lookup else "Klems matrix",
+        "comments": [layer.name],
+        "side": f"{side}: {'Reflection Back' if side == 'front' else 'Reflection Front'} of the file",
+        "other_blocks": list(layer.others),
+        "interpolation": "none: constant within each cell, as in Radiance",
+    }
+    isotropic = layer.structure == "tensortree3"
+    for channel, block in blocks.items():
+        channels[channel], told = make(path, layer.structure, block)
+        facts |= told if channel == "Y" else {}
+    if "Y" not in channels:
+        raise BakeError(path, f"holds no block Visible for {side}", _REMEDY)
+    facts["colour"] = _colour_of(channels)
+    return LookupSource(path.stem, _rgb_lookup(channels, side == "back"), facts, isotropic, False)
+
+
+def read_layer(path: Path) -> Layer:
+    """The layer of a file. Raises BakeError."""
+    root = _root(path)
+    names = [" ".join(printable(e.text or "") for e in root.iter(tag)) for tag in ("Name", "Manufacturer")]
+    structures = {(e.text or "").strip().lower() for e in root.iter("IncidentDataStructure")}
+    if len(structures) != 1 or not structures <= {"columns", "rows", "tensortree3", "tensortree4"}:
+        cause = f"has data of structure {', '.join(sorted(structures))[:40]!r}"
+        raise BakeError(path, cause, "give a file of Columns, Rows, TensorTree3 or TensorTree4")
+    blocks: dict[str, dict[str, ElementTree.Element]] = {}
+    others = []
+    for data in root.iter("WavelengthData"):
+        wavelength = next((e.text or "" for e in data.iter("Wavelength")), "").strip()
+        for block in data.iter("WavelengthDataBlock"):
+            direction = " ".join((block.findtext("WavelengthDataDirection") or "").split())
+            side, channel = _SIDES.get(direction.lower()), _CHANNELS.get(wavelength.lower())
+            if side and channel and channel not in blocks.get(side, {}):
+                blocks.setdefault(side, {})[channel] = block
+            elif channel != "Y" or not side:
+                others.append(printable(f"{wavelength}: {direction}", 60))
+    return Layer(" by ".join(filter(None, names)), structures.pop(), blocks, tuple(sorted(set(others))[:20]))
+
+
+def _root(path: Path) -> ElementTree.Element:
+    """The parsed document without namespaces; text that a program logged before it is dropped."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise BakeError(path, f"has more than {MAX_BYTES >> 20} MiB", _REMEDY)
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
+    # These files declare no entities; one that does is not read any further.
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise BakeError(path, "declares entities, which no BSDF file does", _REMEDY)
+    start = data.find(b"<?xml")
+    start = data.find(b"<WindowElement") if start < 0 else start
+    try:
+        root = ElementTree.fromstring(data[max(start, 0) :])
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise BakeError(path, f"is no XML ({error})", _REMEDY) from error
+    for element in root.iter():
+        if isinstance(element.tag, str):
+            element.tag = element.tag.rpartition("}")[2]
+    if root.tag != "WindowElement":
+        raise BakeError(path, f"is XML of another kind ({printable(root.tag, 40)})", _REMEDY)
+    return root
+
+
+def _colour_of(channels: dict[str, Lookup]) -> str:
+    if {"X", "Z"} <= channels.keys():
+        return "CIE X, Y, Z"
+    return "Y, u', v'" if {"u", "v"} <= channels.keys() else "grey"
+
+
+def _rgb_lookup(channels: dict[str, Lookup], back: bool) -> Lookup:
+    """Linear Rec.709 of the channels there are; the back is seen in the front's frame turned about y."""
+    kind, matrix = _colour_of(channels), xyz_to_rec709().T
+    turned = np.array([-1.0, 1.0, 1.0])
+
+    def lookup(wi: Array, wo: Array) -> Array:
+        if back:
+            wi, wo = wi * turned, wo * turned
+        y = channels["Y"](wi, wo)
+        if kind == "grey":
+            return np.repeat(y[:, None], 3, -1)
+        if kind == "CIE X, Y, Z":
+            return np.stack([channels["X"](wi, wo), y, channels["Z"](wi, wo)], -1) @ matrix
+        u, v = channels["u"](wi, wo), np.maximum(channels["v"](wi, wo), 1e-6)
+        x, z = y * 9 * u / (4 * v), y * np.maximum(12 - 3 * u - 20 * v, 0) / (4 * v)
+        return np.stack([x, y, z], -1) @ matrix
+
+    return lookup
+
+
+def _matches(path: Path, head: bytes) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return b"<WindowElement" in stream.read(1 << 14)
+    except (OSError, ValueError):
+        return False
+
+
+READER = Reader("WINDOW or Radiance XML", (".xml",), _matches, read)
