@@ -12,7 +12,6 @@ from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import READERS, neural_brdf, read_source
 from measured_materials.bake.sources.analytic import by_name
-
 from support import format_files as files
 from support.format_files import GLOSSY, GREY, error, pairs
 
