@@ -12,13 +12,10 @@ from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import READERS, neural_brdf, read_source
 from measured_materials.bake.sources.analytic import by_name
+from support import format_files as files
+from support.format_files import GLOSSY, GREY, error, pairs
 
-from .support import format_files as files
-
-# Grey-green-blue, so that channels cannot be exchanged unseen; a lobe wide enough for 10-degree steps.
-GLOSSY = by_name("ggx", alpha=0.35, f0=(0.9, 0.5, 0.2))
 TURNED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
-GREY = ("Zemax BSDF", "LightTools", "FRED", "ALTA", "pab-opto", "WINDOW or Radiance XML")
 
 # RMS of f cos cos over RMS of the signal, of pairs between the written directions. What limits each: steps of 10
 # degrees and more (around the mirror, or of samples), cells without interpolation (Klems, trees), 15 degrees (UTIA).
@@ -36,25 +33,6 @@ LIMITS = {
     "WINDOW or Radiance XML": 0.25,
     "numpy array": 0.01,
 }
-
-
-def pairs(count: int = 4000, largest: float = 70.0) -> tuple[Array, Array]:
-    """Directions within the written elevations."""
-    rng = np.random.default_rng(1)
-    theta = np.arccos(1 - rng.random((2, count)) * (1 - np.cos(np.radians(largest))))
-    phi = rng.random((2, count)) * 2 * np.pi
-    return spherical(theta[0], phi[0]), spherical(theta[1], phi[1])
-
-
-def error(source: BrdfSource, truth: BrdfSource, grey: bool = False) -> float:
-    """RMS of the difference over RMS of the signal, both times both cosines."""
-    wi, wo = pairs()
-    weight = (wi[:, 2] * wo[:, 2])[:, None]
-    wanted = np.asarray(truth.evaluate(wi, wo)) * weight
-    if grey:
-        wanted = np.repeat(wanted[:, 1:2], 3, -1)
-    found = source.evaluate(wi, wo) * weight
-    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
 
 
 @pytest.mark.parametrize("name", [name for name in files.WRITERS if name in LIMITS])
@@ -298,3 +276,13 @@ def test_a_side_is_chosen_and_missing_ones_are_named(tmp_path: Path) -> None:
     assert str(read_source(path, Reading(side="back")).facts["side"]).startswith("back")
     with pytest.raises(BakeError, match="no reflection of its front"):
         read_source(path, Reading(side="front"))
+
+
+@pytest.mark.parametrize(("suffix", "write"), [(".bsdf", files.write_zemax), (".ddr", files.write_integra)])
+def test_no_black_rim_where_files_pad_with_zeros(suffix: str, write: files.Writer, tmp_path: Path) -> None:
+    """Around the mirror direction, half of the angles lie below the horizon, where files hold 0."""
+    source = read_source(write(tmp_path / f"white{suffix}", by_name("lambert", diffuse=(0.5, 0.5, 0.5))))
+    phi = np.linspace(0, 2 * np.pi, 37)
+    for theta_i in (20.0, 50.0, 74.0):
+        wi, wo = spherical(np.radians(theta_i), 0.3), spherical(np.radians(86.0), phi)
+        np.testing.assert_allclose(source.evaluate(wi, wo), 0.5 / np.pi, rtol=1e-3)
