@@ -133,3 +133,23 @@ def test_no_rest_without_portions() -> None:
     portions.rest()
     portions.no_return()
     assert portions.active() is None
+
+
+def test_a_rest_is_never_behind_the_point_of_no_return(empty: None) -> None:
+    work = Portions()
+    with work.portion():
+        portions.rest()  # the first work of a portion is always done
+        with pytest.raises(Pause):
+            portions.rest()
+    with work.portion():
+        portions.rest()
+        portions.no_return()
+        portions.rest()
+
+
+def test_what_is_no_datablock_is_found_once(empty: None) -> None:
+    work, found = Portions(), []
+    for _ in range(3):
+        with work.portion():
+            assert portions.once("means", lambda: found.append(1) or len(found)) == 1
+    assert found == [1] and portions.once("means", lambda: 7) == 7
