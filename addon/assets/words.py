@@ -9,7 +9,7 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.shading_maps.record import Record
 from ..summary.brdf_rows import error_rows
 from ..summary.shading_map_rows import map_error_rows
-from ..summary.text import one_line
+from ..summary.text import capital, one_line
 from .catalogue import ROOT
 
 # Classes of material by words of their names, as the measured databases call them; a paint with metal in it is a paint.
@@ -82,7 +82,7 @@ def _description(record: Record, kind: str, format_: str | None) -> str:
     }[kind]
     sentences = [f"{how}: {one_line(record.name)}"]
     if (said := _text(record, "description")) and said != record.name:
-        sentences.append(said[:1].upper() + said[1:])
+        sentences.append(capital(said))
     if isinstance(record, BrdfRecord):
         rows = dict(error_rows(record))
         sentences.append(f"RMS error {rows['RMS error']} ({rows['Relative']})")

@@ -13,6 +13,11 @@ def one_line(text: str) -> str:
     return _CONTROL.sub(" ", text).strip()
 
 
+def capital(text: str) -> str:
+    """The text with a capital at its beginning and all else as it is: names of datablocks stay."""
+    return text[:1].upper() + text[1:]
+
+
 def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
     """Label and value pairs as aligned lines; an empty label continues the one above."""
     width = max((len(label) for label, _ in rows), default=0)

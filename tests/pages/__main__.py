@@ -31,17 +31,21 @@ def main() -> int:
     parser.add_argument("names", nargs="*", choices=[*PICTURES, []], metavar="NAME")
     parser.add_argument("--window", type=Path, metavar="BLENDER", help="the program, or a folder to chroot into")
     parser.add_argument("--out", type=Path, default=DOCS, help="folder (default: addon/docs)")
+    parser.add_argument("--work", type=Path, metavar="DIR", help="keep what is baked here, and take what is there")
     options = parser.parse_args()
     names = options.names or [name for name in PICTURES if name != "window" or options.window]
     if "window" in names and not options.window:
         parser.error("window needs --window BLENDER")
     options.out.mkdir(parents=True, exist_ok=True)
-    for name in names:
-        began = time.perf_counter()
-        with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as temporary:
+        # What one bakes the others take.
+        folder = options.work or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            began = time.perf_counter()
             more = [options.window] if name == "window" else []
-            importlib.import_module(name).make(options.out.resolve(), Path(folder), *more)
-        print(f"docs {name}: {time.perf_counter() - began:.0f} s", flush=True)
+            importlib.import_module(name).make(options.out.resolve(), folder.resolve(), *more)
+            print(f"docs {name}: {time.perf_counter() - began:.0f} s", flush=True)
     return 0
 
 

@@ -20,6 +20,14 @@ def commands_of(page: str) -> list[list[str]]:
     return [shlex.split(found) for found in re.findall(r"^    \./run cli (.+)$", text, re.MULTILINE)]
 
 
+def baked(command: Sequence[str], folder: Path) -> Path:
+    """The bundle of a command, under the name that it gives, made unless it is in `folder` already."""
+    bundle = folder / command[command.index("--out") + 1]
+    if not bundle.exists():
+        run(command, bundle)
+    return bundle
+
+
 def run(arguments: Sequence[str], folder: Path) -> None:
     """Run one with its output into `folder`. SystemExit where it fails."""
     told = list(arguments[: arguments.index("#")] if "#" in arguments else arguments)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from commands import commands_of, run, save
+from commands import baked, commands_of, run, save
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from PIL import Image
 from swatch import photographed
@@ -16,10 +16,8 @@ _SIZE, _SAMPLES = 300, 96
 def make(out: Path, folder: Path) -> None:
     """Bake, render, and lay out four in a row."""
     cells = []
-    for number, command in enumerate(commands_of("gallery.md")):
-        bundle = folder / f"material{number}.mmat"
-        run(command, bundle)
-        picture = rendered(bundle, _SIZE)
+    for command in commands_of("gallery.md"):
+        picture = rendered(baked(command, folder), _SIZE)
         cells.append(Cell(np.asarray(picture), _name(command)))
     for name in ("denim", "suede"):
         bundle = photographed(name, folder)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-from commands import run, save
+import numpy as np
+from commands import baked, commands_of, save
 from mathutils import Matrix
 from measured_materials.addon.material.build_brdf import build_brdf, usual_choices
 from measured_materials.addon.rendering.contact_sheet import to_display
@@ -15,21 +16,17 @@ from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle.bundle import read_bundle
 from PIL import Image
 
-# From left to right.
-_MODELS = {
-    "paint": ["metallic-paint", "diffuse=0.06,0.004,0.006", "flake=0.55,0.05,0.04"],
-    "gold": ["ggx", "alpha=0.18", "f0=1.0,0.71,0.29"],
-    "steel": ["ggx", "alpha=0.09", "alpha_y=0.32", "f0=0.62,0.58,0.54"],
-}
+# Of the gallery, from left to right.
+_SHOWN = ("paint", "gold", "steel")
 _APART = 3.1
 
 
 def make(out: Path, folder: Path) -> None:
     """Bake three, and render both pictures."""
     records = {}
-    for name, model in _MODELS.items():
-        run(["bake", "brdf", "--analytic", *model], folder / f"{name}.mmat")
-        records[name] = BrdfRecord.read(read_bundle(folder / f"{name}.mmat"))
+    known = {command[command.index("--out") + 1]: command for command in commands_of("gallery.md")}
+    for name in _SHOWN:
+        records[name] = BrdfRecord.read(read_bundle(baked(known[f"{name}.mmat"], folder)))
     save(Image.fromarray(_featured(records)), out / "store" / "featured.jpg")
     icon = Image.fromarray(_icon(records["gold"]))
     icon.save(out / "store" / "icon.png", optimize=True)
@@ -40,7 +37,7 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
     """The studio's ball three times."""
     names = list(records)
     materials = {name: bpy.data.materials.new(name) for name in names}
-    scene = build_studio(materials[names[1]], resolution=(1920, 1080), samples=48)
+    scene = build_studio(materials[names[1]], resolution=(1920, 1080), samples=32)
     shown = [o for o in scene.objects if o.type == "MESH" and o.active_material == materials[names[1]]]
     for k, name in enumerate(names):
         if k == 1:
@@ -66,7 +63,7 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
 def _icon(record: BrdfRecord) -> object:
     """A sphere alone, without background."""
     material = bpy.data.materials.new("icon")
-    scene = build_studio(material, resolution=(256, 256), samples=256, shape="sphere")
+    scene = build_studio(material, resolution=(256, 256), samples=128, shape="sphere")
     for obj in scene.objects:
         if obj.type == "MESH" and obj.active_material != material:
             obj.visible_camera = False
@@ -77,8 +74,6 @@ def _icon(record: BrdfRecord) -> object:
         pixels = render_rgba(scene)
     finally:
         remove_studio(scene)
-    import numpy as np
-
     alpha = np.clip(pixels[..., 3:], 0, 1)
     colour = pixels[..., :3] / np.maximum(alpha, 1e-3)  # the file's colours do not hold the cover
     return np.concatenate([to_display(colour), np.rint(255 * alpha).astype(np.uint8)], -1)

@@ -35,10 +35,12 @@ def make(out: Path, folder: Path) -> None:
 
 def photographed(name: str, folder: Path, plot: Path | None = None) -> Path:
     """The bundle of a swatch that is photographed on an arc."""
+    bundle = folder / f"{name}.mmat"
+    if bundle.exists() and not plot:
+        return bundle
     photograph_arc(
         SWATCHES[_SWATCHES[name]](0), folder / name, elevations=ELEVATIONS, size=_PHOTOGRAPH, samples=_SAMPLES
     )
-    bundle = folder / f"{name}.mmat"
     drawn = ["--plot", str(plot)] if plot else []
-    run(["bake", "arc", str(folder / name), "--align", "off", "--albedo", "0.3", *drawn], bundle)
+    run(["bake", "photographs", str(folder / name), "--align", "off", "--albedo", "0.3", *drawn], bundle)
     return bundle

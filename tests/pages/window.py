@@ -29,7 +29,8 @@ def make(out: Path, folder: Path, place: Path) -> None:
     """Install the extension, run `window_steps.py` in a window, and cut what it has taken."""
     folder.chmod(0o755)
     gold = commands_of("gallery.md")[0]
-    run([*gold[: gold.index("#")], "--resolution", "48"], folder / "gold.mmat")
+    if not (folder / "gold.mmat").exists():
+        run([*gold[: gold.index("#")], "--resolution", "48"], folder / "gold.mmat")
     shutil.copy(HERE / "window_steps.py", folder)
     (folder / "start.py").write_text(_START)
     blender = Blender(place, folder)

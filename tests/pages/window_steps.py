@@ -54,7 +54,8 @@ def split(view):
     with within(view):
         bpy.ops.screen.area_split(direction="VERTICAL", factor=0.62)
     (new,) = set(window().screen.areas) - known
-    right, left = sorted((view, new), key=lambda area: area.x, reverse=True)
+    yield 0.5  # until the editors know where they are
+    left, right = sorted((view, new), key=lambda area: area.x)
     right.ui_type = "PROPERTIES"
     return left, right
 
@@ -93,7 +94,7 @@ def scene():
 def steps():
     """All of them; each pause is in seconds."""
     scene()
-    view, panel = split(area_of("VIEW_3D"))
+    view, panel = yield from split(area_of("VIEW_3D"))
     yield 0.5
     with within(view):
         bpy.ops.measured_materials.import_bundle(filepath=str(HERE / "gold.mmat"))
@@ -103,19 +104,19 @@ def steps():
     space = view.spaces.active
     space.overlay.show_overlays, space.show_gizmo, space.show_region_toolbar = False, False, False
     around = space.region_3d
-    around.view_perspective, around.view_distance, around.view_location = "PERSP", 8.5, (0, 0, 0.1)
+    around.view_perspective, around.view_distance, around.view_location = "PERSP", 6.0, (0, 0, 0.1)
     around.view_rotation = Euler((1.25, 0, 0.25)).to_quaternion()
     bpy.context.scene.cycles.preview_samples = 48
     space.shading.type = "RENDERED"
     yield 2.0
-    yield from scrolled(panel, 14)
+    yield from scrolled(panel, 9)
     yield 40.0
     take("window_panel", view, panel)
     space.shading.type = "SOLID"
     check = importlib.import_module(f"{PACKAGE}.addon.ui.panels.live_check")
     check.check_now(bpy.context.scene)
     yield 0.5
-    yield from scrolled(panel, 16)
+    yield from scrolled(panel, 14)
     yield 1.0
     take("window_check", panel)
     with within(panel):

@@ -7,7 +7,7 @@ import bpy
 
 from ...scene_check.check import check_scene, mend, mend_scene
 from ...scene_check.findings import NOTE, SLOW, WRONG
-from ...summary.text import one_line
+from ...summary.text import capital, one_line
 from ..context import ForMeasured
 from ..quiet_camera import MEASURED_MATERIALS_OT_quiet_camera
 from .live_check import check_now, follows, is_current, shown, summary
@@ -76,7 +76,7 @@ class MEASURED_MATERIALS_OT_mend_setting(bpy.types.Operator):
         if not mended:
             self.report({"INFO"}, "There is nothing left to fix here")
             return {"CANCELLED"}
-        self.report({"INFO"}, one_line(mended[0].mended_line.capitalize()))
+        self.report({"INFO"}, capital(one_line(mended[0].mended_line)))
         return {"FINISHED"}
 
 
@@ -108,8 +108,8 @@ def draw_findings(layout: Any, lines: Lines) -> None:
         place = layout.split(factor=part) if row.mendable else layout.row()
         words = place.column(align=True)
         room = part if row.mendable else 1.0
-        lines.draw(words, row.setting, _ICONS[row.severity], part=room)
-        lines.draw(words, row.why[:1].upper() + row.why[1:], "BLANK1", faint=True, part=room)
+        lines.draw(words, capital(row.setting), _ICONS[row.severity], part=room)
+        lines.draw(words, capital(row.why), "BLANK1", faint=True, part=room)
         if row.mendable:
             place.operator(MEASURED_MATERIALS_OT_mend_setting.bl_idname).key = row.key
         layout.separator()
