@@ -79,12 +79,10 @@ def modes(desk, uid):
         desk.check(f"mode {mode}", not found(uid).measured_quality.problem)
         desk.felt(f"mode {mode}")
     yield from setting(desk, later, uid, "mode", "reference")
-    desk.press("Z", ctrl=True)
-    yield 1.0
-    desk.check("a mode is undone in one step", desk.built_as(found(uid)) == ("exact", "exact"))
-    desk.press("Z", ctrl=True, shift=True)
-    yield 1.0
-    desk.check("and redone in one", desk.built_as(found(uid)) == ("reference", "reference"))
+    for words, mode, shift in (("undone", "exact", False), ("redone", "reference", True)):
+        desk.press("Z", ctrl=True, shift=shift)
+        yield from desk.soon(f"a mode is {words} in one step", lambda: desk.built_as(found(uid)) == (mode, mode))
+        yield 0.5
     yield from setting(desk, later, uid, "mode", "exact")
     desk.felt("modes undone and redone")
 
