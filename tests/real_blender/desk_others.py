@@ -1,5 +1,6 @@
 """Run inside a real Blender window by desk_steps.py: all that keeps an artist waiting beside a measurement's import."""
 
+import functools
 import importlib
 import json
 import os
@@ -81,10 +82,16 @@ def modes(desk, uid):
     yield from setting(desk, later, uid, "mode", "reference")
     for words, mode, shift in (("undone", "exact", False), ("redone", "reference", True)):
         desk.press("Z", ctrl=True, shift=shift)
-        yield from desk.soon(f"a mode is {words} in one step", lambda: desk.built_as(found(uid)) == (mode, mode))
+        built = functools.partial(is_built_as, desk, uid, mode)
+        yield from desk.soon(f"a mode is {words} in one step", built)
         yield 0.5
     yield from setting(desk, later, uid, "mode", "exact")
     desk.felt("modes undone and redone")
+
+
+def is_built_as(desk, uid, mode):
+    """Whether this mode is set, and the material is built in it."""
+    return desk.built_as(found(uid)) == (mode, mode)
 
 
 def setting(desk, later, uid, name, value):
