@@ -130,7 +130,7 @@ def test_half_a_loaded_material_is_taken_back(
     bake_file(measurement, tmp_path / "made.mmat", SETTINGS)
     before, plain = datablocks(), plate.active_material
     monkeypatch.setattr(portions, "_LASTS", 0.0)
-    monkeypatch.setattr(portions, "_WORKS", 0.0)
+    monkeypatch.setattr(portions, "_WORKS", 0.004)
     task = LoadTask(tmp_path / "made.mmat", True, plate, lambda material: None)
     queue.add([task])
     until(lambda: len(bpy.data.node_groups) > len(before["node_groups"]) + 2)
