@@ -13,9 +13,12 @@ import pytest
 from measured_materials.addon.baking.request import BakeRequest, Model
 from measured_materials.addon.material.facts import facts_of, is_measured
 from measured_materials.addon.ui.background import bake_queue, tasks
+from measured_materials.addon.ui.background.load_bundle import LoadTask
 from measured_materials.addon.ui.background.tasks import STATE_KEY, AgainTask, ImportTask
+from measured_materials.bake.brdf.bake import bake_file
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.nodes import portions
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
 from support.imports import datablocks
@@ -119,6 +122,25 @@ def test_baking_again_beside_the_window_is_in_place(measurement: Path, plate: An
     assert plate.active_material == material and facts_of(material)["settings"]["resolution"] == 6
     assert read_bundle(tmp_path / "made.mmat").material["settings"]["resolution"] == 6
     assert [file.name for file in tmp_path.iterdir()] == ["made.mmat"]
+
+
+def test_half_a_loaded_material_is_taken_back(
+    measurement: Path, plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bake_file(measurement, tmp_path / "made.mmat", SETTINGS)
+    before, plain = datablocks(), plate.active_material
+    monkeypatch.setattr(portions, "_LASTS", 0.0)
+    monkeypatch.setattr(portions, "_WORKS", 0.004)
+    task = LoadTask(tmp_path / "made.mmat", True, plate, lambda material: None)
+    queue.add([task])
+    until(lambda: len(bpy.data.node_groups) > len(before["node_groups"]) + 2)
+    assert queue.is_busy() and plate.active_material == plain and queue.pause() < 0.05
+    queue.cancel()
+    assert not queue.is_busy() and datablocks() == before and (tmp_path / "made.mmat").is_dir()
+    monkeypatch.undo()
+    queue.add([task])
+    until(lambda: not queue.is_busy())
+    assert is_measured(plate.active_material)
 
 
 def test_a_closed_file_ends_all_bakes(measurement: Path, plate: Any, tmp_path: Path) -> None:

@@ -33,9 +33,9 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
 
 @pytest.fixture
 def empty(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A file without groups, where each portion lasts for one piece of work alone; what is made goes."""
+    """A file without groups, where a portion does little; what is made goes."""
     monkeypatch.setattr(portions, "_LASTS", 0.0)
-    monkeypatch.setattr(portions, "_WORKS", 0.0)
+    monkeypatch.setattr(portions, "_WORKS", 0.004)
     measured_materials.register()
     yield
     for kind in ("materials", "node_groups", "images"):
@@ -77,7 +77,7 @@ def test_a_material_built_in_portions_is_that_built_at_once(mode: str, record: B
     expected = described(build())
     purge()
     material, count = in_portions(build)
-    assert count > 40 and described(material) == expected
+    assert count > 8 and described(material) == expected
     assert len(bpy.data.materials) == 1
     assert [tree for tree in bpy.data.node_groups if not tree.users] == []
 
@@ -95,7 +95,7 @@ def test_half_a_material_goes_without_a_trace(record: BrdfRecord, empty: None) -
 
 def test_a_group_that_undo_has_taken_is_begun_anew(record: BrdfRecord, empty: None) -> None:
     def undo(number: int) -> None:
-        if number == 30:
+        if number == 10:
             bpy.data.batch_remove([tree for tree in bpy.data.node_groups if not tree.users])
 
     def build() -> Any:
@@ -107,24 +107,27 @@ def test_a_group_that_undo_has_taken_is_begun_anew(record: BrdfRecord, empty: No
 
 
 def test_a_group_that_is_not_as_it_was_left_is_not_continued(record: BrdfRecord, empty: None) -> None:
+    edited: list[int] = []
+
     def edit(number: int) -> None:
         unfinished = [tree for tree in bpy.data.node_groups if "measured_materials_hash" not in tree]
-        if number == 30 and unfinished:
+        if number > 5 and unfinished and not edited:
             unfinished[-1].nodes.new("ShaderNodeMath")
+            edited.append(number)
 
     def build() -> Any:
         return build_brdf(record, choices=usual_choices(record), pack=True)[0]
 
     expected = {row[1] for row in described(build())}
     purge()
-    assert {row[1] for row in described(in_portions(build, edit)[0])} == expected
+    assert {row[1] for row in described(in_portions(build, edit)[0])} == expected and edited
 
 
 def test_what_is_wrong_is_told_as_at_once(record: BrdfRecord, empty: None, tmp_path: Path) -> None:
     document = json.loads(json.dumps(dict(record.document)))
     del document["envelope"]
     broken = BrdfRecord.parse(document, tmp_path)
-    with pytest.raises(BakeError, match="needs native closures"):
+    with pytest.raises(BakeError, match="mode exact needs"):
         in_portions(lambda: build_brdf(broken, choices=usual_choices(record, "exact")))
     assert not bpy.data.materials
 
@@ -133,3 +136,24 @@ def test_no_rest_without_portions() -> None:
     portions.rest()
     portions.no_return()
     assert portions.active() is None
+
+
+def test_a_rest_is_never_behind_the_point_of_no_return(empty: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(portions, "_WORKS", 0.0)
+    work = Portions()
+    with work.portion():
+        portions.rest()  # the first work of a portion is always done
+        with pytest.raises(Pause):
+            portions.rest()
+    with work.portion():
+        portions.rest()
+        portions.no_return()
+        portions.rest()
+
+
+def test_what_is_no_datablock_is_found_once(empty: None) -> None:
+    work, found = Portions(), []
+    for _ in range(3):
+        with work.portion():
+            assert portions.once("means", lambda: found.append(1) or len(found)) == 1
+    assert found == [1] and portions.once("means", lambda: 7) == 7

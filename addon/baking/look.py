@@ -115,6 +115,7 @@ def _doubts(elevations: NDArray[np.float64] | None, averages: NDArray[np.float64
 
 
 def sentence(words: str) -> str:
-    """Words of a warning as a whole sentence."""
+    """Words of a warning as a whole sentence; one that begins with a file's name stays so."""
     words = words.strip()
-    return words[:1].upper() + words[1:] + ("" if words.endswith((".", "!", "?")) else ".")
+    begin = words[:1] if "." in words.split(" ", 1)[0] else words[:1].upper()
+    return begin + words[1:] + ("" if words.endswith((".", "!", "?")) else ".")

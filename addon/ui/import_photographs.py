@@ -67,7 +67,8 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             draw_lines(self.layout, "Choose the photographs, or one of them for the whole folder.", letters=_SIDE)
             draw_lines(self.layout, "They are shown, and settings offered, before the bake.", letters=_SIDE)
             return
-        draw_look(self.layout, _given(chosen_photographs(self)))
+        if not self.advanced:  # both together are higher than most screens
+            draw_look(self.layout, _given(chosen_photographs(self)))
         draw_arc_settings(self.layout, self, self)
         if self.advanced:
             draw_lighting(

@@ -1,5 +1,6 @@
 """Run inside a real Blender window by desk_steps.py: all that keeps an artist waiting beside a measurement's import."""
 
+import functools
 import importlib
 import json
 import os
@@ -79,14 +80,18 @@ def modes(desk, uid):
         desk.check(f"mode {mode}", not found(uid).measured_quality.problem)
         desk.felt(f"mode {mode}")
     yield from setting(desk, later, uid, "mode", "reference")
-    desk.press("Z", ctrl=True)
-    yield 1.0
-    desk.check("a mode is undone in one step", desk.built_as(found(uid)) == ("exact", "exact"))
-    desk.press("Z", ctrl=True, shift=True)
-    yield 1.0
-    desk.check("and redone in one", desk.built_as(found(uid)) == ("reference", "reference"))
+    for words, mode, shift in (("undone", "exact", False), ("redone", "reference", True)):
+        desk.press("Z", ctrl=True, shift=shift)
+        built = functools.partial(is_built_as, desk, uid, mode)
+        yield from desk.soon(f"a mode is {words} in one step", built)
+        yield 0.5
     yield from setting(desk, later, uid, "mode", "exact")
     desk.felt("modes undone and redone")
+
+
+def is_built_as(desk, uid, mode):
+    """Whether this mode is set, and the material is built in it."""
+    return desk.built_as(found(uid)) == (mode, mode)
 
 
 def setting(desk, later, uid, name, value):

@@ -254,7 +254,7 @@ class Queue:
         self._told_at = now
         self._estimate(self.job.stage, self.job.share)
         place = f" ({self._number} of {self._total})" if self._total > 1 else ""
-        _status(f"Baking {one_line(self.task.title)}{place}: {self._estimate.words()}   |   Esc: Cancel")
+        _status(f"{self.task.doing} {one_line(self.task.title)}{place}: {self._estimate.words()}   |   Esc: Cancel")
 
 
 queue = Queue()

@@ -73,6 +73,7 @@ class LoadTask(Task):
     obj: bpy.types.Object | None
     settled: Callable[[bpy.types.Material], None]
     label: str = "Import Measured Material"
+    doing = "Loading"
     _obj: int = 0
 
     def __post_init__(self) -> None:

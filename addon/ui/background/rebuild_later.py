@@ -33,8 +33,7 @@ def build(changed: Any, context: bpy.types.Context | None) -> bool:
     Raises BakeError.
     """
     material = changed.id_data
-    area = getattr(context, "area", None)
-    if bpy.app.background or area is None or area.type not in _PANELS or changed != material.measured_quality:
+    if not _is_panel(context) or changed != material.measured_quality:
         _pending.pop(material.session_uid, None)
         kinds.kind_of(material).rebuild_as_set(material, changed)
         return False
@@ -45,6 +44,11 @@ def build(changed: Any, context: bpy.types.Context | None) -> bool:
     if not bpy.app.timers.is_registered(tick):
         bpy.app.timers.register(tick, first_interval=_BREATH)
     return True
+
+
+def _is_panel(context: bpy.types.Context | None) -> bool:
+    area = getattr(context, "area", None)
+    return not bpy.app.background and area is not None and area.type in _PANELS
 
 
 def _went_on(material: bpy.types.Material, work: Portions) -> bool:

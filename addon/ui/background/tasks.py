@@ -29,6 +29,7 @@ from ...material.kinds import kind_of
 from ...material.together import built_together
 from ...photographs.find_decoder import blender_decoder
 from ...summary.bake_stages import bake_stages
+from ...summary.quality_levels import learn_pace
 
 # What a material shown while it is baked says of itself: FRESH in the undo step that shows it first, BAKING after that.
 STATE_KEY = "measured_materials_bake"
@@ -54,10 +55,12 @@ class Job(Protocol):
 class Task(ABC):
     """One material to be made or changed.
 
-    `is_new` says that its bundle is made for it, and `replaces` that this lies in the place of another from then on.
+    `is_new` says that its bundle is made for it, and `replaces` that this lies in the place of another from then on;
+    `doing` is what the status bar says of it.
     """
 
     is_new = replaces = False
+    doing = "Baking"
     label: str
 
     @property
@@ -114,6 +117,11 @@ class BakeTask(Task):
 
     def new_job(self) -> Job:
         return BakeJob(self.request, self.target(), hosts(self.request, bpy.app.binary_path))
+
+    def learn(self, result: BakeResult, material: bpy.types.Material) -> None:
+        """How long bakes take here; the stages of anisotropic ones are others than were expected."""
+        if not getattr(record_of(material), "anisotropic", False):
+            learn_pace(self.request.settings, result.seconds)
 
     def bake_here(self, job: Job) -> BakeResult:
         assert isinstance(job, BakeJob)
@@ -181,6 +189,7 @@ class ImportTask(BakeTask):
         obj = found("objects", self._obj)
         why = assign(material, obj) if fresh else ""
         self.settled(material)
+        self.learn(result, material)
         place = f" on {obj.name}" if obj is not None and obj.active_material == material else ""
         if why and obj is not None:
             place = f" is not on {obj.name}: {why}"
@@ -260,6 +269,7 @@ class AgainTask(BakeTask):
         with contextlib.suppress(KeyError):
             del material[STATE_KEY]
         self.told(material)
+        self.learn(result, material)
         return f"{material.name}: {kind_of(material).words(material)}" + (f", was {before}" if before else "")
 
 
