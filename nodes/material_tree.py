@@ -15,6 +15,7 @@ from . import compat, portions
 from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
+from .second_group import connect_second, follow, samples_by_second, showing
 from .tangent_frame_group import surface_tangent_group
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
@@ -62,10 +63,13 @@ def lit_by_emission(material: bpy.types.Material, sampled: bool) -> None:
     Of a material that did so before, and does not now, what Cycles had been told is restored.
     """
     settings = material.cycles
-    if sampled:
+    if sampled or samples_by_second(material):
         if _EMISSION_KEY not in material:
             material[_EMISSION_KEY] = settings.emission_sampling
         settings.emission_sampling = "NONE"
+        for other, _ in showing(material):
+            if other.cycles.emission_sampling != "NONE":
+                lit_by_emission(other, True)
     elif _EMISSION_KEY in material:
         settings.emission_sampling = material[_EMISSION_KEY]
         del material[_EMISSION_KEY]
@@ -103,6 +107,8 @@ def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albe
     top = next((node for inner, node in places if inner == tree), None)
     if top is not None:
         _connect_outputs(tree, top)
+        connect_second(tree, top)
+    follow(material, group)
     for old in previous:
         # A group that an artist has worked in is left in the file, for its work to be taken over.
         if old.get(HASH_KEY) == content_hash(old):
@@ -145,7 +151,7 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
     fresh = node.node_tree is None
     before = exchange_group(tree, node, group)
     if fresh:
-        _connect_inputs(tree, node)
+        connect_inputs(tree, node)
     elif "Tangent" in node.inputs and "Tangent" not in before:
         _connect_tangent(tree, node)
 
@@ -171,7 +177,8 @@ def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.ty
     return node
 
 
-def _connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
+def connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
+    """Link a node that has just got its group to a normal and, where it takes them, a tangent and coordinates."""
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
     geometry.location = (-220, 200)
     tree.links.new(geometry.outputs["Normal"], node.inputs["Normal"])

@@ -20,14 +20,15 @@ MIX_FACTOR = "MM Mix Factor"
 
 def mix_factor_group() -> bpy.types.ShaderNodeTree:
     """(Factor, Salt) to 0 or 1; Mix Shaders behind one another need different salts to choose independently."""
-
-    def choose(factor: Any, salt: Any) -> Any:
-        position, (first, _, _) = ray_hash(salt)
-        number, _, _ = expr.white_noise(position, first)
-        return number < factor
-
     inputs = {"Factor": "float", "Salt": "float"}
-    return node_group(MIX_FACTOR, inputs, {"Factor": "float"}, choose, {"Factor": 0.5, "Salt": 1.0})
+    return node_group(MIX_FACTOR, inputs, {"Factor": "float"}, chosen, {"Factor": 0.5, "Salt": 1.0})
+
+
+def chosen(factor: Any, salt: Any) -> Any:
+    """1 as often as the factor says, else 0."""
+    position, (first, _, _) = ray_hash(salt)
+    number, _, _ = expr.white_noise(position, first)
+    return number < factor
 
 
 def is_mix_factor(node: bpy.types.Node) -> bool:

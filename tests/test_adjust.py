@@ -306,10 +306,12 @@ def test_what_is_linked_cannot_be_known(lacquer: Any) -> None:
     texture = tree.nodes.new("ShaderNodeTexNoise")
     tree.links.new(texture.outputs["Color"], node.inputs["Tint"])
     energy = energy_of(lacquer)
-    assert energy.words == "Tint is linked: whether it reflects too much light cannot be known"
+    assert energy.words == "Tint is linked, so whether the material reflects too much light cannot be known"
     assert not energy.gains and energy.mend is None
     tree.links.new(texture.outputs[0], node.inputs["Brightness"])
     assert energy_of(lacquer).words.startswith("Tint and Brightness are linked")
+    tree.links.new(texture.outputs[0], node.inputs["Saturation"])
+    assert energy_of(lacquer).words.startswith("Tint, Brightness and Saturation are linked")
 
 
 def test_saturation_in_numpy() -> None:

@@ -49,7 +49,7 @@ def test_bakes_files_and_models_together(measurement: Path, tmp_path: Path, caps
     assert main(["bake", "brdf", str(measurement), *models, "--out", str(out), *QUICK]) == 0
     printed = capsys.readouterr()
     assert len(printed.out.splitlines()) == 3 and "RMS" in printed.out
-    assert "3/3 ward: sampler" in printed.err
+    assert "3/3 ward: preparing directions" in printed.err
     lambert = read_bundle(out / "lambert.mmat").material
     # A Lambert table returns its albedo; half floats keep 11 bits, and the quadrature 5e-5.
     np.testing.assert_allclose(lambert["albedo"]["white_sky"], (0.1, 0.2, 0.3), rtol=6e-4)

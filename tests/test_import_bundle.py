@@ -96,11 +96,12 @@ def test_files_of_several_kinds_can_be_dropped_together(library: Path, plate: An
 
 
 def test_a_loaded_swatch_shows_the_settings_that_it_was_baked_with(library: Path, plate: Any, tmp_path: Path) -> None:
-    settings = ArcSettings(slices=5, tileable="offset", stack=StackSettings(size=12, crop=(0, 0, 14, 12), spread=33.0))
+    stack = StackSettings(size=12, crop=(0, 0, 14, 12), spread=33.0)
+    settings = ArcSettings(slices=5, compression="basis", stack=stack)
     bake_arc(library / "felt", tmp_path / "felt.mmat", settings)
     load(filepath=str(tmp_path / "felt.mmat"))
     shown = plate.active_material.measured_arc
-    assert (shown.slices, shown.tileable, shown.size, shown.spread) == (5, "offset", 12, 33)
+    assert (shown.slices, shown.compression, shown.size, shown.spread) == (5, "basis", 12, 33)
     assert shown.frame == "crop" and tuple(shown.crop) == (0, 0, 14, 12)
     document = json.loads((tmp_path / "felt.mmat" / MATERIAL).read_text())
     document["settings"]["stack"]["weather"] = "rain"

@@ -1,4 +1,4 @@
-"""Sub-command `bake photographs`, or `bake arc` as older scripts have it: photographs of a swatch on a light arc to bundles."""
+"""Sub-command `bake photographs`, or `bake arc` in older scripts: photographs on a light arc to bundles."""
 
 from __future__ import annotations
 
@@ -51,11 +51,15 @@ def add_to(kinds: Any) -> None:
     _add_map(arc.add_argument_group("shading map"))
     add_lighting(
         arc.add_argument_group("lighting, which can be changed later without baking"),
-        f"base reflection (f_r): {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF (lambert)",
+        f"base reflection (f_r): {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF "
+        "(lambert)",
         f"NAME|auto|FILE{SUFFIX}",
     )
     arc.add_argument(
-        "--plot", type=Path, metavar="FILE.png", help="draw the brightness of the photographs against their lights (needs matplotlib)"
+        "--plot",
+        type=Path,
+        metavar="FILE.png",
+        help="draw the brightness of the photographs against their lights (needs matplotlib)",
     )
     arc.add_argument("--json", action="store_true", help="print the result as JSON")
     arc.set_defaults(run=run, command="bake photographs")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import bpy
 
 from ...bake.errors import BakeError
+from ..material.adjust.blend import blend_with, partners_of, remove_blend
 from ..material.adjust.energy import energy_of
 from ..material.adjust.relief import add_bump, add_normal_map
 from ..material.adjust.swatch import WIDTH_KEY, lay_out, random_tiling_node, set_random_tiling
@@ -139,7 +140,60 @@ class MEASURED_MATERIALS_OT_random_tiling(_OfSwatch, bpy.types.Operator):
         return self._done(switched)
 
 
+def _partners(_self: object, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+    """Materials to choose from; Blender needs the words to stay where they are."""
+    global _listed
+    material = shown_material(context) if context is not None else None
+    names = [other.name for other in partners_of(material)] if material is not None else []
+    _listed = [(name, name, "") for name in names] or [("", "No other measured material", "")]
+    return _listed
+
+
+_listed: list[tuple[str, str, str]] = []
+
+
+class MEASURED_MATERIALS_OT_blend(_OfMaterial, bpy.types.Operator):
+    """Blend with another measured material by a mask: 0 shows this one, 1 the other"""
+
+    bl_idname = "measured_materials.blend"
+    bl_label = "Blend With"
+    bl_property = "second"
+
+    second: bpy.props.EnumProperty(name="Material", items=_partners)  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask which."""
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Blend them."""
+        material, second = shown_material(context), bpy.data.materials.get(self.second)
+
+        def blended() -> str:
+            if second is None:
+                raise BakeError(material.name, "there is no other measured material", "import one first")
+            blend_with(material, second)
+            return f"Blended with {second.name}; link a texture to the Mask"
+
+        return self._done(blended)
+
+
+class MEASURED_MATERIALS_OT_remove_blend(_OfMaterial, bpy.types.Operator):
+    """Show this material alone again"""
+
+    bl_idname = "measured_materials.remove_blend"
+    bl_label = "Remove Blend"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Take the second material out."""
+        remove_blend(shown_material(context))
+        return {"FINISHED"}
+
+
 classes = (
+    MEASURED_MATERIALS_OT_blend,
+    MEASURED_MATERIALS_OT_remove_blend,
     MEASURED_MATERIALS_OT_add_bump,
     MEASURED_MATERIALS_OT_add_normal_map,
     MEASURED_MATERIALS_OT_safe_brightness,

@@ -95,14 +95,19 @@ def glossy(material: bpy.types.Material, gloss: float) -> bpy.types.Material:
 
 def link_gloss(material: bpy.types.Material, low: float, high: float, threshold: float = 0.0) -> None:
     """Link Gloss to what is `low` where x of the shaded place is under a threshold, else `high`."""
+    link_socket(material, gloss_socket(material), low, high, threshold)
+
+
+def link_socket(material: bpy.types.Material, socket: Any, low: float, high: float, threshold: float = 0.0) -> None:
+    """The same of any input."""
     tree = material.node_tree
     place, parts = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
-    chosen = tree.nodes.new("ShaderNodeMapRange")
-    beyond = tree.nodes.new("ShaderNodeMath")
+    beyond, chosen = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMapRange")
+    for node in (place, parts, beyond, chosen):
+        node.label = "mask of the test"
     beyond.operation, beyond.inputs[1].default_value = "GREATER_THAN", threshold
-    chosen.interpolation_type = "LINEAR"
     chosen.inputs["To Min"].default_value, chosen.inputs["To Max"].default_value = low, high
     tree.links.new(place.outputs["Position"], parts.inputs[0])
     tree.links.new(parts.outputs["X"], beyond.inputs[0])
     tree.links.new(beyond.outputs[0], chosen.inputs["Value"])
-    tree.links.new(chosen.outputs["Result"], gloss_socket(material))
+    tree.links.new(chosen.outputs["Result"], socket)

@@ -55,14 +55,15 @@ class Energy:
 
     @property
     def words(self) -> str:
-        """One sentence for the artist; empty where all is well."""
+        """Whole sentences for the artist; empty where all is well."""
         if self.unknown:
-            names, many = " and ".join(self.unknown), len(self.unknown) > 1
-            return f"{names} {'are' if many else 'is'} linked: whether it reflects too much light cannot be known"
+            *others, last = self.unknown
+            names = f"{', '.join(others)} and {last} are" if others else f"{last} is"
+            return f"{names} linked, so whether the material reflects too much light cannot be known"
         if not self.gains:
             return ""
-        told = f"Reflects up to {self.largest:.4g} times the light that it receives"
-        return f"{told}; Brightness is safe up to {self.safe_brightness:.4g}"
+        told = f"The material reflects up to {self.largest:.4g} times the light that it receives"
+        return f"{told}. A Brightness of up to {self.safe_brightness:.4g} is safe"
 
 
 def energy_of(material: bpy.types.Material) -> Energy | None:

@@ -8,6 +8,8 @@ import bpy
 
 from ....nodes.adjustments import GLOSS, SOCKETS
 from ....nodes.material_tree import measured_nodes
+from ....nodes.second_group import MASK, mask_node, second_node
+from ...material.adjust.blend import second_of
 from ...material.adjust.energy import energy_of
 from ...material.adjust.relief import relief_nodes
 from ...material.adjust.swatch import random_tiling_node, swatch_mapping
@@ -15,8 +17,10 @@ from ...material.kinds import SHADING_MAP, kind_of
 from ..adjust import (
     MEASURED_MATERIALS_OT_add_bump,
     MEASURED_MATERIALS_OT_add_normal_map,
+    MEASURED_MATERIALS_OT_blend,
     MEASURED_MATERIALS_OT_lay_out,
     MEASURED_MATERIALS_OT_random_tiling,
+    MEASURED_MATERIALS_OT_remove_blend,
     MEASURED_MATERIALS_OT_safe_brightness,
 )
 from ..context import ForMeasured, shown_material
@@ -45,6 +49,7 @@ def draw_adjust(layout: Any, material: bpy.types.Material, lines: Lines) -> None
     layout.enabled = material.is_editable
     _draw_colour(layout, material, *place, lines)
     _draw_relief(layout, material)
+    _draw_blend(layout, material, lines)
     if kind_of(material) is SHADING_MAP:
         _draw_swatch(layout, material)
 
@@ -68,6 +73,20 @@ def _draw_colour(layout: Any, material: bpy.types.Material, tree: Any, node: Any
 def _draw_socket(layout: Any, tree: Any, node: Any, name: str) -> None:
     """An input as the material's Surface is drawn: a value to key, a dot to link a texture by, or what is linked."""
     layout.template_node_view(tree, node, node.inputs[name])
+
+
+def _draw_blend(layout: Any, material: bpy.types.Material, lines: Lines) -> None:
+    """The second material and the mask, or a button to choose one."""
+    node, mask = second_node(material.node_tree), mask_node(material.node_tree)
+    if node is None:
+        layout.operator(MEASURED_MATERIALS_OT_blend.bl_idname, icon="NODE_COMPOSITING")
+        return
+    second = second_of(material)
+    known = f"Blended with {second.name}" if second is not None else "Blended with a material that is gone"
+    lines.draw(layout, known, "NODE_COMPOSITING")
+    if mask is not None:
+        _draw_socket(layout, material.node_tree, mask, MASK)
+    layout.operator(MEASURED_MATERIALS_OT_remove_blend.bl_idname, icon="X")
 
 
 def _draw_relief(layout: Any, material: bpy.types.Material) -> None:
