@@ -12,13 +12,10 @@ from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import READERS, neural_brdf, read_source
 from measured_materials.bake.sources.analytic import by_name
+from support import format_files as files
+from support.format_files import GLOSSY, GREY, error, pairs
 
-from .support import format_files as files
-
-# Grey-green-blue, so that channels cannot be exchanged unseen; a lobe wide enough for 10-degree steps.
-GLOSSY = by_name("ggx", alpha=0.35, f0=(0.9, 0.5, 0.2))
 TURNED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
-GREY = ("Zemax BSDF", "LightTools", "FRED", "ALTA", "pab-opto", "WINDOW or Radiance XML")
 
 # RMS of f cos cos over RMS of the signal, of pairs between the written directions. What limits each: steps of 10
 # degrees and more (around the mirror, or of samples), cells without interpolation (Klems, trees), 15 degrees (UTIA).
@@ -36,25 +33,6 @@ LIMITS = {
     "WINDOW or Radiance XML": 0.25,
     "numpy array": 0.01,
 }
-
-
-def pairs(count: int = 4000, largest: float = 70.0) -> tuple[Array, Array]:
-    """Directions within the written elevations."""
-    rng = np.random.default_rng(1)
-    theta = np.arccos(1 - rng.random((2, count)) * (1 - np.cos(np.radians(largest))))
-    phi = rng.random((2, count)) * 2 * np.pi
-    return spherical(theta[0], phi[0]), spherical(theta[1], phi[1])
-
-
-def error(source: BrdfSource, truth: BrdfSource, grey: bool = False) -> float:
-    """RMS of the difference over RMS of the signal, both times both cosines."""
-    wi, wo = pairs()
-    weight = (wi[:, 2] * wo[:, 2])[:, None]
-    wanted = np.asarray(truth.evaluate(wi, wo)) * weight
-    if grey:
-        wanted = np.repeat(wanted[:, 1:2], 3, -1)
-    found = source.evaluate(wi, wo) * weight
-    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
 
 
 @pytest.mark.parametrize("name", [name for name in files.WRITERS if name in LIMITS])

@@ -12,8 +12,7 @@ from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import merl, read_source
 from measured_materials.bake.sources.analytic import by_name
-
-from .support.bundles import neural_merl
+from support.bundles import neural_merl
 
 SATIN = by_name("ggx", alpha=0.15, f0=(0.8, 0.5, 0.3))
 

@@ -63,7 +63,19 @@ def recorded(name: str) -> dict[str, float]:
     return json.loads((TESTS / "bench" / "recorded" / f"{name}.json").read_text(encoding="utf-8"))["values"]
 
 
-BENCHES = ("engine", "arc", "techniques", "lobes", "cost", "speed", "bases", "tables", "bytes", "anisotropic")
+BENCHES = (
+    "engine",
+    "arc",
+    "techniques",
+    "lobes",
+    "cost",
+    "speed",
+    "bases",
+    "tables",
+    "bytes",
+    "anisotropic",
+    "formats",
+)
 
 
 def test_the_benches_are_all_that_are_named(figures: Any) -> None:

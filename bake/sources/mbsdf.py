@@ -74,10 +74,9 @@ def _bytes(path: Path) -> bytes:
 
 def _table(path: Path, data: bytes, start: int) -> tuple[Array, int]:
     """The table whose three numbers begin at `start`, and where the next may begin."""
-    head = np.frombuffer(data[start : start + 12], "<u4")
-    if head.size != 3:
+    if len(data) < start + 12:
         _refuse(path, "ends within the sizes of a table")
-    kind, n_theta, n_phi = (int(number) for number in head)
+    kind, n_theta, n_phi = (int(number) for number in np.frombuffer(data, "<u4", 3, start))
     if kind not in (0, 1) or not n_theta or not n_phi:
         _refuse(path, f"describes a table of kind {kind}, {n_theta} x {n_theta} x {n_phi}, which does not exist")
     channels = 3 if kind else 1

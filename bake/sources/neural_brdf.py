@@ -21,6 +21,7 @@ import numpy as np
 from ..errors import BakeError
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import LookupSource
+from .lookup.npy_file import load_npy
 
 LAYERS = 3
 _INPUTS, _OUTPUTS, _MOST_UNITS = 6, 3, 1024
@@ -83,21 +84,14 @@ def _from_npy(path: Path) -> list[Layer]:
     if match is None:
         raise BakeError(path, "is not named as a part of a network (fc1 to fc3, b1 to b3)", _REMEDY)
     return [
-        (_array(path.with_name(f"{match['base']}fc{n}.npy")), _array(path.with_name(f"{match['base']}b{n}.npy")))
+        (_part(path, f"{match['base']}fc{n}.npy"), _part(path, f"{match['base']}b{n}.npy"))
         for n in range(1, LAYERS + 1)
     ]
 
 
-def _array(path: Path) -> Array:
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise BakeError(path, f"has more than {_MOST_BYTES >> 20} MiB", _REMEDY)
-        # Pickled objects could run code of the file's author.
-        return np.asarray(np.load(path, allow_pickle=False))
-    except FileNotFoundError:
-        raise BakeError(path, "is missing: a network has six parts", _REMEDY) from None
-    except (OSError, ValueError, EOFError, SyntaxError, MemoryError) as error:
-        raise BakeError(path, f"cannot be read ({str(error).splitlines()[0][:80]})", _REMEDY) from error
+def _part(path: Path, name: str) -> Array:
+    """One of the six arrays, which stand beside each other."""
+    return load_npy(path.with_name(name), _MOST_BYTES, _REMEDY)
 
 
 def _from_h5(path: Path) -> list[Layer]:

@@ -15,6 +15,7 @@ from ..directions import polar_angle
 from ..errors import BakeError
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import Axis, LookupSource, azimuth_between, azimuth_of, interpolate, negative_facts
+from .lookup.npy_file import load_npy
 from .lookup.text_file import LARGEST_VALUE
 from .neural_brdf import READER as NETWORK
 
@@ -56,18 +57,11 @@ def read(path: Path) -> LookupSource:
 
 
 def _table(path: Path) -> Array:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise BakeError(path, f"has more than {MAX_BYTES >> 30} GiB", _REMEDY)
-        # Pickled objects could run code of the file's author.
-        table = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError, MemoryError) as error:
-        raise BakeError(path, f"cannot be read ({str(error).splitlines()[0][:80]})", _REMEDY) from error
-    if not isinstance(table, np.ndarray) or table.ndim not in (4, 5) or table.shape[-1] != 3 or min(table.shape) < 2:
-        raise BakeError(path, f"holds an array of shape {getattr(table, 'shape', '?')}", _REMEDY)
+    table = load_npy(path, MAX_BYTES, _REMEDY)
+    if table.ndim not in (4, 5) or table.shape[-1] != 3 or min(table.shape) < 2:
+        raise BakeError(path, f"holds an array of shape {table.shape}", _REMEDY)
     if table.dtype.kind != "f":
         raise BakeError(path, f"holds {table.dtype}, not floats", _REMEDY)
-    table = table.astype(np.float64)
     if not np.isfinite(table).all() or np.abs(table).max() > LARGEST_VALUE:
         raise BakeError(path, f"holds values that are not finite or exceed {LARGEST_VALUE:g} 1/sr", _REMEDY)
     return table

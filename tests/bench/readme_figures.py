@@ -143,6 +143,10 @@ def _kind(label: str, name: str) -> Stated:
     return Stated("speed", _row(label, *times, *rest))
 
 
+def _format(label: str, name: str) -> Stated:
+    return Stated("formats", f"| {label} | {{round trip, {name}|2s%}} % |", "addon/docs/formats.md")
+
+
 _BASES = (
     "median {{{0}, gain, median|0}} times, glossy half {{{0}, gain, glossy half|0}} times, "
     "least {{{0}, gain, least|{1}}}"
@@ -152,6 +156,19 @@ _NODES, _OSL = "nodes, n varies", "OSL, n varies"
 _MERL, _RGL = "MERL reconstructions", "RGL measurements"
 
 STATED = (
+    _format("MERL", "MERL"),
+    _format("NVIDIA MBSDF", "NVIDIA MBSDF"),
+    _format("numpy array", "numpy array"),
+    _format("Zemax tabular BSDF", "Zemax BSDF"),
+    _format("Integra DDR", "Integra DDR"),
+    _format("FRED", "FRED"),
+    _format("LightTools", "LightTools"),
+    _format("ASTM E2387", "ASTM E2387"),
+    _format("ALTA", "ALTA"),
+    _format("pab-opto", "pab-opto"),
+    _format("table of samples", "table of samples"),
+    _format("Klems matrix", "WINDOW or Radiance XML"),
+    _format("UTIA", "UTIA"),
     _engine("Preview", "preview"),
     _engine("Balanced", "balanced"),
     _engine("Exact", "exact"),

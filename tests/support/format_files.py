@@ -10,6 +10,7 @@ import numpy as np
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import neural_brdf, utia
+from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.goniometer.specular_frame import direction_around
 from measured_materials.bake.sources.radiance.klems import BASES
 
@@ -280,6 +281,31 @@ def write_network(path: Path, source: BrdfSource | None = None) -> Path:
 
 
 assert neural_brdf.LAYERS == len(network_weights())
+
+# Grey-green-blue, so that channels cannot be exchanged unseen; a lobe wide enough for 10-degree steps.
+GLOSSY = by_name("ggx", alpha=0.35, f0=(0.9, 0.5, 0.2))
+# Their files hold one channel here, the green one.
+GREY = ("Zemax BSDF", "LightTools", "FRED", "ALTA", "pab-opto", "WINDOW or Radiance XML")
+
+
+def pairs(count: int = 4000, largest: float = 70.0) -> tuple[Array, Array]:
+    """Directions within the written elevations."""
+    rng = np.random.default_rng(1)
+    theta = np.arccos(1 - rng.random((2, count)) * (1 - np.cos(np.radians(largest))))
+    phi = rng.random((2, count)) * 2 * np.pi
+    return spherical(theta[0], phi[0]), spherical(theta[1], phi[1])
+
+
+def error(source: BrdfSource, truth: BrdfSource, grey: bool = False) -> float:
+    """RMS of the difference over RMS of the signal, both times both cosines."""
+    wi, wo = pairs()
+    weight = (wi[:, 2] * wo[:, 2])[:, None]
+    wanted = np.asarray(truth.evaluate(wi, wo)) * weight
+    if grey:
+        wanted = np.repeat(wanted[:, 1:2], 3, -1)
+    found = source.evaluate(wi, wo) * weight
+    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
+
 
 Writer = Callable[[Path, BrdfSource], Path]
 WRITERS: dict[str, tuple[str, Writer]] = {

@@ -1,0 +1,36 @@
+"""Files of every format, written by its layout from a known BRDF and read again: error, and seconds of reading."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from measured_materials.bake.sources import merl, read_source
+from record import put
+from support.format_files import GLOSSY, GREY, WRITERS, error
+
+
+def run(out: Path, quick: bool) -> None:
+    """All formats that a test writes; --quick is the same."""
+    print("RMS of f cos cos over that of the signal, between the written directions")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (suffix, write) in WRITERS.items():
+            if name == "Neural-BRDF":  # what it is compared with is the network itself
+                continue
+            _show(name, write(Path(folder) / f"sample{suffix}", GLOSSY), name in GREY)
+        path = Path(folder) / "sample.binary"
+        merl.write_merl(path, GLOSSY, "bins")
+        _show("MERL", path, False)
+
+
+def _show(name: str, path: Path, grey: bool) -> None:
+    started = time.process_time()
+    source = read_source(path)
+    seconds = time.process_time() - started
+    found = error(source, GLOSSY, grey)
+    print(f"{name:24s}{100 * found:8.2g} %{seconds:8.2f} s to read  {source.facts['interpolation']}")
+    put(f"round trip, {name}", found)
