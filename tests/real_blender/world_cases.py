@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 from common import ours
-from lamp_cases import Case, Dress, Materials, add_lamp, ball, bump, card_before, on, plane
+from lamp_cases import Case, Dress, Materials, add_lamp, ball, bump, card_before, measured_node, on, plane
 from mathutils import Vector
 
 _ROWS, _COLUMNS = 64, 128
@@ -127,6 +127,22 @@ def by_the_lens(scene: bpy.types.Scene) -> Dress:
     return on(ball(scene))
 
 
+def glossier(scene: bpy.types.Scene) -> Dress:
+    """World and lamp, by a table whose directions a change of gloss carries elsewhere; one half is softer."""
+    surround(scene, indoors())
+    add_lamp(scene, "AREA", energy=40, size=1.2)
+    first = ball(scene, (-0.5, 0, 0), (0.5, 0.5, 0.5))
+    second = ball(scene, (0.5, 0, 0), (0.5, 0.5, 0.5))
+
+    def dress(materials: Materials) -> None:
+        for name, gloss in (("paint", 2.0), ("metal", 0.6)):
+            measured_node(materials[name]).inputs["Gloss"].default_value = gloss
+        on(first)(materials)
+        on(second, name="metal")(materials)
+
+    return dress
+
+
 def exchange(scene: bpy.types.Scene) -> None:
     """Another picture in the same world: materials aim at it, until they are fitted to the scene again."""
     texture = next(node for node in scene.world.node_tree.nodes if node.bl_idname == "ShaderNodeTexEnvironment")
@@ -137,6 +153,7 @@ CASES = {
     "world with a sun": Case(under_the_sun, samples=96),
     "world with a window": Case(in_a_room, samples=96),
     "world and lamps": Case(beside_a_lamp, samples=96),
+    "world and lamp, gloss": Case(glossier, samples=192),
     "world that cameras miss": Case(not_for_cameras, samples=288),
     "world under a plane": Case(leaning, samples=96),
     "world by the lens": Case(by_the_lens, samples=64),
