@@ -19,6 +19,9 @@ from .mix_factor_group import MIX_FACTOR, chosen
 # Custom properties of nodes: the material whose group it holds, the output it mixes, and that it gives the factors.
 SECOND_KEY, MIX_KEY, MASK_KEY = (f"measured_materials_{name}" for name in ("second", "mixed", "mask"))
 MASK = "Mask"
+# Lamps that materials aim at in a file that holds a blend: Cycles computes what both groups ask of a lamp once, and
+# keeps it on its stack for both, up to 57 floats each. Two and the world leave 33 of 255; others are met by chance.
+MOST_LAMPS = 2
 OUTPUTS = {"BSDF": "Factor", "EEVEE": "EEVEE"}
 
 
@@ -36,6 +39,11 @@ def mask_group() -> bpy.types.ShaderNodeTree:
 def second_node(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
     """The node that holds the second group."""
     return next((node for node in tree.nodes if SECOND_KEY in node), None)
+
+
+def is_blended(material: bpy.types.Material) -> bool:
+    """Whether a material shows a second one."""
+    return material.node_tree is not None and second_node(material.node_tree) is not None
 
 
 def mask_node(tree: bpy.types.NodeTree) -> bpy.types.Node | None:

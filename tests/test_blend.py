@@ -21,16 +21,17 @@ from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
 from measured_materials.nodes import compat
+from measured_materials.nodes.aimed_light_group import SLOTS_KEY, can_switch
 from measured_materials.nodes.feature_passes import store_feature_passes
 from measured_materials.nodes.material_tree import lit_by_emission, measured_nodes
 from measured_materials.nodes.osl_script import use_osl
-from measured_materials.nodes.second_group import MIX_KEY, mask_node, mix_nodes, second_node
+from measured_materials.nodes.second_group import MIX_KEY, MOST_LAMPS, mask_node, mix_nodes, second_node
 from support import bundles
 from support.clean_blend import clean_blend  # noqa: F401
 from support.gloss import link_socket
 from support.monte_carlo import assert_agree
 from support.osl import skip_without_osl
-from support.scenes import TestScene, lit_sphere
+from support.scenes import TestScene, add_lamp, lit_sphere
 from test_addon import Stage, lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 from test_unbiased import FINDS, stage
@@ -202,3 +203,18 @@ def test_panel_and_operators(lacquer: Any, pair: tuple[Bundle, Bundle]) -> None:
     assert f"Blended with {second.name}" in texts and "measured_materials.remove_blend" in texts
     assert bpy.ops.measured_materials.remove_blend() == {"FINISHED"}
     assert second_of(lacquer) is None
+
+
+def test_fewer_lamps_are_aimed_at_beside_a_blend(pair: tuple[Bundle, Bundle]) -> None:
+    """At once, and again as many as there are when the blend is gone."""
+    first, second = materials_of(pair, aim="always")
+    with lit_sphere(first, lamp_size=0.6, resolution=32) as scene:
+        for place in ((-2, -1, 2), (0, 2, 2)):
+            add_lamp(scene, "AREA", place, energy=50)
+        update_scene(scene.scene)
+        aims = [tree for tree in bpy.data.node_groups if can_switch(tree) and tree[SLOTS_KEY]]
+        assert aims and {tree[SLOTS_KEY] for tree in aims} == {3}
+        blend_with(first, second)
+        assert {tree[SLOTS_KEY] for tree in aims} == {MOST_LAMPS}
+        remove_blend(first)
+        assert {tree[SLOTS_KEY] for tree in aims} == {3}

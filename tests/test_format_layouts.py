@@ -276,3 +276,13 @@ def test_a_side_is_chosen_and_missing_ones_are_named(tmp_path: Path) -> None:
     assert str(read_source(path, Reading(side="back")).facts["side"]).startswith("back")
     with pytest.raises(BakeError, match="no reflection of its front"):
         read_source(path, Reading(side="front"))
+
+
+@pytest.mark.parametrize(("suffix", "write"), [(".bsdf", files.write_zemax), (".ddr", files.write_integra)])
+def test_no_black_rim_where_files_pad_with_zeros(suffix: str, write: files.Writer, tmp_path: Path) -> None:
+    """Around the mirror direction, half of the angles lie below the horizon, where files hold 0."""
+    source = read_source(write(tmp_path / f"white{suffix}", by_name("lambert", diffuse=(0.5, 0.5, 0.5))))
+    phi = np.linspace(0, 2 * np.pi, 37)
+    for theta_i in (20.0, 50.0, 74.0):
+        wi, wo = spherical(np.radians(theta_i), 0.3), spherical(np.radians(86.0), phi)
+        np.testing.assert_allclose(source.evaluate(wi, wo), 0.5 / np.pi, rtol=1e-3)

@@ -206,7 +206,9 @@ def test_every_number_of_the_osl_twin_is_taken_once() -> None:
     start, stop = text.index("    if (Points > 0) {"), text.index("    if (Lamps > 0 && Shares")
     # 4 thrice: what the table gives of lamps, world and mirror is added. 6 and 7 twice: they may be the lens' numbers.
     assert "mm_by_lens(Lens, xi[6], xi[7]);" in text[start:stop]
-    assert _taken(text[start:stop]) == [0, 1, 2, 3, 4, 4, 4, 5, 6, 6, 7, 7]
+    # 5 twice, for one choice or the other: of a mirror that is aimed, or of one that meets a lamp and is not.
+    assert "if (followed >= 0 && !aims) {" in text[start:stop]
+    assert _taken(text[start:stop]) == [0, 1, 2, 3, 4, 4, 4, 5, 5, 6, 6, 7, 7, 8]
     text = text[:start] + text[stop:]
     # Where the lens is known the first chooses closures or mirror, not the sixth: what that leaves of it is even.
     assert "    if (Lens[2] > 0)\n      mm_choose_by_first(chance, xi[0], xi[5]);\n    if (xi[5] >= chance)" in text

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.material.adjust.blend import blend_with
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.settings import BakeSettings
@@ -22,11 +23,15 @@ from measured_materials.bake.shading_maps.record import read_record
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat, expr
+from measured_materials.nodes.adjustments import SOCKETS
+from measured_materials.nodes.aimed_light_group import aim_by, can_switch
 from measured_materials.nodes.feature_passes import albedo_polynomial, with_feature_outputs
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import assemble
+from measured_materials.nodes.second_group import MOST_LAMPS, mask_node
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.coarse_bakes import coarse_bakes
+from support.gloss import link_socket
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 from support.swatches import map_bundle, rough_map
 
@@ -163,6 +168,23 @@ def test_measured_brdfs_leave_room(paint: Bundle, name: str) -> None:
     material = brdf_material(paint, name)
     assert fits_with(material, ROOM)
     assert closures_in(material) <= CLOSURES // 4  # a material may be mixed with three others
+
+
+def test_adjusted_and_blended_brdfs_fit(paint: Bundle, half_paint: Bundle) -> None:
+    """All that an artist can link is linked, 21 floats were left; and a blend, in which fewer lamps are aimed at."""
+    material = brdf_material(paint, "balanced, bspline")
+    blended = brdf_material(paint, "balanced, bspline")
+    blend_with(blended, brdf_material(half_paint, "balanced, bspline"))
+    link_socket(blended, mask_node(blended.node_tree).inputs["Mask"], 0.2, 0.8)
+    inputs = next(node.inputs for node in material.node_tree.nodes if "Gloss" in node.inputs)
+    for name in (*SOCKETS, "Gloss"):
+        link_socket(material, inputs[name], 0.5, 1.5)
+    assert fits_with(material, ROOM // 3)
+    assert fits_with(material, ROOM // 3)
+    for group in filter(can_switch, bpy.data.node_groups):
+        aim_by(group, MOST_LAMPS, world=True)
+    assert fits_with(blended, ROOM // 3)
+    assert closures_in(blended) <= CLOSURES // 2
 
 
 @pytest.mark.parametrize("name", BRDFS)

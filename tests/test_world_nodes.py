@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lights import aim_targets, light_tables
+from measured_materials.addon.lights.aim_targets import sampling_of
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.addon.material.build_brdf import build_brdf
@@ -213,3 +214,5 @@ def test_the_account_tells_what_is_sampled(no_shadows: None, paint: Bundle) -> N
         scene.world.lightgroup = "sky"
         sampled, aimed, _ = account()
         assert not sampled and "the world" in aimed
+        told = sampling_of(survey_scene(scene)).needless
+        assert told == "the world's light goes to light group sky, and aiming at it is worth more"

@@ -52,12 +52,12 @@ def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
             beside="the world, sampled in the shader too: half the noise of a mirror aimed at it", gain=gain
         )
     if not report.slots:
-        return Sampling(needless="no lamp that can be sampled")
+        return Sampling(needless=f"no lamp that can be sampled, and {report.world_inexact}")
     if not report.world.aimed:
         return Sampling()
     if osl:  # whose shader does both
         return Sampling(beside="the world, by the mirror of the rest")
-    return Sampling(needless="aiming at the world is worth more")
+    return Sampling(needless=f"{report.world_inexact}, and aiming at it is worth more")
 
 
 def lamps_are_alone(report: LampReport) -> bool:

@@ -25,6 +25,7 @@ from ...bake.sampling.lamps import TEXELS, lamp_table
 from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, aim_by, aimed_light_group, can_switch
 from ...nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
 from ...nodes.light_images import new_table, world_table
+from ...nodes.second_group import MOST_LAMPS, is_blended
 from ..events import listen, stop_listening
 from . import image_reload, seen_world, world_survey
 from .exact_lamps import volume_in_file
@@ -143,7 +144,7 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
                 _needs.pop((scene, older), None)
         sampled = 0 if report.inexact else report.slots
         _needs[key] = _Need(report.slots, report.world.aimed, sampled, report.volume, bool(shown[0, 0, 3] > 0))
-        _fit_slots()
+        fit_slots()
         follow_cameras()
     changed = world_survey.write_world(report.world) if report.world.aimed else []
     table = table_of(report)
@@ -157,7 +158,7 @@ def _follow(report: LampReport, key: tuple[int, Any] | None, viewport: bool = Tr
     return report
 
 
-def _fit_slots() -> None:
+def fit_slots() -> None:
     """Let all materials aim at as many lamps as the scene that needs most: windows may show several, in turn."""
     shown = {(s.session_uid, which) for s in bpy.data.scenes for which in (False, True, *s.view_layers.keys())}
     needs = [need for key, need in _needs.items() if key in shown]
@@ -166,6 +167,8 @@ def _fit_slots() -> None:
     sampled = min((need.sampled for need in needs if need.slots), default=0) and slots * can_raycast()
     # The world's own table is dark in a scene where that may not be sampled.
     lit = can_raycast() and any(need.lit for need in needs)
+    if any(is_blended(material) for material in bpy.data.materials):
+        slots = min(slots, MOST_LAMPS)
     for group in bpy.data.node_groups:
         if can_switch(group):
             if SAMPLED_KEY in group:
@@ -246,7 +249,7 @@ def _after_an_edit(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> N
                 # A material may bring a volume, or take it away.
                 if volume_in_file() != known.volume:
                     update_lamps(depsgraph)
-                _fit_slots()
+                fit_slots()
 
 
 @contextmanager

@@ -301,8 +301,6 @@ NO_FIGURES = (
     "at most 0.1 % of the light is too much",
     "medians over 12 materials",
     "median of 8 measured materials",
-    "are counted and set to 0",
-    "31 wavelengths",
     "Exit codes: 0 done, 1 bad input (one line naming file, cause and remedy), 2 usage",
     "The exit code is 1 where",
     "Principled BSDF = 1",

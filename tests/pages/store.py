@@ -37,7 +37,7 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
     """The studio's ball three times."""
     names = list(records)
     materials = {name: bpy.data.materials.new(name) for name in names}
-    scene = build_studio(materials[names[1]], resolution=(1920, 1080), samples=32)
+    scene = build_studio(materials[names[1]], resolution=(1920, 1080), samples=12)
     shown = [o for o in scene.objects if o.type == "MESH" and o.active_material == materials[names[1]]]
     for k, name in enumerate(names):
         if k == 1:
@@ -63,7 +63,7 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
 def _icon(record: BrdfRecord) -> object:
     """A sphere alone, without background."""
     material = bpy.data.materials.new("icon")
-    scene = build_studio(material, resolution=(256, 256), samples=128, shape="sphere")
+    scene = build_studio(material, resolution=(256, 256), samples=64, shape="sphere")
     for obj in scene.objects:
         if obj.type == "MESH" and obj.active_material != material:
             obj.visible_camera = False

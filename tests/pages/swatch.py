@@ -13,7 +13,7 @@ from measured_materials.bake.images.image_io import read_image
 from PIL import Image
 
 ELEVATIONS = (5.0, 14.0, 23.0, 33.0, 42.0, 51.0, 60.0, 70.0, 79.0, 88.0)
-_SWATCHES = {"denim": "jeans", "suede": "suede"}
+_SWATCHES = {"denim": "jeans"}
 _PHOTOGRAPH, _SAMPLES = 192, 32
 
 
@@ -27,7 +27,9 @@ def make(out: Path, folder: Path) -> None:
     cells = [Cell(p * np.float32(bright), f"Lamp at {e:g}°") for p, e in zip(pixels, ELEVATIONS)]
     write_sheet(folder / "sheet.png", cells, 5)
     save(Image.open(folder / "sheet.png"), out / "swatch_photographs.jpg")
-    save(Image.open(folder / "plot.png"), out / "swatch_plot.jpg", 900)
+    # Of the report's three plots the first; the others are of the stored map.
+    plot = Image.open(folder / "plot.png")
+    save(plot.crop((0, round(0.055 * plot.height), round(0.362 * plot.width), plot.height)), out / "swatch_plot.jpg")
     file = folder / "denim.png"
     run(["render", str(bundle), "--resolution", "440", "--samples", "96", "--repeat", "3"], file)
     save(Image.open(file), out / "swatch.jpg")

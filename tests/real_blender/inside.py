@@ -34,8 +34,15 @@ bpy.ops.measured_materials.bake_again()
 require(cube.active_material == material, "baking again changed the material's identity")
 
 bpy.ops.wm.save_as_mainfile(filepath=str(Path(here, "saved.blend")))
+require(bpy.ops.measured_materials.mark_asset() == {"FINISHED"}, "the material was not marked as an asset")
+data, catalogues = material.asset_data, Path(here, "blender_assets.cats.txt")
+require(data.catalog_id in catalogues.read_text(encoding="utf-8"), "its catalogue is not in the library")
+require([tag.name for tag in data.tags] == ["Measured", "MERL", "Paint"], "the tags are others")
+bpy.ops.wm.save_mainfile()
 bpy.ops.wm.open_mainfile(filepath=str(Path(here, "saved.blend")))
 material = bpy.data.materials["lacquer"]
+require(tuple(material.preview.image_size) == (128, 128), "the asset's picture was not saved")
+require(material.asset_data.description.startswith("Measured reflectance (MERL): lacquer."), "nor its description")
 require(material.measured_materials.resolution == 12, "the settings were not saved")
 images = [image for image in bpy.data.images if image.name.startswith("lacquer")]
 require(len(images) > 2, f"the textures were not kept: {images}")

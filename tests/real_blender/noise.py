@@ -1,6 +1,7 @@
 """Noise and time of materials whose shader samples light in a real Blender: `python noise.py DIR|BLENDER [NAME ...]`.
 
-Names of lights of `bench engine` and of its materials may follow, and `--quiet` for a camera whose lens places draws.
+Names of lights of `bench engine` and of its materials may follow, `--quiet` for a camera whose lens places draws, and
+`--bundles=DIR` for bakes that are kept there, or lie there already.
 Scenes, samples and figures are those of `bench engine`, of what nodes can do from Blender 5.1 on: beside a Principled
 BSDF of about the same look, and beside a mirror that is aimed at the light.
 """
@@ -8,6 +9,7 @@ BSDF of about the same look, and beside a mirror that is aimed at the light.
 from __future__ import annotations
 
 import json
+import shutil
 import statistics
 import sys
 import tempfile
@@ -31,11 +33,14 @@ USUAL = ("felt", "metallic paint", "phenolic", "bronze", "satin", "flake paint")
 VARIANTS = ("aimed", "sampled")
 
 
-def prepared(share: Path, names: list[str]) -> None:
+def prepared(share: Path, names: list[str], bundles_in: Path) -> None:
     """Bundles of the materials, what stands for them, and the scenes of `bench engine`, to a folder."""
     kinds = [kind for kind in KINDS if kind.name in names]
     for kind in kinds:
-        bake_source(kind.source(share), bundle_path(kind, share), BakeSettings())
+        if not bundle_path(kind, bundles_in).is_dir():
+            bake_source(kind.source(share), bundle_path(kind, bundles_in), BakeSettings())
+        if bundles_in != share:
+            shutil.copytree(bundle_path(kind, bundles_in), bundle_path(kind, share))
     stand_ins = {kind.name: asdict(fit_principled(kind.source(share))) for kind in kinds}
     bundles = {kind.name: bundle_path(kind, share).name for kind in kinds}
     (share / "noise.json").write_text(json.dumps({"bundles": bundles, "stand_ins": stand_ins}), encoding="utf-8")
@@ -75,7 +80,8 @@ def main(place: Path, words: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         share = Path(folder)
         share.chmod(0o755)
-        prepared(share, names)
+        kept = [Path(word.removeprefix("--bundles=")) for word in words if word.startswith("--bundles=")]
+        prepared(share, names, *(kept or [share]))
         blender = Blender(place, share)
         print(f"noise: {blender.install()}", flush=True)
         rows = []

@@ -89,6 +89,7 @@ def _keep_alive(material: bpy.types.Material, vectors: int) -> bpy.types.ShaderN
 
 def _two_chains(vectors: int) -> tuple[Any, Any]:
     """The largest of many vectors, found twice; `_let_live` shortens the chains by the names of their nodes."""
+    expr.need_tree()  # nodes get names here
     position = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Position"])
     live = [expr.scale(position, k + 1.5) for k in range(vectors)]
     ends = []

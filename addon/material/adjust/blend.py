@@ -21,6 +21,7 @@ from ....nodes.second_group import (
     second_node,
     without_passes,
 )
+from ...lights.light_tables import fit_slots
 from ..facts import is_measured
 
 # Nodes that give the second group its inputs, which go with it.
@@ -61,6 +62,7 @@ def blend_with(material: bpy.types.Material, second: bpy.types.Material) -> None
     node[SECOND_KEY] = second
     connect_inputs(tree, node)
     _take_over(tree, first, node, *other)
+    _keep_apart(tree, node.inputs["Normal"])
     mask = tree.nodes.new("ShaderNodeGroup")
     mask.node_tree, mask.label, mask[MASK_KEY] = mask_group(), "Blend", True
     mask.location = (first.location.x + 300, first.location.y + 180)
@@ -71,6 +73,7 @@ def blend_with(material: bpy.types.Material, second: bpy.types.Material) -> None
             _mix(tree, first, output, mask.outputs[factor])
     connect_second(tree, first)
     lit_by_emission(material, material.cycles.emission_sampling == "NONE")
+    fit_slots()
 
 
 def remove_blend(material: bpy.types.Material) -> None:
@@ -90,6 +93,7 @@ def remove_blend(material: bpy.types.Material) -> None:
     for helper in reversed([n for n in tree.nodes if n.get(_HELPER_KEY)]):
         if not any(socket.is_linked for socket in helper.outputs):
             tree.nodes.remove(helper)
+    fit_slots()
 
 
 def _take_over(
@@ -112,6 +116,20 @@ def _take_over(
         if theirs.bl_idname == ours.bl_idname == "ShaderNodeMapping":
             for name in ("Location", "Rotation", "Scale"):
                 ours.inputs[name].default_value = theirs.inputs[name].default_value
+
+
+def _keep_apart(tree: bpy.types.NodeTree, normal: bpy.types.NodeSocket) -> None:
+    """Give the second group the same normal from a node of its own.
+
+    Cycles computes equal nodes of both groups once, and would keep what the second needs of them on its stack all
+    through the first: so it does not keep the viewer's frame.
+    """
+    passed = tree.nodes.new("ShaderNodeVectorMath")
+    passed.operation, passed.label = "MAXIMUM", "Same normal"  # than less than any: nothing that Cycles would leave out
+    passed.inputs[1].default_value = (-2, -2, -2)
+    passed.location = (normal.node.location.x - 200, normal.node.location.y)
+    tree.links.new(normal.links[0].from_socket, passed.inputs[0])
+    tree.links.new(passed.outputs[0], normal)
 
 
 def _mix(tree: bpy.types.NodeTree, first: bpy.types.Node, output: str, factor: bpy.types.NodeSocket) -> None:

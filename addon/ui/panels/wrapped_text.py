@@ -10,9 +10,9 @@ import bpy
 
 from ...summary.text import one_line
 
-# At a UI scale of 1, in pixels: what a panel keeps at its sides; a sidebar's tabs; an icon; a panel's width
-# and a letter's where there is no window to ask.
-_MARGIN, _TABS, _ICON, _USUAL_WIDTH, _USUAL_LETTER = 40, 22, 22, 300, 6.0
+# At a UI scale of 1, in pixels: what a panel keeps at its sides; a sidebar's tabs; an icon; what lies between the
+# parts of a row; a panel's width and a letter's where there is no window to ask.
+_MARGIN, _TABS, _ICON, _GAP, _USUAL_WIDTH, _USUAL_LETTER = 40, 22, 22, 14, 300, 6.0
 
 
 def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:
@@ -64,7 +64,7 @@ class Lines:
 
     def draw(self, layout: Any, text: str, icon: str = "NONE", *, faint: bool = False, part: float = 1.0) -> None:
         """Labels below each other, the first with the icon; `part` is the layout's share of the width."""
-        room = max(self.width * part - (_ICON if icon != "NONE" else 0), 40)
+        room = max(self.width * part - (_ICON if icon != "NONE" else 0) - (_GAP if part < 1 else 0), 40)
         column = layout.column(align=True)
         column.active = not faint
         # Close together, as lines of one sentence.

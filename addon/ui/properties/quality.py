@@ -45,7 +45,7 @@ _AIM = bpy.props.EnumProperty(
 )
 _SAMPLE = bpy.props.EnumProperty(
     name="Sample Lamps",
-    description="Let the shader sample lamps, in OSL also the picture of the world, itself rather than aim a mirror",
+    description="Let the shader sample lamps, and the picture of the world, itself rather than aim a mirror",
     items=[
         (AUTO, "Automatic", "Where this Blender can, and the lamps' light is known exactly"),
         ("always", "Always", "Also where aiming is worth more; refused where the picture would be wrong"),
