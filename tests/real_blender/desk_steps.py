@@ -241,11 +241,12 @@ def steps():
         felt("end of others")
     # Undo and redo are one step each.
     press("Z", ctrl=True)
+    was = lambda: not measured() and bpy.data.objects["Cube"].active_material.name == first  # noqa: E731
+    yield from soon("undone in one step", was)
     yield 1.0
-    check("undone in one step", not measured() and bpy.data.objects["Cube"].active_material.name == first)
     press("Z", ctrl=True, shift=True)
+    yield from soon("redone in one step", lambda: [m.measured_quality.mode for m in measured()] == ["exact"])
     yield 1.0
-    check("redone in one step", [m.measured_quality.mode for m in measured()] == ["exact"])
     press("Z", ctrl=True)
     yield 1.0
     note(f"{datablocks()} were {before}")
