@@ -49,8 +49,9 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
             twin.data.materials.append(materials[name])
             twin.matrix_world = Matrix.Translation(((k - 1) * _APART, 0, 0)) @ obj.matrix_world
             scene.collection.objects.link(twin)
-    scene.camera.data.lens = 60
-    scene.camera.location.y -= 4.0
+    # Back along its own axis until all three are in the picture.
+    scene.camera.data.lens = 50
+    scene.camera.matrix_world = scene.camera.matrix_world @ Matrix.Translation((0, 0, 5.5))
     denoise_renders(scene)
     for name, record in records.items():
         build_brdf(record, materials[name], choices=usual_choices(record), scene=scene)
