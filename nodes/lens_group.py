@@ -49,7 +49,7 @@ _PATHS = {
     "blur": "render.use_motion_blur",
 }
 # What a variable is where its path leads nowhere: there is no camera, or no object to focus on.
-_ELSE = {"target": -1.0, "stop": 1.0, "focus": 1.0, "ratio": 1.0}
+_ELSE = {"target": -1.0, "stop": 1.0, "focus": 1.0, "ratio": 1.0, "sensor": 1.0}
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,11 @@ def test_what_gloss_adds_is_told(lacquer: Any) -> None:
         assert energy_of(lacquer) is None or not energy_of(lacquer).gains
     gloss_of(lacquer).default_value = 4.0
     found = energy_of(lacquer)
-    assert found.gains and found.largest == pytest.approx(1.2, abs=1e-6) and "Brightness is safe" in found.words
+    assert (
+        found.gains
+        and found.largest == pytest.approx(1.2, abs=1e-6)
+        and "A Brightness of up to 0.8333 is safe" in found.words
+    )
     noise = lacquer.node_tree.nodes.new("ShaderNodeTexNoise")
     lacquer.node_tree.links.new(noise.outputs[0], gloss_of(lacquer))
     assert energy_of(lacquer).unknown == ("Gloss",)

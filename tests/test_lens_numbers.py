@@ -222,3 +222,20 @@ def test_one_group_for_all_materials() -> None:
     assert lens_group() == first and len(lens_groups()) == 1
     drivers = lens_groups()[0].animation_data.drivers
     assert len(drivers) == 7 and all(d.driver.is_simple_expression for d in drivers)
+
+
+def test_a_scene_without_a_camera_is_nothing_to_complain_of(capfd: pytest.CaptureFixture[str]) -> None:
+    """Blender prints an error for every driver that divides by nothing, at each evaluation."""
+    scene = bpy.data.scenes.new("no camera")
+    try:
+        material = compat.new_material("by the lens")
+        material.node_tree.nodes.new("ShaderNodeGroup").node_tree = lens_group()
+        obj = bpy.data.objects.new("plate", bpy.data.meshes.new("plate"))
+        obj.data.materials.append(material)
+        scene.collection.objects.link(obj)
+        scene.view_layers[0].update()
+        bpy.context.evaluated_depsgraph_get()
+        printed = capfd.readouterr()
+        assert "Driver" not in printed.out + printed.err
+    finally:
+        bpy.data.scenes.remove(scene)

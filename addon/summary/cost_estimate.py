@@ -6,9 +6,9 @@ from ...bake.brdf.record import BrdfRecord
 
 # Processor time of a camera sample, Principled BSDF = 1: median over 12 materials in 4 lightings
 # (`./run bench engine`), and of the filters beside trilinear (`./run bench speed`).
-MODE_TIME = {"preview": 1.1, "balanced": 1.4, "exact": 1.4, "reference": 2.0}
+MODE_TIME = {"preview": 1.0, "balanced": 1.5, "exact": 1.5, "reference": 2.0}
 # Of modes that sample lamps in the shader, in the same bench as OSL; of nodes on 5.2 about as much.
-SAMPLED_TIME = 3.6
+SAMPLED_TIME = 3.8
 FILTER_TIME = {"nearest": 0.98, "trilinear": 1.0, "bspline": 1.1}
 
 
