@@ -103,8 +103,9 @@ def read(path: Path) -> LookupSource:
         cause = "holds transmission only" if parts.transmission is not None else "holds no data"
         _refuse(path, cause, "give a file with the reflection of a surface")
     n_theta, n_phi = table.shape[1:3]
+    colour = "RGB of primaries that the file does not state, read as Rec.709"
     if table.shape[3] == 1:
-        table = grey(table[..., 0])
+        table, colour = grey(table[..., 0]), "grey"
     axes = _centres(n_theta, np.pi / 2), _centres(n_theta, np.pi / 2), _centres(n_phi, np.pi)
 
     def lookup(wi: Array, wo: Array) -> Array:
@@ -114,6 +115,7 @@ def read(path: Path) -> LookupSource:
     facts: dict[str, Json] = {
         "format": "NVIDIA MBSDF",
         "comments": parts.notes,
+        "colour": colour,
         "entries": [n_theta, n_theta, n_phi],
         "interpolation": "trilinear between cell centres",
         "transmission_left_out": parts.transmission is not None,
