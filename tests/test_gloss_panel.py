@@ -87,6 +87,6 @@ def test_what_is_no_account_is_left_out(wrong: Any) -> None:
 def test_a_keyframed_gloss_survives_a_rebuild(lacquer: Any) -> None:
     gloss_of(lacquer).keyframe_insert("default_value", frame=1)
     rebuild_brdf(lacquer, Choices(mode="preview"))
-    curves = lacquer.node_tree.animation_data.action.fcurves
+    curves = curves_of(lacquer.node_tree.animation_data.action)
     number = list(measured_nodes(lacquer.node_tree)[0][1].inputs).index(gloss_of(lacquer))
     assert [curve.data_path for curve in curves] == [f'nodes["Group"].inputs[{number}].default_value']
