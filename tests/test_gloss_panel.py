@@ -14,6 +14,7 @@ from measured_materials.addon.material.facts import facts_of, keep_facts, record
 from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.bake.brdf.common import RenderingRecord
 from measured_materials.bake.sampling.gloss import LEAST, MOST
+from measured_materials.nodes.compat import curves_of
 from measured_materials.nodes.material_tree import measured_nodes
 from support.coarse_bakes import coarse  # noqa: F401
 from test_addon import lacquer, registered  # noqa: F401
