@@ -129,7 +129,7 @@ def by_the_lens(scene: bpy.types.Scene) -> Dress:
 
 def glossier(scene: bpy.types.Scene) -> Dress:
     """World and lamp, by a table whose directions a change of gloss carries elsewhere; one half is softer."""
-    surround(scene, indoors())
+    surround(scene, indoors()).cycles_visibility.camera = False
     add_lamp(scene, "AREA", energy=40, size=1.2)
     first = ball(scene, (-0.5, 0, 0), (0.5, 0.5, 0.5))
     second = ball(scene, (0.5, 0, 0), (0.5, 0.5, 0.5))
@@ -153,7 +153,7 @@ CASES = {
     "world with a sun": Case(under_the_sun, samples=96),
     "world with a window": Case(in_a_room, samples=96),
     "world and lamps": Case(beside_a_lamp, samples=96),
-    "world and lamp, gloss": Case(glossier, samples=192),
+    "world and lamp, gloss": Case(glossier, samples=288),
     "world that cameras miss": Case(not_for_cameras, samples=288),
     "world under a plane": Case(leaning, samples=96),
     "world by the lens": Case(by_the_lens, samples=64),
