@@ -23,6 +23,7 @@ from ..reading import Illuminant, Reading
 from ..source import Array, Facts, Reader
 from ..spectrum import white_point, xyz_to_rec709, xyz_weights
 from .lookup.scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
+from .lookup.text_file import beginning
 
 MAX_BYTES = 64 << 20
 MAX_LINE_BYTES = 1 << 16
@@ -245,11 +246,7 @@ def _matches(path: Path, head: bytes) -> bool:
     """The phrase that precedes the wavelength count may come after a long comment, hence the longer look."""
     if not head.lstrip().startswith(b"#"):
         return False
-    try:
-        with path.open("rb") as stream:
-            return b"num wls" in stream.read(4096)
-    except (OSError, ValueError):
-        return False
+    return b"num wls" in beginning(path)
 
 
 def _read(path: Path, reading: Reading) -> CornellSource:

@@ -19,7 +19,7 @@ import numpy as np
 from ...directions import normalize, spherical
 from ...source import Array, Reader
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile, printable
+from ..lookup.text_file import TextFile, beginning, printable
 from .scattered_source import Colour, scattered_source
 
 MAX_SAMPLES = 200_000
@@ -133,12 +133,7 @@ def _rows(file: TextFile, first: int, inputs: int, outputs: int) -> Array:
 
 
 def _matches(path: Path, head: bytes) -> bool:
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(4096)
-    except (OSError, ValueError):
-        return False
-    return b"#PARAM_IN" in data and b"\0" not in data
+    return b"#PARAM_IN" in beginning(path)
 
 
 READER = Reader("ALTA", (".dat", ".alta"), _matches, lambda path, reading: read(path))

@@ -18,7 +18,7 @@ from ...directions import spherical
 from ...source import Array, Reader
 from ...spectrum import xyz_weights
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile, printable
+from ..lookup.text_file import TextFile, beginning, printable
 from .scattered_source import Colour, scattered_source
 
 MAX_SAMPLES = 200_000
@@ -95,12 +95,7 @@ def _values(file: TextFile, names: list[str], table: Array) -> tuple[Colour, Arr
 
 
 def _matches(path: Path, head: bytes) -> bool:
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(1 << 14).upper()
-    except (OSError, ValueError):
-        return False
-    return b"VARS THETA_I" in data.replace(b"\t", b" ") and b"\0" not in data
+    return b"VARS THETA_I" in beginning(path).upper().replace(b"\t", b" ")
 
 
 READER = Reader("ASTM E2387", (".astm",), _matches, lambda path, reading: read(path))

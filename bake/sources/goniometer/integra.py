@@ -18,7 +18,7 @@ import numpy as np
 
 from ...source import Array, Reader
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile
+from ..lookup.text_file import TextFile, beginning
 from .keywords import MAX_ENTRIES, Words, to_rgb
 from .specular_frame import SpecularGrid, direction_around
 
@@ -112,12 +112,8 @@ def _reflectance(values: Array, sigma: Array, phi: Array, theta: Array, outgoing
 
 
 def _matches(path: Path, head: bytes) -> bool:
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(1 << 14).lower()
-    except (OSError, ValueError):
-        return False
-    return b"\0" not in data and b"typesym" in data and b"typecolormodel" in data
+    data = beginning(path).lower()
+    return b"typesym" in data and b"typecolormodel" in data
 
 
 READER = Reader("Integra DDR", (".ddr",), _matches, lambda path, reading: read(path))

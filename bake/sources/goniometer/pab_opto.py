@@ -21,12 +21,11 @@ from ...directions import spherical
 from ...errors import BakeError
 from ...source import Array, Reader
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile, printable
+from ..lookup.text_file import TextFile, beginning, printable
 from .scattered_source import scattered_source
 
 MAX_FILES = 2000
 MAX_SAMPLES = 2_000_000
-_FIRST_BYTES = 1 << 14
 _REMEDY = "give a file as pab-opto's Mountain exported it, with a line #format: theta phi BSDF"
 _QUANTITIES = {"dsf": True, "bsdf": False, "brdf": False, "btdf": False}
 # The cosine that a weighted value is divided by at least; nearer to the horizon a measurement says nothing.
@@ -84,7 +83,7 @@ def _others(path: Path) -> list[Path]:
 
 def _sample_of(path: Path) -> str:
     """The sample's name in a file, read as cheaply as recognising it was."""
-    for line in _start(path).decode("utf-8", "replace").splitlines():
+    for line in beginning(path).decode("utf-8", "replace").splitlines():
         key, value = _entry(line.strip())
         if key == "sample_name":
             return printable(value.strip('"'))
@@ -134,17 +133,9 @@ def _incidence(file: TextFile, told: dict[str, str]) -> Array:
     return file.numbers(1, words[:2])
 
 
-def _start(path: Path) -> bytes:
-    try:
-        with path.open("rb") as stream:
-            return stream.read(_FIRST_BYTES)
-    except (OSError, ValueError):
-        return b""
-
-
 def _matches(path: Path, head: bytes) -> bool:
-    data = _start(path).lower()
-    return b"\0" not in data and b"#format" in data and b"theta phi" in data
+    data = beginning(path).lower()
+    return b"#format" in data and b"theta phi" in data
 
 
 READER = Reader("pab-opto", (".txt", ".dat"), _matches, lambda path, reading: read(path))

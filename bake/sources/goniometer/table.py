@@ -20,7 +20,7 @@ from ...directions import spherical
 from ...source import Array, Reader
 from ...spectrum import xyz_weights
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile
+from ..lookup.text_file import TextFile, beginning
 from .scattered_source import Colour, scattered_source
 
 MAX_SAMPLES = 200_000
@@ -163,14 +163,7 @@ def _colour(file: TextFile, names: list[str], table: Array) -> tuple[Colour, Arr
 
 def _matches(path: Path, head: bytes) -> bool:
     """The first line that is not a comment names the angles."""
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(1 << 14)
-    except (OSError, ValueError):
-        return False
-    if b"\0" in data:
-        return False
-    for line in data.decode("utf-8", "replace").lstrip("\ufeff").splitlines():
+    for line in beginning(path).decode("utf-8", "replace").lstrip("\ufeff").splitlines():
         if text := line.partition("#")[0].strip():
             names = {_NAMES.get(split_name(cell)[0], "") for cell in _cells(text)}
             return {"theta_i", "theta_o"} <= names

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...source import Array, Reader
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile
+from ..lookup.text_file import TextFile, beginning
 from .keywords import MAX_ENTRIES, Words, to_rgb
 from .specular_frame import SpecularGrid
 
@@ -82,13 +82,7 @@ def _matches(path: Path, head: bytes) -> bool:
 
 def has_keywords(path: Path, wanted: tuple[bytes, ...]) -> bool:
     """Whether lines outside comments begin with all of these words, in lower case, near the file's beginning."""
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(1 << 16)
-    except (OSError, ValueError):
-        return False
-    if b"\0" in data:
-        return False
+    data = beginning(path, 1 << 16)
     first = {line.split(None, 1)[0].lower() for line in data.splitlines() if line.strip() and line[:1] != b"#"}
     return all(word in first for word in wanted)
 

@@ -73,6 +73,16 @@ class TextFile:
             raise self.error(f"{what} exceeds {LARGEST_VALUE:g} 1/sr")
 
 
+def beginning(path: Path, count: int = 1 << 14) -> bytes:
+    """The first bytes of a file that may be a text, to recognise it by; none where it is not one or cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(count)
+    except (OSError, ValueError):
+        return b""
+    return b"" if b"\0" in data else data
+
+
 def printable(text: str, most: int = 200) -> str:
     """A text from a file, fit for a line of an account."""
     return "".join(c if c.isprintable() else " " for c in text).strip()[:most]

@@ -23,7 +23,7 @@ from ...reading import Reading
 from ...source import Array, Reader
 from ...spectrum import xyz_to_rec709
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import printable
+from ..lookup.text_file import beginning, printable
 from .klems import klems_lookup
 from .tensor_tree import tree_lookup
 
@@ -151,11 +151,7 @@ def _rgb_lookup(channels: dict[str, Lookup], back: bool) -> Lookup:
 
 
 def _matches(path: Path, head: bytes) -> bool:
-    try:
-        with path.open("rb") as stream:
-            return b"<WindowElement" in stream.read(1 << 14)
-    except (OSError, ValueError):
-        return False
+    return b"<WindowElement" in beginning(path)
 
 
 READER = Reader("WINDOW or Radiance XML", (".xml",), _matches, read)
