@@ -100,7 +100,7 @@ def test_one_switch_builds_materials_and_sets_the_scene(scene: TestScene, bundle
     found = kept(material)
     assert found["Open Shading Language"] and found["Lamps sampled in the shader"]
     assert not rules(scene) - {"lamp_table"}
-    assert BRDF.cost(material).startswith("About 3.6 times")
+    assert BRDF.cost(material).startswith("About 3.8 times")
     scripted = scene.render(16, 3)
     twin = build_osl_material(bundle, lamps=lamp_image(), lights=lamp_light_image())
     scene.show(twin)
