@@ -129,10 +129,10 @@ def test_a_gloss_is_its_quadrature(stand_in: Bundles, material: str, light: str,
     ],
 )
 def test_a_gloss_in_osl_is_its_quadrature(stand_in: Bundles, kind: str, gloss: float) -> None:
-    """With lamps aimed at, and sampled in the shader."""
+    """With lamps aimed at, and sampled in the shader: wide ones, which mirror and sampling share."""
     skip_without_osl()
     bundle = stand_in("metallic paint")
-    with stage("small lamp") as lit:
+    with stage("three lamps" if kind == "sampled" else "small lamp") as lit:
         use_osl(lit.scene.scene)
         lit.scene.show(glossy(osl_material(bundle, kind), gloss))
         update_scene(lit.scene.scene)
