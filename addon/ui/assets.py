@@ -12,7 +12,7 @@ from ..material.bake_material import exists
 from ..material.facts import is_measured
 from ..material.textures.kept import bundle_path
 from ..summary.text import one_line
-from .context import shown_material
+from .context import OfMeasured, shown_material
 
 _AUTHOR = bpy.props.StringProperty(name="Author", description="Who measured it or took the photographs")
 _LICENSE = bpy.props.StringProperty(
@@ -21,23 +21,7 @@ _LICENSE = bpy.props.StringProperty(
 _COPYRIGHT = bpy.props.StringProperty(name="Copyright", description="The copyright notice that must go with it, if any")
 
 
-class _OfShown:
-    """Mixed into operators on the measured material that is shown."""
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether there is one that can be changed."""
-        material = shown_material(context)
-        if not is_measured(material):
-            cls.poll_message_set("There is no measured material here; import a measurement first")
-            return False
-        if not material.is_editable:
-            cls.poll_message_set(f"{material.name} is linked from another .blend file")
-            return False
-        return True
-
-
-class MEASURED_MATERIALS_OT_mark_asset(_OfShown, bpy.types.Operator):
+class MEASURED_MATERIALS_OT_mark_asset(OfMeasured, bpy.types.Operator):
     """Show the material in the asset browser, with its picture, a catalog, tags, and what is known of its source"""
 
     bl_idname = "measured_materials.mark_asset"
@@ -74,7 +58,7 @@ class MEASURED_MATERIALS_OT_mark_asset(_OfShown, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class MEASURED_MATERIALS_OT_clear_asset(_OfShown, bpy.types.Operator):
+class MEASURED_MATERIALS_OT_clear_asset(OfMeasured, bpy.types.Operator):
     """Take the material out of the asset browser; the material itself stays as it is"""
 
     bl_idname = "measured_materials.clear_asset"

@@ -8,12 +8,12 @@ import bpy
 from ...bake.errors import BakeError
 from ..assets.mark import refresh
 from ..baking.request import BakeRequest
-from ..material.facts import is_measured, source_file
+from ..material.facts import source_file
 from ..material.kinds import kind_of
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import AgainTask, with_source
-from .context import shown_material
+from .context import OfMeasured, shown_material
 from .import_photographs import say_warnings, tell_warnings
 from .kind_forms import form_of
 from .window_progress import window_progress
@@ -32,7 +32,7 @@ _CHOOSE = bpy.props.BoolProperty(
 _FILTER_GLOB = bpy.props.StringProperty(default="", options={"HIDDEN", "SKIP_SAVE"})
 
 
-class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
+class MEASURED_MATERIALS_OT_bake_again(OfMeasured, bpy.types.Operator):
     """Bake again with these settings; every object keeps the material"""
 
     bl_idname = "measured_materials.bake_again"
@@ -47,18 +47,6 @@ class MEASURED_MATERIALS_OT_bake_again(bpy.types.Operator):
 
     # Set where a person pressed the button: only then is there a window to bake beside.
     asked = False
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether there is a measured material that can be changed."""
-        material = shown_material(context)
-        if not is_measured(material):
-            cls.poll_message_set("There is no measured material here; import a measurement first")
-            return False
-        if not material.is_editable:
-            cls.poll_message_set(f"{material.name} is linked from another .blend file")
-            return False
-        return True
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the file where the material's own is gone."""

@@ -25,6 +25,22 @@ class ForMeasured:
         return is_measured(shown_material(context))
 
 
+class OfMeasured:
+    """Mixed into an operator that changes the measured material that is shown."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether there is one that can be changed."""
+        material = shown_material(context)
+        if not is_measured(material):
+            cls.poll_message_set("There is no measured material here; import a measurement first")
+            return False
+        if not material.is_editable:
+            cls.poll_message_set(f"{material.name} is linked from another .blend file")
+            return False
+        return True
+
+
 def object_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Object | None:
     """Object under the mouse in a viewport, where files are dropped."""
     region, view = context.region, context.region_data

@@ -23,16 +23,13 @@ from ..reading import Illuminant, Reading
 from ..source import Array, Facts, Reader
 from ..spectrum import white_point, xyz_to_rec709, xyz_weights
 from .lookup.scattered import MIN_SAMPLES, ScatteredBrdf, fit_scattered, sample_errors
-from .lookup.text_file import beginning
+from .lookup.text_file import LARGEST_VALUE, beginning, checked_bytes, finite_numbers
 
 MAX_BYTES = 64 << 20
 MAX_LINE_BYTES = 1 << 16
 MAX_COMMENTS = 20
 MAX_WAVELENGTHS = 1000
 MAX_SAMPLES = 50_000
-LARGEST_VALUE = 1e8
-"""Above any mirror that a goniometer can resolve (1e-8 sr); a larger number is damage."""
-
 _REMEDY = "give a Cornell goniometer file as published, or export it again"
 
 
@@ -117,17 +114,8 @@ def _refuse(path: Path, line: int, cause: str, remedy: str = _REMEDY) -> NoRetur
 
 def _number_lines(path: Path, comments: list[str]) -> Iterator[tuple[int, list[str]]]:
     """Lines that hold numbers, as (line number, tokens); comments before the first number are collected."""
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise BakeError(path, f"has {size >> 20} MiB, more than {MAX_BYTES >> 20}", _REMEDY)
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
-    if not data.strip():
-        raise BakeError(path, "is empty", _REMEDY)
     before = True
-    for number, line in enumerate(data.splitlines(), 1):
+    for number, line in enumerate(checked_bytes(path, _REMEDY, MAX_BYTES).splitlines(), 1):
         content, mark, comment = line.partition(b"#")
         if not content.isascii() or b"\0" in line:
             _refuse(path, number, "is not text")
@@ -143,21 +131,9 @@ def _number_lines(path: Path, comments: list[str]) -> Iterator[tuple[int, list[s
 
 def _numbers(path: Path, line: int, tokens: Sequence[str]) -> Array:
     try:
-        values = np.array([float(token) for token in tokens])
-    except ValueError:
-        _refuse(path, line, f"{_first_bad(tokens)!r} is not a number")
-    if not np.isfinite(values).all():
-        _refuse(path, line, f"{tokens[int(np.argmin(np.isfinite(values)))][:20]!r} is not finite")
-    return values
-
-
-def _first_bad(tokens: Sequence[str]) -> str:
-    for token in tokens:
-        try:
-            float(token)
-        except ValueError:
-            return token[:20]
-    return ""
+        return finite_numbers(tokens)
+    except ValueError as error:
+        _refuse(path, line, str(error))
 
 
 def _read_wavelengths(path: Path, lines: Iterator[tuple[int, list[str]]]) -> Array:

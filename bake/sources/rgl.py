@@ -28,6 +28,7 @@ from ..reading import Illuminant, Reading
 from ..source import Array, Facts, Reader
 from ..spectrum import white_point, xyz_to_rec709, xyz_weights
 from .grid_warp import Grid, Slices, WarpInverse, bracket
+from .lookup.lookup_source import above_horizon
 from .tensor_file import MAGIC, read_tensor_file
 
 _USUAL = Reading()
@@ -36,8 +37,6 @@ CHUNK = 1 << 14
 # The tables hold f cos(theta_o); their noise divided by a vanishing cosine would grow without bound, so
 # from 89.994 degrees on the cosine is taken as constant.
 MIN_COS = 1e-4
-# cos(pi / 2) is not 0 in floating point, yet such a direction lies on the horizon.
-HORIZON_COS = 1e-7
 # Half vectors this near the normal have an azimuth of mere rounding, and measurements differ by tens of per
 # cent around the pole. They take the azimuth across the plane of incidence, at normal incidence that of wi:
 # there lie Mitsuba's values for mirror pairs.
@@ -114,17 +113,7 @@ class RglSource:
         The tables' incident direction is `wi`. About 0.6 s per million pairs, and about 10 MB beside
         the result.
         """
-        wi, wo = np.broadcast_arrays(wi, wo)
-        shape = wi.shape[:-1]
-        count = math.prod(shape)
-        result = np.zeros((count, 3))
-        for start in range(0, count, CHUNK):
-            # indexing keeps broadcast arguments from being copied as a whole
-            pick = np.unravel_index(np.arange(start, min(start + CHUNK, count)), shape) if shape else ()
-            block_i, block_o = (np.asarray(w[pick], np.float64).reshape(-1, 3) for w in (wi, wo))
-            above = (block_i[:, 2] > HORIZON_COS) & (block_o[:, 2] > HORIZON_COS)
-            result[start : start + CHUNK][above] = self._evaluate_above(block_i[above], block_o[above])
-        return result.reshape(*shape, 3)
+        return above_horizon(self._evaluate_above, wi, wo, CHUNK)
 
     def _evaluate_above(self, wi: Array, wo: Array) -> Array:
         """The formula of the module's head for (n, 3) pairs above the horizon."""

@@ -12,7 +12,7 @@ from ...source import Array, Facts
 
 _CHUNK = 1 << 15
 # cos(pi / 2) is not 0 in floating point, yet such a direction lies on the horizon.
-_HORIZON_COS = 1e-7
+HORIZON_COS = 1e-7
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,23 @@ class LookupSource:
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr without the cosine, 0 on and below the horizon; see `BrdfSource.evaluate`."""
-        wi, wo = np.broadcast_arrays(wi, wo)
-        shape = wi.shape[:-1]
-        count = math.prod(shape)
-        result = np.zeros((count, 3))
-        for start in range(0, count, _CHUNK):
-            # indexing keeps broadcast arguments from being copied as a whole
-            pick = np.unravel_index(np.arange(start, min(start + _CHUNK, count)), shape) if shape else ()
-            block_i, block_o = (np.asarray(w[pick], np.float64).reshape(-1, 3) for w in (wi, wo))
-            above = (block_i[:, 2] > _HORIZON_COS) & (block_o[:, 2] > _HORIZON_COS)
-            if above.any():
-                result[start : start + _CHUNK][above] = self.lookup(block_i[above], block_o[above])
-        return result.reshape(*shape, 3)
+        return above_horizon(self.lookup, wi, wo, _CHUNK)
+
+
+def above_horizon(lookup: Callable[[Array, Array], Array], wi: Array, wo: Array, chunk: int) -> Array:
+    """Values (..., 3) of direction pairs, 0 on and below the horizon; `lookup` gets the others, float64, in chunks."""
+    wi, wo = np.broadcast_arrays(wi, wo)
+    shape = wi.shape[:-1]
+    count = math.prod(shape)
+    result = np.zeros((count, 3))
+    for start in range(0, count, chunk):
+        # indexing keeps broadcast arguments from being copied as a whole
+        pick = np.unravel_index(np.arange(start, min(start + chunk, count)), shape) if shape else ()
+        block_i, block_o = (np.asarray(w[pick], np.float64).reshape(-1, 3) for w in (wi, wo))
+        above = (block_i[:, 2] > HORIZON_COS) & (block_o[:, 2] > HORIZON_COS)
+        if above.any():
+            result[start : start + chunk][above] = lookup(block_i[above], block_o[above])
+    return result.reshape(*shape, 3)
 
 
 @dataclass(frozen=True)

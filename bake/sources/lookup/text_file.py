@@ -53,12 +53,9 @@ class TextFile:
     def numbers(self, line: int, words: Sequence[str]) -> Array:
         """Words as finite numbers."""
         try:
-            values = np.array([float(word) for word in words])
-        except ValueError:
-            self.refuse(line, f"{next(word for word in words if not _is_number(word))[:20]!r} is not a number")
-        if not np.isfinite(values).all():
-            self.refuse(line, f"{words[int(np.argmin(np.isfinite(values)))][:20]!r} is not finite")
-        return values
+            return finite_numbers(words)
+        except ValueError as error:
+            self.refuse(line, str(error))
 
     def count(self, line: int, words: Sequence[str], most: int, what: str) -> int:
         """One word as a whole number from 1 to `most`."""
@@ -71,6 +68,32 @@ class TextFile:
         """Refuse numbers that no measurement can be."""
         if values.size and np.abs(values).max() > LARGEST_VALUE:
             raise self.error(f"{what} exceeds {LARGEST_VALUE:g} 1/sr")
+
+
+def finite_numbers(words: Sequence[str]) -> Array:
+    """Words as numbers. Raises ValueError, which names the word that is none."""
+    try:
+        values = np.array([float(word) for word in words])
+    except ValueError:
+        first = next(word for word in words if not _is_number(word))
+        raise ValueError(f"{first[:20]!r} is not a number") from None
+    if not np.isfinite(values).all():
+        raise ValueError(f"{words[int(np.argmin(np.isfinite(values)))][:20]!r} is not finite")
+    return values
+
+
+def checked_bytes(path: Path, remedy: str, most: int) -> bytes:
+    """A file's content. Raises BakeError: unreadable, empty, larger than `most`."""
+    try:
+        size = path.stat().st_size
+        if size > most:
+            raise BakeError(path, f"has {size >> 20} MiB, more than {most >> 20}", remedy)
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
+    if not data.strip():
+        raise BakeError(path, "is empty", remedy)
+    return data
 
 
 def beginning(path: Path, count: int = 1 << 14) -> bytes:
@@ -97,16 +120,7 @@ def _is_number(word: str) -> bool:
 
 
 def _lines(path: Path, remedy: str, most: int) -> list[str]:
-    try:
-        size = path.stat().st_size
-        if size > most:
-            raise BakeError(path, f"has {size >> 20} MiB, more than {most >> 20}", remedy)
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
-    if not data.strip():
-        raise BakeError(path, "is empty", remedy)
-    lines = data.splitlines()
+    lines = checked_bytes(path, remedy, most).splitlines()
     for number, line in enumerate(lines, 1):
         if len(line) > MAX_LINE_BYTES:
             raise BakeError(path, f"line {number}: is longer than {MAX_LINE_BYTES} bytes", remedy)
