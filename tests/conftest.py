@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from support.imports import measurement, plate, registered  # noqa: F401
+from support.imports import library, measurement, plate, registered  # noqa: F401
 
 _EXIT_STATUS = pytest.StashKey[int]()
 

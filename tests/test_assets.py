@@ -18,29 +18,16 @@ from measured_materials.addon.assets.catalogue import FILE, add_catalogue, catal
 from measured_materials.addon.assets.words import Rights, rights_of, words_of
 from measured_materials.addon.material.facts import FACTS_KEY, record_of
 from measured_materials.addon.ui.assets import folder_to_open
-from measured_materials.bake.brdf.bake import bake_source
-from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import PREVIEW, read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.image_io import read_image
-from measured_materials.bake.shading_maps.bake import bake_arc
 from measured_materials.bake.shading_maps.record import parse_record, read_record
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from support.coarse_bakes import coarse  # noqa: F401
 from support.records import ANISOTROPIC, changed
-from support.stacks import write_stack
 
 SHELF = "Measured Materials/Formulas"
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("library")
-    settings = BakeSettings(6, "squared", basis="half", envelope=False)
-    bake_source(by_name("ggx", alpha=0.3), folder / "gold.mmat", settings)
-    bake_arc(write_stack(folder / "felt", suffix=".exr"), folder / "felt.mmat")
-    return folder
 
 
 @pytest.fixture(autouse=True)

@@ -13,25 +13,12 @@ from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
 from measured_materials.addon.ui.background.load_bundle import bundles_meant
 from measured_materials.addon.ui.drop_files import sorted_by_kind
-from measured_materials.bake.brdf.bake import bake_source
-from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import MATERIAL
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
-from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
-from support.stacks import write_stack
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("library")
-    settings = BakeSettings(6, "squared", basis="half", envelope=False)
-    bake_source(by_name("ggx", alpha=0.3), folder / "gold.mmat", settings)
-    bake_arc(write_stack(folder / "felt", suffix=".exr"), folder / "felt.mmat")
-    return folder
 
 
 def load(**chosen: Any) -> Any:

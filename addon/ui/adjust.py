@@ -10,24 +10,17 @@ from ..material.adjust.blend import blend_with, partners_of, remove_blend
 from ..material.adjust.energy import energy_of
 from ..material.adjust.relief import add_bump, add_normal_map
 from ..material.adjust.swatch import WIDTH_KEY, lay_out, random_tiling_node, set_random_tiling
-from ..material.facts import is_measured
 from ..material.kinds import SHADING_MAP, kind_of
 from ..summary.text import one_line
-from .context import shown_material
+from .context import OfMeasured, shown_material
 
 _USUAL_WIDTH = 0.1
 
 
-class _OfMaterial:
+class _OfMaterial(OfMeasured):
     """Mixed into an operator on the material that is shown."""
 
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether it is a measured material that can be changed."""
-        material = shown_material(context)
-        return is_measured(material) and material.is_editable
 
     def _done(self, action: Callable[[], str]) -> set[str]:
         """Do it and say what was done, or why not."""

@@ -7,8 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.shading_maps.bake import bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
+
+from support.stacks import write_stack
 
 # Blender is imported where it is used: most of the suite does without.
 
@@ -53,3 +58,13 @@ def datablocks() -> dict[str, set[Any]]:
     import bpy
 
     return {kind: set(getattr(bpy.data, kind)) for kind in ("materials", "images", "node_groups")}
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of bundles: a formula's and a swatch's, with the photographs of the latter."""
+    folder = tmp_path_factory.mktemp("library")
+    settings = BakeSettings(6, "squared", basis="half", envelope=False)
+    bake_source(by_name("ggx", alpha=0.3), folder / "gold.mmat", settings)
+    bake_arc(write_stack(folder / "felt", suffix=".exr"), folder / "felt.mmat")
+    return folder
