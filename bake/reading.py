@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 
 from .errors import check_choice
 
-Illuminant = Literal["D65", "E", "A"]
+Illuminant = Literal["D65", "E", "A", "LED-B3"]
 MerlEntries = Literal["auto", "bins", "nodes"]
 Reciprocity = Literal["measured", "exchanged", "mean"]
 Side = Literal["auto", "front", "back"]

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from ...bake.reading import READING_CHOICES, Reading
 
 _HELP = {
-    "illuminant": "that spectra become colours under: daylight, equal energy, or lamplight",
+    "illuminant": "that spectra become colours under: daylight, equal energy, lamplight, or a white LED",
     "merl": "what an entry of a MERL file stands for: the cell above its index, the point at it, or what the file's "
     "own symmetry says",
     "reciprocity": "which direction of a pair is the light: the file's incident one, its other one (as Mitsuba and "

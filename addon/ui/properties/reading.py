@@ -21,7 +21,12 @@ _ILLUMINANT = _choice(
     "illuminant",
     "Illuminant",
     "Light that a spectral measurement becomes colours under; its white is white",
-    {"D65": ("D65", "Daylight"), "E": ("E", "Equal energy"), "A": ("A", "Lamplight")},
+    {
+        "D65": ("D65", "Daylight"),
+        "E": ("E", "Equal energy"),
+        "A": ("A", "Lamplight"),
+        "LED-B3": ("LED-B3", "A white LED of 4100 K"),
+    },
 )
 _MERL = _choice(
     "merl",
