@@ -18,6 +18,7 @@ from measured_materials.bake.source import Array
 from measured_materials.bake.sources import READERS, merl, read_source
 from measured_materials.bake.sources.goniometer import scattered_source
 from measured_materials.bake.sources.lookup.scattered import MIN_SAMPLES
+from measured_materials.bake.sources.lookup.scattered_coordinates import Coordinates
 from support import format_files as files
 from support.format_files import GLOSSY
 
@@ -40,9 +41,13 @@ def no_fit(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(wi) == len(wo) == len(values) >= MIN_SAMPLES
         assert np.isfinite(wi).all() and np.isfinite(wo).all() and np.isfinite(values).all()
         assert (wi[:, 2] > 0).all() and (wo[:, 2] > 0).all() and values.ndim == 2 and values.shape[1] in (1, 3)
-        return SimpleNamespace(facts={}, evaluate=lambda light, viewer: np.ones((len(light), values.shape[1])))
 
-    monkeypatch.setattr(scattered_source, "fit_scattered", fit)
+        def ones(light: Array, viewer: Array) -> Array:
+            return np.ones((len(light), values.shape[1]))
+
+        return SimpleNamespace(facts={}, coordinates=Coordinates(0.1), evaluate=ones)
+
+    monkeypatch.setattr(scattered_source, "fit_samples", fit)
 
 
 @pytest.fixture(scope="module")

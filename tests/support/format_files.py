@@ -147,6 +147,21 @@ def write_table(path: Path, source: BrdfSource) -> Path:
     return path
 
 
+def write_goniometer(path: Path, source: BrdfSource, azimuths: Array) -> Path:
+    """A round of a goniometer for each azimuth of the light in degrees: a table in degrees, or by its suffix ASTM."""
+    grid = np.meshgrid(np.arange(5.0, 80.0, 15.0), azimuths, np.arange(0.0, 80.0, 15.0), np.arange(0.0, 360.0, 30.0))
+    ti, pi, to, po = (angle.ravel() for angle in grid)
+    values = _above(source, spherical(*np.radians([ti, pi])), spherical(*np.radians([to, pi + po])))
+    if path.suffix == ".astm":
+        angles = np.radians([ti, pi, to, pi + po]).T
+        lines = [f"NUM_POINTS {len(ti)}", "VARS theta_i,phi_i,theta_s,phi_s,R,G,B"]
+    else:
+        angles, lines = np.stack([ti, pi, to, pi + po], -1), ["theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,r,g,b"]
+    lines += [",".join(f"{x:.9g}" for x in (*a, *v)) for a, v in zip(angles, values, strict=True)]
+    path.write_text("\n".join(lines))
+    return path
+
+
 def write_pab_opto(path: Path, source: BrdfSource) -> Path:
     """pab-opto: a file per direction of the light, values with the cosine (DSF); the first one's path."""
     ti, to, po, values, wo = _scattered(source)

@@ -1,4 +1,4 @@
-"""Scattered samples of any text format as a smooth isotropic BRDF, with an account of what was left out."""
+"""Scattered samples of any text format as a smooth BRDF, with an account of what was left out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from ...reading import Illuminant
 from ...source import Array
 from ...spectrum import white_point, xyz_to_rec709, xyz_weights
 from ..lookup.lookup_source import LookupSource, negative_facts
-from ..lookup.scattered import MIN_SAMPLES, fit_scattered
+from ..lookup.scattered import MIN_SAMPLES
+from ..lookup.scattered_choice import fit_samples
 from ..lookup.text_file import TextFile
 
 Colour = Literal["grey", "rgb", "xyz"]
@@ -66,7 +67,7 @@ def scattered_source(
     white = None if illuminant == "D65" else white_point(illuminant)
     matrix = xyz_to_rec709(white).T if colour == "xyz" else np.eye(3)
     try:
-        fit = fit_scattered(wi, wo, values)
+        fit = fit_samples(wi, wo, values)
     except ValueError as error:
         raise file.error(str(error)) from error
 
@@ -74,15 +75,16 @@ def scattered_source(
         found = fit.evaluate(light, viewer)
         return np.repeat(found, 3, -1) if colour == "grey" else found @ matrix
 
+    isotropic = fit.coordinates.isotropic
     facts |= {
         "samples": len(values),
         "samples_below_horizon": int(np.count_nonzero(~above)),
         "zero_share": float((values == 0).mean()),
-        "anisotropy_averaged": _anisotropy(wi, wo, values),
+        **({"anisotropy_averaged": _anisotropy(wi, wo, values)} if isotropic else {}),
         **negative_facts(values),
         **fit.facts,
     }
-    return LookupSource(file.path.stem, lookup, facts, isotropic=True, bilateral=True)
+    return LookupSource(file.path.stem, lookup, facts, isotropic, isotropic)
 
 
 def _anisotropy(wi: Array, wo: Array, values: Array) -> float:
