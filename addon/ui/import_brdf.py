@@ -93,7 +93,7 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
             ImportTask(
                 BakeRequest(path, settings, quick=True),
                 bundle_folder(self.bundles, path),
-                path.stem,
+                settings.reading.title(path),
                 pack,
                 target if number == 0 else None,
                 settle,

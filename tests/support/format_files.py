@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
@@ -295,6 +297,29 @@ def write_network(path: Path, source: BrdfSource | None = None) -> Path:
     return path.with_name(f"{path.stem}_fc1.npy")
 
 
+ABC_SET: dict[str, Any] = {"kD": [0.1, 0.2, 0.3], "A": [30.0, 20.0, 10.0], "B": 900.0, "C": 0.9, "ior": 1.6}
+# Steep in the shadowing, as published ones are.
+SGD_SET: dict[str, Any] = {
+    "rhoD": [0.05, 0.1, 0.2],
+    "rhoS": [0.3, 0.4, 0.2],
+    "alpha": [0.02, 0.04, 0.03],
+    "p": [0.5, 0.4, 0.6],
+    "f0": [0.9, 0.5, 2.0],
+    "f1": [0.2, -0.1, 1.2],
+    "kap": [40.0, 20.0, 15.0],
+    "lambda": [2.6, 3.0, 2.8],
+    "c": [1e-6, 2e-6, 1e-6],
+    "k": [40.0, 35.0, 30.0],
+    "theta0": [0.2, 0.07, -0.07],
+}
+
+
+def write_published(path: Path, source: BrdfSource | None = None, entries: dict[str, Any] = ABC_SET) -> Path:
+    """One published set of parameters. The BRDF is the formula's own."""
+    path.write_text(json.dumps({"source": "a test", "materials": {"a material": entries}}))
+    return path
+
+
 assert neural_brdf.LAYERS == len(network_weights())
 
 # Grey-green-blue, so that channels cannot be exchanged unseen; a lobe wide enough for 10-degree steps.
@@ -337,4 +362,5 @@ WRITERS: dict[str, tuple[str, Writer]] = {
     "WINDOW or Radiance XML": (".xml", write_klems),
     "numpy array": (".npy", write_npy),
     "Neural-BRDF": (".npy", write_network),
+    "published SGD or ABC fit": (".json", write_published),
 }
