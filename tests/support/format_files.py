@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
@@ -139,6 +141,17 @@ def write_alta(path: Path, source: BrdfSource) -> Path:
     return path
 
 
+def write_alta_stream(path: Path, source: BrdfSource, endian: str = "little") -> Path:
+    """ALTA's binary variant of `write_alta`, both directions in spherical angles, in 1/sr."""
+    ti, to, po, values, _ = _scattered(source)
+    rows = np.column_stack([np.radians(ti), 0 * ti + 0.7, np.radians(to), np.radians(po) + 0.7, values[:, 1]])
+    head = f"#DIM 4 1\n#PARAM_IN SPHERICAL_TL_PL_TV_PV\n#PARAM_OUT INV_STERADIAN\n#FORMAT binary\n#ENDIAN {endian}\n"
+    head += f"#PRECISION ieee754-double\n#SAMPLE_COUNT {len(rows)}\n#BEGIN_STREAM\n"
+    stream = rows.astype("<f8" if endian == "little" else ">f8").tobytes()
+    path.write_bytes(head.encode() + stream + b"\n#END_STREAM\n")
+    return path
+
+
 def write_table(path: Path, source: BrdfSource) -> Path:
     """A plain table in degrees, R, G, B."""
     ti, to, po, values, _ = _scattered(source)
@@ -189,6 +202,15 @@ def write_utia(path: Path, source: BrdfSource) -> Path:
     out = spherical(theta[:, None], phi)
     values = _above(source, out[:, :, None, None], out)
     np.moveaxis(values, -1, 0).astype("<f8").tofile(path)
+    return path
+
+
+def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) -> Path:
+    """The same as 288 x 288 pixels, rows the light; or upside down, as ALTA writes it."""
+    theta, phi = np.radians(15.0 * np.arange(utia.THETAS)), np.radians(7.5 * np.arange(utia.PHIS))
+    out = spherical(theta[:, None], phi).reshape(-1, 3)
+    values = _above(source, out[:, None], out)
+    write_image(path, values[::-1] if flipped else values, Storage.FLOAT32)
     return path
 
 

@@ -14,7 +14,7 @@ from ...spectrum import white_point, xyz_to_rec709, xyz_weights
 from ..lookup.lookup_source import LookupSource, negative_facts
 from ..lookup.scattered import MIN_SAMPLES
 from ..lookup.scattered_choice import fit_samples
-from ..lookup.text_file import TextFile
+from ..lookup.text_file import NamedFile, TextFile
 
 Colour = Literal["grey", "rgb", "xyz"]
 WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*nm$")
@@ -37,7 +37,7 @@ def spectral_colour(
 
 
 def scattered_source(
-    file: TextFile,
+    file: NamedFile,
     wi: Array,
     wo: Array,
     values: Array,
