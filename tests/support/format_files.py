@@ -214,9 +214,9 @@ def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) ->
     return path
 
 
-def klems_centres() -> Array:
-    """Directions of the bins of Klems' full basis, (145, 3)."""
-    basis = BASES["klems full"]
+def klems_centres(name: str = "Full") -> Array:
+    """Directions of the bins of Klems' bases; of the full one (145, 3)."""
+    basis = BASES[f"klems {name.lower()}"]
     lower = np.array([0.0, *basis.bounds[:-1]])
     middle = (lower + np.array(basis.bounds)) / 2
     middle[0] = 0.0
@@ -238,18 +238,20 @@ _BLOCK = """<WavelengthData><Wavelength unit="Integral">{wavelength}</Wavelength
 {data}
 </ScatteringData></WavelengthDataBlock></WavelengthData>
 """
-_KLEMS = "<ColumnAngleBasis>LBNL/Klems Full</ColumnAngleBasis><RowAngleBasis>LBNL/Klems Full</RowAngleBasis>"
+_KLEMS = "<ColumnAngleBasis>LBNL/Klems {0}</ColumnAngleBasis><RowAngleBasis>LBNL/Klems {0}</RowAngleBasis>"
 
 
-def write_klems(path: Path, source: BrdfSource, side: str = "Reflection Back", structure: str = "Columns") -> Path:
+def write_klems(
+    path: Path, source: BrdfSource, side: str = "Reflection Back", structure: str = "Columns", basis: str = "Full"
+) -> Path:
     """A Klems matrix: rows outgoing, incident bins named by where the light travels to."""
-    bins = klems_centres()
+    bins = klems_centres(basis)
     wi = bins * np.array([-1.0, -1.0, 1.0])
     values = _above(source, wi[None], bins[:, None])[..., 1]
     if structure == "Rows":
         values = values.T
     data = ",\n".join(_text(row).replace(" ", ", ") for row in values)
-    block = _BLOCK.format(wavelength="Visible", side=side, basis=_KLEMS, data=data + ",")
+    block = _BLOCK.format(wavelength="Visible", side=side, basis=_KLEMS.format(basis), data=data + ",")
     path.write_text("a line that a program logged\n" + _XML.format(structure=structure, blocks=block))
     return path
 

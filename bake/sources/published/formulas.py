@@ -9,8 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ... import xp_numpy
+from ...lobes.metallic_paint import dielectric
 from ...source import Array
-from ..analytic import dielectric
 
 Parameters = Mapping[str, Array]
 
@@ -33,7 +34,7 @@ ABC_PARAMETERS: dict[str, tuple[int, float, float]] = {
     "A": (3, 0, 1e9),
     "B": (1, 0, 1e12),
     "C": (1, 0, 1e2),
-    "ior": (1, 1e-3, 1e4),
+    "ior": (1, 1, 1e4),
 }
 
 
@@ -77,5 +78,5 @@ def abc(wi: Array, wo: Array, of: Parameters) -> Array:
     spread = of["A"] * np.exp(-of["C"] * np.log1p(of["B"] * chord))
     cos_i, cos_o = wi[:, 2:], wo[:, 2:]
     shadow = np.minimum(1, 2 * half[:, 2:] * np.minimum(cos_i, cos_o) / cos_d)
-    reflected = dielectric(cos_d, of["ior"])
+    reflected = dielectric(xp_numpy, cos_d, float(of["ior"][0]))
     return of["kD"] / np.pi + reflected * spread * shadow / (np.pi * cos_i * cos_o)
