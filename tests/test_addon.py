@@ -83,7 +83,9 @@ def test_every_reader_can_be_browsed_and_dropped() -> None:
     suffixes = {suffix for reader in READERS for suffix in reader.suffixes}
     assert dropped == suffixes | {".mmat", ".lp", ".csv"}  # and no picture, which Blender makes nodes of
     assert drop_files.MEASURED_MATERIALS_FH_all.bl_import_operator == drop_files.MEASURED_MATERIALS_OT_drop.bl_idname
-    assert set(import_brdf._FILTER_GLOB.keywords["default"].split(";")) == {f"*{suffix}" for suffix in suffixes}
+    assert set(import_brdf._FILTER_GLOB.keywords["default"].split(";")) == {
+        f"*{suffix}" for suffix in suffixes | {".exr"}
+    }
 
 
 def test_settings_survive_the_properties() -> None:

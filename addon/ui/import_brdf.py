@@ -21,7 +21,9 @@ from .window_progress import window_progress
 
 SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
 
-_FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in SUFFIXES), options={"HIDDEN"})
+# Of pictures only one kind is a measurement, so they are browsed for, but left to Blender where they are dropped.
+BROWSED = (*SUFFIXES, ".exr")
+_FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in BROWSED), options={"HIDDEN"})
 
 
 class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.types.Operator):
@@ -93,7 +95,7 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
             ImportTask(
                 BakeRequest(path, settings, quick=True),
                 bundle_folder(self.bundles, path),
-                path.stem,
+                settings.reading.title(path),
                 pack,
                 target if number == 0 else None,
                 settle,

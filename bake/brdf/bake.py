@@ -50,7 +50,8 @@ def bake_file(
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source, origin = read_source(file, (settings or BakeSettings()).reading), file_origin(file)
+    reading = (settings or BakeSettings()).reading
+    source, origin = read_source(file, reading), file_origin(file, reading.material)
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
