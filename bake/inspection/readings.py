@@ -9,8 +9,8 @@ predicts what it holds for incident directions that were left out, from what it 
 * "mean" takes the mean of both, and errs by half their difference where that is no noise.
 
 If noise broke reciprocity, the mean would err least. On eleven of the twelve genuine RGL files "measured" does, in the
-median by a third, and on the twelfth, a matte paper, the mean is 3 % better (`./run bench readings`): mostly it is the
-measurement itself that differs, and its numbers are taken as they are.
+median by a quarter, and on the twelfth, a matte paper, the mean is 3 % better (`./run bench readings`). So mostly it is
+the measurement itself that differs, and its numbers are taken as they are.
 """
 
 from __future__ import annotations

@@ -158,8 +158,8 @@ _MERL, _RGL = "MERL reconstructions", "RGL measurements"
 STATED = (
     Stated(
         "readings",
-        "errs by {left-out RMS, measured|1%} % RMS there in the median, *mean* by {left-out RMS, mean|1%} %, *exchanged* by "
-        "{left-out RMS, exchanged|1%} %",
+        "errs by {left-out RMS, measured|1%} % RMS there in the median, *mean* by {left-out RMS, mean|1%} %, "
+        "*exchanged* by {left-out RMS, exchanged|1%} %",
         "addon/docs/formats.md",
     ),
     _format("MERL", "MERL"),
