@@ -21,6 +21,8 @@ from .window_progress import window_progress
 
 SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
 
+# Suffixes that the menu names.
+_TOLD = 3
 _FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in SUFFIXES), options={"HIDDEN"})
 
 
@@ -116,7 +118,9 @@ def _others(count: int) -> str:
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:
-    self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({' '.join(SUFFIXES)})")
+    # Some of the suffixes, as of Blender's own entries: all of them would make the menu twice as wide.
+    words = "/".join(SUFFIXES[:_TOLD])
+    self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({words} ...)")
 
 
 classes = (MEASURED_MATERIALS_OT_import_brdf,)
