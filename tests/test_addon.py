@@ -325,13 +325,6 @@ def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
         assert not panel._BakePanel.poll(Stage(other)) and not panel._Panel.poll(Stage(other))
 
 
-def test_panel_stands_above_blenders_own(lacquer: Any) -> None:
-    """Panels without a heading, such as the slots, Blender puts first; imports come last, being for any material."""
-    assert panel._Panel.poll(Stage(lacquer)) and not panel._ImportPanel.poll(Stage(lacquer))
-    assert bpy.types.MEASURED_MATERIALS_PT_material.bl_order < 0
-    assert getattr(bpy.types.MEASURED_MATERIALS_PT_material_import, "bl_order", 0) >= 0
-
-
 def test_panel_survives_foreign_facts(lacquer: Any) -> None:
     for text in ("", "[]", "{", "{}", '{"source": 1}', "[" * 99999):
         lacquer[FACTS_KEY] = text

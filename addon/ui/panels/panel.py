@@ -41,8 +41,6 @@ class _Panel(ForMeasured):
     """What is looked at most: picture, mode, what it costs, and whether the scene spoils it."""
 
     bl_label = TITLE
-    # Before Blender's own: of such a material it is what is looked at most.
-    bl_order = -1
 
     def draw(self, context: bpy.types.Context) -> None:
         """The measured material."""
