@@ -136,7 +136,7 @@ def suits(properties):
     """Headings 4 and, of the mode, 5."""
     yield from open_tab(properties, "RENDER")
     yield from choose(properties, "render.engine", "c")
-    check("4 the engine is Cycles", bpy.context.scene.render.engine == "CYCLES")
+    yield from soon("4 the engine is Cycles", lambda: bpy.context.scene.render.engine == "CYCLES")
     yield from open_tab(properties, "MATERIAL")
     yield from soon("4 the panel says that settings spoil it", lambda: live.shown.harmful > 0)
     picture("measurement_4_spoilt")

@@ -189,7 +189,7 @@ def _where_rebuildable(layout: bpy.types.UILayout, material: bpy.types.Material,
 
 
 classes = (
-    *in_both_places(_Panel),
+    *in_both_places(_Panel, on_top=True),
     *in_both_places(_ImportPanel, "import", within=False),
     *in_both_places(AdjustPanel, "adjust"),
     *in_both_places(_LightingPanel, "lighting"),
