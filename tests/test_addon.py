@@ -320,8 +320,11 @@ def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:
 
 def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
     plain = bpy.data.materials.new("plain")
-    assert Stage(plain).drawn(panel._Panel) == ["measured_materials.import_brdf", "measured_materials.import_arc"]
-    assert not panel._BakePanel.poll(Stage(plain)) and not panel._BakePanel.poll(Stage(None))
+    imports = ["measured_materials.import_brdf", "measured_materials.import_arc"]
+    assert Stage(plain).drawn(panel._ImportPanel) == imports
+    for other in (plain, None):
+        assert panel._ImportPanel.poll(Stage(other))
+        assert not panel._BakePanel.poll(Stage(other)) and not panel._Panel.poll(Stage(other))
 
 
 def test_panel_survives_foreign_facts(lacquer: Any) -> None:

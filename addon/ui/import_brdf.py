@@ -24,6 +24,8 @@ SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader
 # Of pictures only one kind is a measurement, so they are browsed for, but left to Blender where they are dropped.
 BROWSED = (*SUFFIXES, ".exr")
 _FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in BROWSED), options={"HIDDEN"})
+# Suffixes that the menu names.
+_TOLD = 3
 
 
 class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.types.Operator):
@@ -118,7 +120,9 @@ def _others(count: int) -> str:
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:
-    self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({' '.join(SUFFIXES)})")
+    # Some of the suffixes, as of Blender's own entries: all of them would make the menu twice as wide.
+    words = "/".join(SUFFIXES[:_TOLD])
+    self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({words} ...)")
 
 
 classes = (MEASURED_MATERIALS_OT_import_brdf,)
