@@ -348,6 +348,7 @@ assert neural_brdf.LAYERS == len(network_weights())
 
 # Grey-green-blue, so that channels cannot be exchanged unseen; a lobe wide enough for 10-degree steps.
 GLOSSY = by_name("ggx", alpha=0.35, f0=(0.9, 0.5, 0.2))
+BRUSHED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
 # Their files hold one channel here, the green one.
 GREY = ("Zemax BSDF", "LightTools", "FRED", "ALTA", "pab-opto", "WINDOW or Radiance XML")
 
