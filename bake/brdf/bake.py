@@ -160,7 +160,7 @@ class _Bake:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         splined = self.settings.filter == "bspline"
-        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth), "none")
+        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth, self.source), "none")
         return _Tabulated(kept, spline, table.total_intensity)
 
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
@@ -179,8 +179,9 @@ class _Bake:
             chosen = candidates[name]
         return chosen, name
 
-    def _stored(self, table: Table, truth: Array) -> StoredTable:
-        return store_table(replace(table, filter=self.settings.filter), self.settings.storage, self.pairs, truth)
+    def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
+        filtered = replace(table, filter=self.settings.filter)
+        return store_table(filtered, self.settings.storage, self.pairs, truth, source)
 
     def sampler(self, table: Table, reflection: Reflection) -> tuple[StoredImage, Layout]:
         """Sampler of the table, and its layout."""
@@ -226,7 +227,7 @@ class _Bake:
         grid = reflection.residual_grid(source, table.grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
         residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
-        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo))
+        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo), source)
         # Reflects and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
