@@ -18,7 +18,7 @@ from measured_materials.bake.sources.merl import write_merl
 from PIL import Image
 
 _STEPS = ("steps", "measurement", "swatch", "rows")
-_SCRIPTS = ("hands.py", "row_widths.py", *(f"tutorial_{name}.py" for name in _STEPS))
+_SCRIPTS = ("hands.py", "hands_menus.py", "row_widths.py", *(f"tutorial_{name}.py" for name in _STEPS))
 # A common screen, and one on which every row of the panels has its place.
 _SCREEN, _TALL = (1920, 1080), (2600, 2400)
 _START = """
