@@ -9,16 +9,12 @@ from hands import (
     HERE,
     area_of,
     check,
-    choose,
-    choose_file,
     click,
     dialogues,
-    file_import,
     keys,
     move,
     note,
     open_panel,
-    open_tab,
     picture,
     press,
     region_of,
@@ -26,6 +22,12 @@ from hands import (
     type_into,
     unit,
     window,
+)
+from hands_menus import (
+    choose,
+    choose_file,
+    file_import,
+    open_tab,
 )
 
 PACKAGE = "bl_ext.user_default.measured_materials"

@@ -4,25 +4,27 @@ import bpy
 from hands import (
     HERE,
     area_of,
-    browser_open,
     check,
-    choose,
-    choose_file,
     click,
     close_panel,
     dialogues,
-    file_import,
-    hover_in_dialogue,
     keys,
-    leave_buttons,
     open_panel,
-    open_tab,
     picture,
     press,
     soon,
-    switch_in_dialogue,
     type_into,
     write,
+)
+from hands_menus import (
+    browser_open,
+    choose,
+    choose_file,
+    file_import,
+    hover_in_dialogue,
+    leave_buttons,
+    open_tab,
+    switch_in_dialogue,
 )
 from tutorial_measurement import MODE, baked, bakes, facts, measured
 
