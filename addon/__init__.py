@@ -17,6 +17,7 @@ _MODULES = (
     "ui.background.bake_queue",
     "ui.background.watch_bakes",
     "ui.background.rebuild_later",
+    "ui.background.warm_worker",
     "ui.import_brdf",
     "lights.light_tables",
     "material.texture_repair",

@@ -33,6 +33,8 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
 
     filter_glob: _FILTER_GLOB
 
+    usual_settings = BakeSettings()
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for files, or, when they were dropped, for settings only."""
         names = [path.name for path in self._paths()]
