@@ -98,7 +98,11 @@ class DropTarget:
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:
         """Whether the area under the mouse takes an import."""
-        return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
+        area, region = context.area, context.region
+        if area is None or region is None or region.type != "WINDOW":
+            return False
+        shading = area.type == "NODE_EDITOR" and context.space_data.tree_type == "ShaderNodeTree"
+        return area.type == "VIEW_3D" or shading
 
 
 def registration(classes: tuple[type, ...], menu: str, draw: _Draw) -> tuple[Callable[[], None], Callable[[], None]]:
