@@ -92,6 +92,7 @@ def bake_source(
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
         "settings": _plain_settings(settings, source),
+        **settings.rights.entry(),
         "table": bake.table_facts(made),
         "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
@@ -272,6 +273,7 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
     plain["viewers"] = list(settings.viewers)
+    del plain["rights"]
     plain["reading"] = settings.reading.told()
     if not plain["reading"] or source.facts.get("format") == "analytic":
         del plain["reading"]

@@ -149,7 +149,8 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
         weights.append(np.where(corners[:, axis], t, 1 - t))
     wi, wo = grid.directions(*index)
     weight = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
-    values = (source.evaluate(wi, wo) * weight[..., None]).sum(1)
+    # To the bit as `np.sum`, which takes three times as long over few samples in the middle.
+    values = sum(np.moveaxis(source.evaluate(wi, wo) * weight[..., None], 1, 0))
     return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
 
 
