@@ -106,7 +106,7 @@ def choose(area, wanted, letter, **where):
 def open_tab(area, context):
     """Click through the tabs of a properties editor to this one."""
     region = region_of(area, "NAVIGATION_BAR")
-    for y in rows_in(region)[::2]:
+    for y in rows_in(region):
         if area.spaces.active.context == context:
             break
         yield from move(across(region, 0.5), y)

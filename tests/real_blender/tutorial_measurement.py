@@ -50,7 +50,7 @@ def facts():
 
 def baked():
     """Wait for the queue."""
-    yield from soon("the bake has ended", lambda: not bakes.queue.is_busy(), 300)
+    yield from soon("the bake has ended", lambda: not bakes.queue.is_busy(), 900)
     yield 0.5
 
 
@@ -162,7 +162,7 @@ def rendered():
     bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
     yield from move(*on_object())
     yield from keys("F12")
-    yield from soon("5 the picture is rendered", lambda: bool(done), 120)
+    yield from soon("5 the picture is rendered", lambda: bool(done))
     bpy.app.handlers.render_complete.clear()
     yield 1.0
     picture("measurement_5_rendered")

@@ -42,7 +42,7 @@ def steps():
     dialogues.clear()
     yield from keys("Return")
     looked = lambda: ARC in dialogues and dialogues[ARC][0].looked  # noqa: E731
-    yield from soon("5 the photographs are shown in the dialogue", looked, 60)
+    yield from soon("5 the photographs are shown in the dialogue", looked)
     yield 1.0
     picture("swatch_5_dialogue")
     yield from leave_buttons(ARC)
@@ -58,8 +58,8 @@ def steps():
     picture("swatch_5_advanced")
     yield from leave_buttons(ARC)
     yield from keys("Return")
-    yield from soon("5 the bake goes on beside the window", bakes.queue.is_busy, 5)
-    yield from soon("5 a Preview is on the object", lambda: bool(measured()), 120)
+    yield from soon("5 the bake goes on beside the window", bakes.queue.is_busy)
+    yield from soon("5 a Preview is on the object", lambda: bool(measured()))
     yield from baked()
     check("5 one material, on the object", bpy.data.objects["Cube"].active_material == measured()[0])
     check("5 of ten lights", len(facts()["photographs"]["elevations_deg"]) == 10)
