@@ -42,7 +42,13 @@ def soon(words, condition, seconds=120.0):
 
 
 def picture(name):
-    """The whole screen."""
+    """The whole screen, once it is drawn."""
+    yield 2 * _DRAWN
+    take(name)
+
+
+def take(name):
+    """The whole screen at once."""
     subprocess.run(["import", "-window", "root", str(HERE / f"{name}.png")], check=True)
 
 

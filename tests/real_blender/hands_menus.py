@@ -71,7 +71,7 @@ def file_import(operator):
         check("the menu File > Import is open", menus[1].__name__ in shown)
         rows = rows_of(menus[1].__name__)
         yield from keys(*["Up"] * (len(rows) - rows.index(operator)))
-        picture(f"menu_{operator.rpartition('.')[2]}")
+        yield from picture(f"menu_{operator.rpartition('.')[2]}")
         yield from keys("Return")
     finally:
         for menu, draw in zip(menus, draws):
