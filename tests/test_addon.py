@@ -88,7 +88,9 @@ def test_every_reader_can_be_browsed_and_dropped() -> None:
     assert set(pictures.bl_file_extensions.split(";")) == IMAGE_SUFFIXES and not dropped & IMAGE_SUFFIXES
     assert pictures.bl_import_operator == import_photographs.MEASURED_MATERIALS_OT_import_arc.bl_idname
     assert drop_files.MEASURED_MATERIALS_FH_all.bl_import_operator == drop_files.MEASURED_MATERIALS_OT_drop.bl_idname
-    assert set(import_brdf._FILTER_GLOB.keywords["default"].split(";")) == {f"*{suffix}" for suffix in suffixes}
+    assert set(import_brdf._FILTER_GLOB.keywords["default"].split(";")) == {
+        f"*{suffix}" for suffix in suffixes | {".exr"}
+    }
 
 
 def test_settings_survive_the_properties() -> None:
@@ -323,8 +325,11 @@ def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:
 
 def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
     plain = bpy.data.materials.new("plain")
-    assert Stage(plain).drawn(panel._Panel) == ["measured_materials.import_brdf", "measured_materials.import_arc"]
-    assert not panel._BakePanel.poll(Stage(plain)) and not panel._BakePanel.poll(Stage(None))
+    imports = ["measured_materials.import_brdf", "measured_materials.import_arc"]
+    assert Stage(plain).drawn(panel._ImportPanel) == imports
+    for other in (plain, None):
+        assert panel._ImportPanel.poll(Stage(other))
+        assert not panel._BakePanel.poll(Stage(other)) and not panel._Panel.poll(Stage(other))
 
 
 def test_panel_survives_foreign_facts(lacquer: Any) -> None:

@@ -38,6 +38,14 @@ def test_a_panel_stands_in_both_places() -> None:
     assert not hasattr(in_both_places(Panel)[0], "bl_parent_id")
 
 
+def test_what_is_looked_at_most_comes_first(lacquer: bpy.types.Material) -> None:  # noqa: F811
+    """Blender draws panels without a heading above all others; in a sidebar of our own there are no others."""
+    assert bpy.types.MEASURED_MATERIALS_PT_material.bl_options == {"HIDE_HEADER"}
+    assert "HIDE_HEADER" not in getattr(bpy.types.MEASURED_MATERIALS_PT_shader, "bl_options", ())
+    # The ways to import stand below Blender's own panels: they are there for every material.
+    assert "HIDE_HEADER" not in getattr(bpy.types.MEASURED_MATERIALS_PT_material_import, "bl_options", ())
+
+
 def _found(*severities: str) -> list[Finding]:
     return [Finding(f"rule{i}", kind, "Scene", "on", "off", "why", None) for i, kind in enumerate(severities)]
 

@@ -21,8 +21,9 @@ from ...bake.shading_maps.bake import TILEABLES, ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.store import COMPRESSIONS
-from ..photographs.arc_plot import draw_arc, need_matplotlib
+from ..photographs.arc_plot import draw_arc
 from ..photographs.find_decoder import blender_decoder
+from ..plots.figure import need_matplotlib
 from ..summary.bake_stages import bake_stages
 from ..summary.quality_levels import MAP_LEVELS
 from ..summary.shading_map_rows import albedo_warning, arc_summary
@@ -199,7 +200,7 @@ def run(options: argparse.Namespace) -> Result:
     drawn: list[str] = []
     for result in done if options.plot is not None else []:
         try:
-            draw_arc(result, options.plot)
+            draw_arc(result.path, options.plot)
             drawn.append(str(options.plot))
         except BakeError as error:
             errors.append(error)

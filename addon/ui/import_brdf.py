@@ -21,7 +21,11 @@ from .window_progress import window_progress
 
 SUFFIXES = known_suffixes()
 
-_FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in SUFFIXES), options={"HIDDEN"})
+# Of pictures only one kind is a measurement, so they are browsed for, but left to Blender where they are dropped.
+BROWSED = (*SUFFIXES, ".exr")
+_FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in BROWSED), options={"HIDDEN"})
+# Suffixes that the menu names.
+_TOLD = 3
 
 
 class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.types.Operator):
@@ -98,7 +102,7 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
             ImportTask(
                 BakeRequest(path, settings, quick=True),
                 bundle_folder(self.bundles, path),
-                path.stem,
+                settings.reading.title(path),
                 pack,
                 target if number == 0 else None,
                 settle,
@@ -140,7 +144,9 @@ def _others(count: int) -> str:
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:
-    self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({' '.join(SUFFIXES)})")
+    # Some of the suffixes, as of Blender's own entries: all of them would make the menu twice as wide.
+    words = "/".join(SUFFIXES[:_TOLD])
+    self.layout.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text=f"Measured BRDF ({words} ...)")
 
 
 classes = (MEASURED_MATERIALS_OT_import_brdf,)

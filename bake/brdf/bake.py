@@ -25,7 +25,8 @@ from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
-from .preview_sphere import preview_sphere
+from .appearance import Together, color_differences
+from .preview_sphere import Reflects, preview_sphere
 from .reflection import Reflection, reflection_of
 from .samplers import Layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
@@ -50,7 +51,8 @@ def bake_file(
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source, origin = read_source(file, (settings or BakeSettings()).reading), file_origin(file)
+    reading = (settings or BakeSettings()).reading
+    source, origin = read_source(file, reading), file_origin(file, reading.material)
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -97,10 +99,12 @@ def bake_source(
         "sampler": layout_facts(layout),
         **bake.measured(made, reflection),
     }
-    fit = None
+    fit: EnvelopeFit | None = None
+    shown: dict[str, Reflects] = {"table": made.kept.table}
     if settings.envelope:
-        fit, extra, further = bake.envelope(made.kept.table, reflection)
-        facts, images = facts | extra, images | further
+        fit, residual, extra, further = bake.envelope(made.kept.table, reflection)
+        facts, images, shown = facts | extra, images | further, {"exact": Together((fit, residual)), **shown}
+    facts["color_difference"] = color_differences(bake.source, shown)
     preview = reflection.preview(fit)
     facts["preview"] = preview.facts()
     images["preview_weights"] = StoredImage(pack_weights(preview), Storage.FLOAT32)
@@ -215,8 +219,8 @@ class _Bake:
 
     def envelope(
         self, table: Table, reflection: Reflection
-    ) -> tuple[EnvelopeFit, dict[str, Json], dict[str, StoredImage]]:
-        """The envelope; facts and images of it and of the residual."""
+    ) -> tuple[EnvelopeFit, Table, dict[str, Json], dict[str, StoredImage]]:
+        """The envelope and the residual; facts and images of both."""
         self.say("envelope", 0.0)
         fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))
         source = reflection.residual(fit)
@@ -224,7 +228,7 @@ class _Bake:
         residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
         kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo))
-        # Drawn and compared with the lamps' light linearly, whatever the filter.
+        # Reflects and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
         errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.settings.filter)
@@ -237,7 +241,7 @@ class _Bake:
         # Alias tables of both are of one layout.
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
-        return fit, {"envelope": fit.facts(), "residual": facts}, images
+        return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
 
 
 def _named(progress: Progress | None, source: BrdfSource) -> Progress:

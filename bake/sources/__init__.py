@@ -11,6 +11,7 @@ from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
 from .exchanged import Exchanged
 from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
 from .mistaken import refuse_mistaken
+from .published import parameters
 from .radiance import window_xml
 
 READERS: tuple[Reader, ...] = (
@@ -29,6 +30,7 @@ READERS: tuple[Reader, ...] = (
     window_xml.READER,
     neural_brdf.READER,
     npy_table.READER,
+    parameters.READER,
     table.READER,
 )
 
@@ -69,7 +71,7 @@ def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
 
 
 # Suffixes that many programs use: such a file in a folder is a measurement only by its content.
-_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".npy", ".txt", ".xml"})
+_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".json", ".npy", ".txt", ".xml"})
 
 
 def measurements_in(folder: Path) -> list[Path]:

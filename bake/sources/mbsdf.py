@@ -20,7 +20,7 @@ from ..directions import polar_angle
 from ..errors import BakeError
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import Axis, LookupSource, azimuth_between, grey, interpolate, negative_facts
-from .lookup.text_file import LARGEST_VALUE, printable
+from .lookup.text_file import LARGEST_VALUE, checked_bytes, printable
 
 MAGIC = b"NVIDIA ARC MBSDF V1\n"
 MAX_BYTES = 512 << 20
@@ -61,12 +61,7 @@ def read_parts(path: Path) -> MbsdfParts:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            _refuse(path, f"has more than {MAX_BYTES >> 20} MiB")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
+    data = checked_bytes(path, _REMEDY, MAX_BYTES)
     if not data.startswith(MAGIC):
         _refuse(path, "does not begin as an .mbsdf file does")
     return data

@@ -80,7 +80,9 @@ def table_errors(table: Reconstructed, filter: Filter, pairs: DirectionPairs, tr
     }
 
 
-def direction_pairs(count: int, offset: float = 0.5, turned: bool = False) -> DirectionPairs:
+def direction_pairs(
+    count: int, offset: float = 0.5, turned: bool = False, elevations: Array | None = None
+) -> DirectionPairs:
     """A low-discrepancy set of direction pairs, half of it crowding round the mirror direction.
 
     Uniform directions alone would meet a chrome peak in one of a hundred thousand draws. Half the pairs are drawn
