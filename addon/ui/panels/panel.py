@@ -37,19 +37,14 @@ from .wrapped_text import Lines
 _PICTURE = 4.0
 
 
-class _Panel:
+class _Panel(ForMeasured):
     """What is looked at most: picture, mode, what it costs, and whether the scene spoils it."""
 
     bl_label = TITLE
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The measured material; for any other the ways to import one."""
+        """The measured material."""
         layout, material = self.layout, shown_material(context)
-        if not is_measured(material):
-            column = layout.column(align=True)
-            column.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
-            column.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
-            return
         lines, kind = Lines(context), kind_of(material)
         _draw_title(layout, material, lines)
         if "mode" in kind.effective(material):
@@ -60,6 +55,23 @@ class _Panel:
         if context.engine != "CYCLES":
             lines.draw(layout, "Cycles renders it, EEVEE approximates it", "INFO")
         draw_status(layout, context, lines)
+
+
+class _ImportPanel:
+    """The ways to a measured material, below Blender's own panels of any other."""
+
+    bl_label = TITLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether no such material is shown."""
+        return not is_measured(shown_material(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The buttons."""
+        column = self.layout.column(align=True)
+        column.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
+        column.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
 
 
 class _LightingPanel:
@@ -174,7 +186,8 @@ def _where_rebuildable(layout: bpy.types.UILayout, material: bpy.types.Material,
 
 
 classes = (
-    *in_both_places(_Panel),
+    *in_both_places(_Panel, on_top=True),
+    *in_both_places(_ImportPanel, "import", within=False),
     *in_both_places(AdjustPanel, "adjust"),
     *in_both_places(_LightingPanel, "lighting"),
     *in_both_places(_EffectsPanel, "effects"),
