@@ -25,7 +25,8 @@ from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
-from .preview_sphere import preview_sphere
+from .appearance import Together, color_differences
+from .preview_sphere import Reflects, preview_sphere
 from .reflection import Reflection, reflection_of
 from .samplers import Layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
@@ -50,7 +51,8 @@ def bake_file(
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source, origin = read_source(file, (settings or BakeSettings()).reading), file_origin(file)
+    reading = (settings or BakeSettings()).reading
+    source, origin = read_source(file, reading), file_origin(file, reading.material)
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -90,16 +92,19 @@ def bake_source(
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
         "settings": _plain_settings(settings, source),
+        **settings.rights.entry(),
         "table": bake.table_facts(made),
         "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
         "sampler": layout_facts(layout),
         **bake.measured(made, reflection),
     }
-    fit = None
+    fit: EnvelopeFit | None = None
+    shown: dict[str, Reflects] = {"table": made.kept.table}
     if settings.envelope:
-        fit, extra, further = bake.envelope(made.kept.table, reflection)
-        facts, images = facts | extra, images | further
+        fit, residual, extra, further = bake.envelope(made.kept.table, reflection)
+        facts, images, shown = facts | extra, images | further, {"exact": Together((fit, residual)), **shown}
+    facts["color_difference"] = color_differences(bake.source, shown)
     preview = reflection.preview(fit)
     facts["preview"] = preview.facts()
     images["preview_weights"] = StoredImage(pack_weights(preview), Storage.FLOAT32)
@@ -156,7 +161,7 @@ class _Bake:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         splined = self.settings.filter == "bspline"
-        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth), "none")
+        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth, self.source), "none")
         return _Tabulated(kept, spline, table.total_intensity)
 
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
@@ -175,8 +180,9 @@ class _Bake:
             chosen = candidates[name]
         return chosen, name
 
-    def _stored(self, table: Table, truth: Array) -> StoredTable:
-        return store_table(replace(table, filter=self.settings.filter), self.settings.storage, self.pairs, truth)
+    def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
+        filtered = replace(table, filter=self.settings.filter)
+        return store_table(filtered, self.settings.storage, self.pairs, truth, source)
 
     def sampler(self, table: Table, reflection: Reflection) -> tuple[StoredImage, Layout]:
         """Sampler of the table, and its layout."""
@@ -214,16 +220,16 @@ class _Bake:
 
     def envelope(
         self, table: Table, reflection: Reflection
-    ) -> tuple[EnvelopeFit, dict[str, Json], dict[str, StoredImage]]:
-        """The envelope; facts and images of it and of the residual."""
+    ) -> tuple[EnvelopeFit, Table, dict[str, Json], dict[str, StoredImage]]:
+        """The envelope and the residual; facts and images of both."""
         self.say("envelope", 0.0)
         fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))
         source = reflection.residual(fit)
         grid = reflection.residual_grid(source, table.grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
         residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
-        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo))
-        # Drawn and compared with the lamps' light linearly, whatever the filter.
+        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo), source)
+        # Reflects and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
         errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.settings.filter)
@@ -236,7 +242,7 @@ class _Bake:
         # Alias tables of both are of one layout.
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
-        return fit, {"envelope": fit.facts(), "residual": facts}, images
+        return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
 
 
 def _named(progress: Progress | None, source: BrdfSource) -> Progress:
@@ -267,6 +273,7 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
     plain["viewers"] = list(settings.viewers)
+    del plain["rights"]
     plain["reading"] = settings.reading.told()
     if not plain["reading"] or source.facts.get("format") == "analytic":
         del plain["reading"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..bundle.checked_json import Fields
@@ -21,8 +21,9 @@ from ..images.storage import Storage
 from ..sampling.slope_cells import SlopeLayout
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
+from .appearance import ColorDifferenceRecord, color_differences_of
 from .baked_table import SAMPLERS, BakedTable, images_of_table
-from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size
+from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size, rights_of
 from .grids import is_anisotropic
 from .modes import TABLE_OF
 from .parts import (
@@ -54,6 +55,8 @@ class BrdfRecord(BundleRecord):
     search : of a Bezier shape, where one was searched for
     candidates : grids that were tried, best first; none in older bundles
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
+    color_differences : from the measurement as a sphere shows them, of "exact" and of the "table"; empty in older
+        bundles
     """
 
     kind, kind_words = "brdf", "a BRDF"
@@ -65,6 +68,7 @@ class BrdfRecord(BundleRecord):
     albedo: AlbedoRecord
     table_albedo: AlbedoRecord | None
     rms_by_filter: Mapping[str, float]
+    color_differences: Mapping[str, ColorDifferenceRecord]
     search: AlphaSearchRecord | None
     candidates: tuple[CandidateRecord, ...]
     envelope: EnvelopeRecord | None
@@ -79,12 +83,13 @@ class BrdfRecord(BundleRecord):
         return {
             "table": table,
             "residual": residual,
-            "settings": settings_of(fields.part("settings")),
+            "settings": replace(settings_of(fields.part("settings")), rights=rights_of(fields)),
             "sampler": _sampler_of(fields, images, anisotropic, residual),
             "errors": ErrorsRecord.parse(fields.part("errors")),
             "albedo": AlbedoRecord.parse(fields, "albedo"),
             "table_albedo": AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
             "rms_by_filter": _numbers_of(fields, "rms_by_filter"),
+            "color_differences": color_differences_of(fields),
             "search": _search_of(fields),
             "candidates": candidates_of(fields),
             "envelope": EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,
