@@ -23,7 +23,7 @@ from measured_materials.bake.tables.albedo import directional_albedo
 from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.nodes import expr
-from measured_materials.nodes.gloss_group import glossy_roughness, held_gloss
+from measured_materials.nodes.gloss_group import glossy_roughness, held_gloss, seen_above, seen_from_table
 from scipy import stats
 from support.cards import card
 from support.gloss import CarriedSampler, Glossier
@@ -285,3 +285,35 @@ def test_nodes_hold_a_gloss_and_widths() -> None:
     assert found.tolist() == [0.25, 0.25, 0.25, 1.0, 2.0, 4.0, 4.0] + [1.0] * 9
     assert rough == pytest.approx(np.minimum(0.6 / np.sqrt(found), 1), rel=4 * EPS)
     assert rough[3] == np.float32(0.6)
+
+
+@pytest.mark.parametrize("gloss", [0.25, 0.6, 1.0, 2.0, 4.0])
+def test_where_a_drawn_direction_is_seen(gloss: float) -> None:
+    """In nodes and OSL the inverse of the map, and the inverse of its density."""
+    skip_without_osl()
+    wi, wo = pairs()
+    factor = np.full(len(wi), gloss, np.float32)
+    moved, back = stretched(xp_numpy, wi.astype(float), wo.astype(float), 1 / gloss)
+    twin = header_card(
+        "seen = mm_seen(wi, wo, g, spread);",
+        {"seen": "vector", "spread": "float"},
+        "measured_gloss.h",
+        wi=wi,
+        wo=wo,
+        g=factor,
+    )
+    # Neither a half vector of hardly any length, nor one that the viewer sees from behind, has a density to invert.
+    kept = (np.linalg.norm(wi.astype(float) + wo, axis=-1) > 0.05) & (back > 1e-2)
+    assert kept.mean() > 0.5
+    for seen, spread in (card(seen_from_table, wi, wo, factor), twin):
+        assert np.abs(seen - moved)[kept].max() < 60 * EPS
+        assert spread[kept] == pytest.approx(1 / back[kept], rel=2e-3)
+
+
+def test_what_gloss_takes_below_the_surface_is_not_seen() -> None:
+    """Nodes ask whether a direction lies above only where a gloss may have moved it."""
+    heights = np.array([0.5, 1e-3, -1e-3, -0.5] * 4, np.float32)
+    seen = np.stack([np.sqrt(1 - heights**2), 0 * heights, heights], -1)
+    glosses = np.repeat(np.array([0.25, 0.8, 1.0, 4.0], np.float32), 4)
+    (above,) = card(lambda s, g: (seen_above(s, g),), seen, glosses)
+    assert above.reshape(4, 4).tolist() == [[1, 1, 0, 0], [1, 1, 0, 0], [1, 1, 1, 1], [1, 1, 0, 0]]

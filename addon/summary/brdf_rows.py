@@ -17,9 +17,10 @@ Rows = list[tuple[str, str]]
 
 
 def source_rows(record: Record) -> Rows:
-    """Rows on the source of a bundle."""
-    kind = record.source.format
-    return [("Source", record.name)] + ([("Format", kind)] if kind else [])
+    """Rows on the source of a bundle, and what was stated of its rights."""
+    kind, rights = record.source.format, record.rights
+    stated = (("Author", rights.author), ("License", rights.license), ("Found at", rights.source_url))
+    return [("Source", record.name)] + ([("Format", kind)] if kind else []) + [row for row in stated if row[1]]
 
 
 def table_rows(record: BrdfRecord) -> Rows:

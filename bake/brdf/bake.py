@@ -52,7 +52,8 @@ def bake_file(
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source, origin = read_source(file, (settings or BakeSettings()).reading), file_origin(file)
+    reading = (settings or BakeSettings()).reading
+    source, origin = read_source(file, reading), file_origin(file, reading.material)
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -92,6 +93,7 @@ def bake_source(
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
         "settings": _plain_settings(settings, source),
+        **settings.rights.entry(),
         "table": bake.table_facts(made),
         "search": choice.search.facts() if choice.search else None,
         "choice": choice.facts(),
@@ -274,6 +276,7 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
     plain["viewers"] = list(settings.viewers)
+    del plain["rights"]
     plain["reading"] = settings.reading.told()
     if not plain["reading"] or source.facts.get("format") == "analytic":
         del plain["reading"]

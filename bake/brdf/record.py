@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..bundle.checked_json import Fields
@@ -23,7 +23,7 @@ from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
 from .appearance import ColorDifferenceRecord, color_differences_of
 from .baked_table import SAMPLERS, BakedTable, images_of_table
-from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size
+from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size, rights_of
 from .grids import is_anisotropic
 from .modes import TABLE_OF
 from .parts import (
@@ -83,7 +83,7 @@ class BrdfRecord(BundleRecord):
         return {
             "table": table,
             "residual": residual,
-            "settings": settings_of(fields.part("settings")),
+            "settings": replace(settings_of(fields.part("settings")), rights=rights_of(fields)),
             "sampler": _sampler_of(fields, images, anisotropic, residual),
             "errors": ErrorsRecord.parse(fields.part("errors")),
             "albedo": AlbedoRecord.parse(fields, "albedo"),

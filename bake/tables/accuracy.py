@@ -138,7 +138,8 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
     Only the 8 or 16 samples round each pair are evaluated, so that a search over many grids costs little.
     """
     samples, weights = corner_samples(source, grid, pairs)
-    values = (samples * weights[..., None]).sum(1)
+    # To the bit as `np.sum`, which takes three times as long over few samples in the middle.
+    values = sum(np.moveaxis(samples * weights[..., None], 1, 0))
     return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
 
 

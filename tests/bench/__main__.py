@@ -23,6 +23,7 @@ BENCHES = {
     "anisotropic": "error against bytes in both bases, a brushed disc under turning light, time beside Principled",
     "denoise": "the denoiser's picture by colour, by Cycles' passes and by the material's own, beside Principled",
     "effects": "the graph fitted to six scenes beside the full one: nodes, time, noise, equality",
+    "adjust": "what the sockets of Adjust cost: nodes, room on Cycles' stack, time per sample; set and linked",
     "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
     "engine": "noise and time of all modes beside Principled BSDF, 12 materials in 4 lightings; a plot",
     "lens": "noise with and without Quiet Camera, of Principled BSDF and of Exact as OSL, in the scene of engine",
