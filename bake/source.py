@@ -63,6 +63,32 @@ class BrdfSource(Protocol):
         ...
 
 
+@runtime_checkable
+class SheetSource(BrdfSource, Protocol):
+    """A thin sheet: a BRDF, its front's, that also lets light through, and reflects at its back.
+
+    All directions are of the front's frame, away from the sheet: those of the back lie below the horizon.
+
+    Attributes
+    ----------
+    alike : front and back are the same, seen each from its own side in the frame turned about the tangent x
+    """
+
+    @property
+    def alike(self) -> bool: ...
+
+    def transmitted(self, wi: Array, wo: Array) -> Array:
+        """BTDF (..., 3) in 1/sr without the cosine, for light and viewer on opposite sides, whichever is above; else 0.
+
+        Finite; values may be negative, as in `evaluate`.
+        """
+        ...
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        """BRDF (..., 3) in 1/sr of the back, for light and viewer below the horizon; else 0."""
+        ...
+
+
 @dataclass(frozen=True)
 class Reader:
     """A file format: `suffixes` in lower case with the dot, `matches` sniffs the first 64 bytes.

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES
+from measured_materials.bake.lobes.microfacets import conductor, dielectric, ggx_ndf
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import (
     ANALYTIC,
@@ -25,9 +26,6 @@ from measured_materials.bake.sources.analytic import (
     OrenNayar,
     Ward,
     by_name,
-    conductor,
-    dielectric,
-    ggx_ndf,
 )
 from measured_materials.bake.tables.albedo import directional_albedo
 from scipy.integrate import quad

@@ -15,11 +15,14 @@ from ...bake.photographs.stack import read_stack
 from ...bake.reading import Reading
 from ...bake.shading_maps.record import Record, read_record
 from ...bake.shading_maps.record_parts import PhotographsRecord
+from ...bake.source import SheetSource
 from ...bake.sources import read_source
 from ...bake.tables.albedo import albedo_facts
+from ...bake.tables.sheet import sheet_facts
 from ..photographs.find_decoder import blender_decoder
 from ..summary import brdf_rows, shading_map_rows
 from ..summary.parts import parts_of
+from ..summary.sheet_rows import sheet_rows
 from ..summary.text import columns, one_line
 from .console.progress import Progress
 from .reading_options import add_reading, reading_of
@@ -99,7 +102,7 @@ def inspect_measurement(path: Path, reading: Reading) -> Result:
     source = read_source(path, reading)
     albedo = albedo_facts(source)
     name = str(source.facts.get("format", "unknown"))
-    document = {
+    document: dict[str, Any] = {
         "command": "inspect",
         "kind": "measurement",
         "path": str(path),
@@ -114,4 +117,7 @@ def inspect_measurement(path: Path, reading: Reading) -> Result:
     rows = [("File", str(path)), ("Format", name), ("Size", brdf_rows.readable_size(path.stat().st_size))]
     rows += brdf_rows.measurement_rows(source)
     rows += brdf_rows.reflected_rows(AlbedoRecord.parse(Fields({"albedo": albedo}, path), "albedo"))
+    if isinstance(source, SheetSource):
+        document["sheet"] = sheet_facts(source, albedo)
+        rows += sheet_rows(document["sheet"])
     return Result(document, columns(rows))
