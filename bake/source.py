@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,17 @@ class SheetSource(BrdfSource, Protocol):
     def reflected_behind(self, wi: Array, wo: Array) -> Array:
         """BRDF (..., 3) in 1/sr of the back, for light and viewer below the horizon; else 0."""
         ...
+
+
+SheetPart = Literal["through", "behind", "through_behind"]
+SHEET_PARTS: tuple[SheetPart, ...] = get_args(SheetPart)
+"""
+What a sheet has beside its front's reflection:
+
+through         light that comes through, seen from the front
+behind          reflection of the back
+through_behind  light that comes through, seen from the back
+"""
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,7 @@ def test_inspect_tells_what_comes_through_and_where_it_is_too_much(tmp_path: Pat
     path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     assert main(["inspect", str(path)]) == 0
     words = capsys.readouterr().out
-    assert "Transmittance 0°" in words and "Transmittance 0° from behind" in words and "Albedo 0° from behind" in words
+    assert "Transmittance 0°" in words and "Back: through 0°" in words and "Back: albedo 0°" in words
     # Reflected and let through are about pi (0.3 + 0.2).
     assert "reflected and let through" in words
     assert main(["inspect", str(path), "--json"]) == 0

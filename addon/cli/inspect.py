@@ -22,7 +22,7 @@ from ...bake.tables.sheet import sheet_facts
 from ..photographs.find_decoder import blender_decoder
 from ..summary import brdf_rows, shading_map_rows
 from ..summary.parts import parts_of
-from ..summary.sheet_rows import sheet_rows
+from ..summary.sheet_rows import measured_sheet_rows
 from ..summary.text import columns, one_line
 from .console.progress import Progress
 from .reading_options import add_reading, reading_of
@@ -119,5 +119,5 @@ def inspect_measurement(path: Path, reading: Reading) -> Result:
     rows += brdf_rows.reflected_rows(AlbedoRecord.parse(Fields({"albedo": albedo}, path), "albedo"))
     if isinstance(source, SheetSource):
         document["sheet"] = sheet_facts(source, albedo)
-        rows += sheet_rows(document["sheet"])
+        rows += measured_sheet_rows(document["sheet"], albedo, path)
     return Result(document, columns(rows))

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
-
 import numpy as np
 
-from ..source import Array, Facts, SheetSource
+from ..source import SHEET_PARTS, Array, Facts, SheetPart, SheetSource
 from .albedo import albedo_facts
 
-SheetPart = Literal["through", "behind", "through_behind"]
-SHEET_PARTS: tuple[SheetPart, ...] = get_args(SheetPart)
-"""
-through         light that comes through the sheet, seen from the front
-behind          reflection of the back
-through_behind  light that comes through the sheet, seen from the back
-"""
 _OTHER_SIDE = np.array([1.0, 1.0, -1.0])
 # Turned about the tangent, as a renderer turns the frame of a back: it keeps the tangent and flips the normal.
 _TURNED = np.array([1.0, -1.0, -1.0])
@@ -51,20 +42,21 @@ def sheet_views(sheet: SheetSource) -> dict[SheetPart, SheetView]:
     return {part: SheetView(sheet, part) for part in (SHEET_PARTS[:1] if sheet.alike else SHEET_PARTS)}
 
 
-def side_energy(reflected: Facts, through: Facts) -> Facts:
+def side_energy(*seen: Facts) -> Facts:
     """What leaves towards a viewer of one side, under a white sky on both.
 
     Parameters
     ----------
-    reflected, through : as `bake.tables.albedo.albedo_facts` or its kin made them of the two parts seen there
+    seen : as `bake.tables.albedo.albedo_facts` or its kin made them of all parts seen there
 
     Returns
     -------
     dict with "largest", of the sum in a channel, and "above_one_deg", the angles at which more leaves than arrives;
     JSON-ready
     """
-    total = np.array(reflected["directional"]) + np.array(through["directional"])
-    degrees = np.array(reflected["theta_o_deg"])
+    rows = [np.array(part["directional"]) for part in seen]
+    total = np.sum(rows, 0)
+    degrees = np.array(seen[0]["theta_o_deg"])
     return {
         "largest": round(float(total.max()), 6),
         "above_one_deg": degrees[total.max(-1) > 1.001].tolist(),
