@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any, Literal, get_args
 
-from .errors import check_choice
+from .errors import check_choice, check_setting
 
-Illuminant = Literal["D65", "E", "A"]
+Illuminant = Literal["D65", "E", "A", "LED-B3"]
 MerlEntries = Literal["auto", "bins", "nodes"]
 Reciprocity = Literal["measured", "exchanged", "mean"]
 Side = Literal["auto", "front", "back"]
@@ -26,6 +27,7 @@ class Reading:
     reciprocity : which of a pair of directions is the light: the file's incident one ("measured"), its other one
         ("exchanged", as Mitsuba and pbrt read RGL files), or the mean of both, which is reciprocal
     side : of a window layer; "auto": the front where there is one
+    material : name of one of several materials in a file of published parameters
     utia : what UTIA's numbers are; "auto": linear, unless the albedo would exceed 1
     """
 
@@ -34,10 +36,18 @@ class Reading:
     reciprocity: Reciprocity = "measured"
     side: Side = "auto"
     utia: UtiaValues = "auto"
+    material: str = ""
 
     def __post_init__(self) -> None:
         for name, choices in READING_CHOICES.items():
             check_choice(name, getattr(self, name), choices)
+        named = isinstance(self.material, str) and len(self.material) <= _LONGEST_NAME
+        check_setting("material", named, f"a name of at most {_LONGEST_NAME} letters", self.material)
+
+    def title(self, path: str | Path) -> str:
+        """What a material that is read from a file is called: as the one chosen in it, else as the file."""
+        chosen = "".join(c if c.isalnum() or c in "-_ " else "_" for c in self.material).strip()
+        return chosen or Path(path).stem
 
     def told(self) -> dict[str, Any]:
         """What differs from the usual, JSON-ready."""
@@ -45,6 +55,7 @@ class Reading:
         return {name: value for name, value in asdict(self).items() if value != usual[name]}
 
 
+_LONGEST_NAME = 100
 READING_CHOICES: dict[str, tuple[str, ...]] = {
     "illuminant": get_args(Illuminant),
     "merl": get_args(MerlEntries),
@@ -52,4 +63,5 @@ READING_CHOICES: dict[str, tuple[str, ...]] = {
     "side": get_args(Side),
     "utia": get_args(UtiaValues),
 }
-assert set(READING_CHOICES) == {field.name for field in fields(Reading)}
+READING_NAMES = (*READING_CHOICES, "material")
+assert set(READING_NAMES) == {field.name for field in fields(Reading)}

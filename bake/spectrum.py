@@ -4,8 +4,8 @@ A reflectance spectrum has no colour until it is lit. Here it is lit by D65, the
 flat reflectance of 1 gives RGB (1, 1, 1). Colours outside Rec.709 keep their negative component: clipping it
 would change the luminance, and whoever stores the result counts negatives anyway.
 
-Data: CIE 15:2018, tables T.4 (observer, 5 nm) and T.1 (D65, 10 nm; the CIE defines D65 between these
-points by linear interpolation, so the shorter table loses nothing).
+Data: CIE 15:2018, tables T.4 (observer, 5 nm), T.1 (D65, 10 nm; the CIE defines D65 between these
+points by linear interpolation, so the shorter table loses nothing) and T.12 (LED-B3, 5 nm).
 """
 
 from __future__ import annotations
@@ -67,6 +67,26 @@ D65 = np.array(
 )
 """Relative power of illuminant D65 at `D65_WAVELENGTHS`, (41,)."""
 
+LED_B3 = np.array(
+    """
+    0 0 0.01 0.02 0.05 0.11 0.25 0.56 1.2 2.37
+    4.24 7.17 12.11 17.7 18.87 14.58 9.9 7.53 6.02 5.11
+    5.17 5.82 6.77 7.88 8.94 9.82 10.52 11.06 11.51 11.93
+    12.37 12.83 13.31 13.79 14.26 14.68 15.08 15.42 15.72 15.97
+    16.18 16.37 16.5 16.55 16.5 16.32 16 15.54 14.96 14.27
+    13.48 12.62 11.71 10.78 9.85 8.93 8.04 7.2 6.42 5.69
+    5.02 4.42 3.88 3.39 2.95 2.56 2.22 1.92 1.65 1.43
+    1.23 1.06 0.91 0.78 0.68 0.58 0.5 0.43 0.37 0.32
+    0.28
+    """.split(),
+    dtype=float,
+)
+"""Relative power of illuminant LED-B3 at `OBSERVER_WAVELENGTHS`, (81,): a blue LED under a phosphor, 4103 K.
+
+The numbers are those of the data sets of colour-science 0.4.7 (BSD-3-Clause), which cite CIE 15:2018; they give the
+chromaticity that the CIE publishes for it, x = 0.3756 and y = 0.3723.
+"""
+
 REC709_PRIMARIES = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
 """Chromaticities x, y of red, green and blue (ITU-R BT.709-6, table 1)."""
 
@@ -83,7 +103,7 @@ def xyz_weights(wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
     Parameters
     ----------
     wavelengths : (L,) strictly increasing, nm
-    illuminant : "D65"; "E", equal energy; or "A", incandescent light
+    illuminant : "D65"; "E", equal energy; "A", incandescent light; or "LED-B3", a white LED of 4103 K
 
     Returns
     -------
@@ -105,6 +125,8 @@ def xyz_weights(wavelengths: Array, illuminant: Illuminant = "D65") -> Array:
         observer *= np.interp(_GRID, D65_WAVELENGTHS, D65)[:, None]
     elif illuminant == "A":
         observer *= illuminant_a(_GRID)[:, None]
+    elif illuminant == "LED-B3":
+        observer *= np.interp(_GRID, OBSERVER_WAVELENGTHS, LED_B3)[:, None]
     observer /= observer[:, 1].sum()
     inside = np.clip(_GRID, wavelengths[0], wavelengths[-1])
     lower = np.clip(np.searchsorted(wavelengths, inside, side="right") - 1, 0, max(wavelengths.size - 2, 0))

@@ -13,6 +13,7 @@ from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import BrdfSource, luminance
 from measured_materials.bake.sources import cornell, read_source
 from measured_materials.bake.sources.lookup import scattered
+from measured_materials.bake.sources.lookup.scattered_coordinates import coordinates
 from measured_materials.bake.sources.lookup.scattered_invariants import invariants
 from measured_materials.bake.sources.lookup.scattered_lobes import nonnegative_least_squares
 from measured_materials.bake.spectrum import spectrum_to_rec709
@@ -139,7 +140,7 @@ def test_left_out_error_is_the_error_without_the_sample(monkeypatch: pytest.Monk
             type(pair)(*(v[rest] for v in pair)), y[rest], nothing[rest], noise[rest], 0.1, 1e-3
         )[0]
         assert part.interpolant is not None
-        guess = part.interpolant(scattered.coordinates(pair, 0.1)[k : k + 1])
+        guess = part.interpolant(coordinates(pair, 0.1)[k : k + 1])
         # The ridge on the tail acts about another mean in each fit.
         np.testing.assert_allclose(guess[0], whole.left_out[k], rtol=1e-4, atol=1e-5)
 

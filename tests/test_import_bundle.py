@@ -11,12 +11,16 @@ import bpy
 import pytest
 from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
+from measured_materials.addon.ui import import_brdf
 from measured_materials.addon.ui.background.load_bundle import bundles_meant
 from measured_materials.addon.ui.drop_files import sorted_by_kind
 from measured_materials.bake.bundle.bundle import MATERIAL
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.sources import measurements_in
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
 
@@ -80,6 +84,37 @@ def test_files_of_several_kinds_can_be_dropped_together(library: Path, plate: An
     names = ["gold.mmat", "a.binary", "lights.csv", "b.BSDF", "felt.MMAT", "arc.lp"]
     assert sorted_by_kind(names) == (["gold.mmat", "felt.MMAT"], ["lights.csv", "arc.lp"], ["a.binary", "b.BSDF"])
     assert sorted_by_kind(["a.binary"]) == ([], [], ["a.binary"])
+
+
+def test_a_bad_one_among_those_dropped_keeps_no_other_away(library: Path, plate: Any, tmp_path: Path) -> None:
+    """All that is wrong comes as one report."""
+    (tmp_path / "bad.mmat").mkdir()
+    (tmp_path / "worse.mmat").mkdir()
+    write_merl(tmp_path / "felt.binary", by_name("lambert"))
+    files = [{"name": name} for name in ("bad.mmat", "worse.mmat", "cut.binary", "felt.binary")]
+    (tmp_path / "cut.binary").write_bytes(b"1")
+    asked = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            import_brdf.MEASURED_MATERIALS_OT_import_brdf, "invoke", lambda self, *_: asked.append(self) or {"FINISHED"}
+        )
+        with pytest.raises(RuntimeError, match=r"bad\.mmat.*\n.*worse\.mmat"):
+            bpy.ops.measured_materials.drop("INVOKE_DEFAULT", directory=str(tmp_path), files=files)
+    assert len(asked) == 1
+
+
+def test_a_folder_of_measurements_is_imported_whole(plate: Any, tmp_path: Path) -> None:
+    """What nobody can read is named, what is of another program is left alone."""
+    write_merl(tmp_path / "felt.binary", by_name("lambert"))
+    (tmp_path / "cut.binary").write_bytes((tmp_path / "felt.binary").read_bytes()[:-8])
+    (tmp_path / "letter.txt").write_text("Dear Ada")
+    (tmp_path / "empty").mkdir()
+    assert [path.name for path in measurements_in(tmp_path)] == ["cut.binary", "felt.binary"]
+    with pytest.raises(RuntimeError, match=r"cut\.binary") as failed:
+        bpy.ops.measured_materials.import_brdf(filepath=str(tmp_path), resolution=8, envelope=False)
+    assert "letter" not in str(failed.value) and plate.active_material.name == "felt"
+    with pytest.raises(RuntimeError, match="empty: holds no measurement"):
+        bpy.ops.measured_materials.import_brdf(filepath=str(tmp_path / "empty"))
 
 
 def test_a_loaded_swatch_shows_the_settings_that_it_was_baked_with(library: Path, plate: Any, tmp_path: Path) -> None:

@@ -75,6 +75,7 @@ BENCHES = (
     "bytes",
     "anisotropic",
     "formats",
+    "readings",
 )
 
 

@@ -53,6 +53,7 @@ def test_isotropic() -> None:
     assert found.settings == BakeSettings(8, "bezier", sampler=SamplerLayout(4, 4, 2, 2))
     assert (found.errors.rms, found.errors.relative, found.errors.directions) == (0.02, 0.01, 27564)
     assert found.rms_by_filter == {"nearest": 0.4, "trilinear": 0.1}
+    assert found.color_differences["exact"].median == 0.12 and found.color_differences["table"].p95 == 1.5
     assert found.search is not None and (found.search.by_error.theta, found.search.by_intensity.phi) == (0.5, 1.0)
     assert not found.search.intensity_finds_least_error and found.search.error_of_intensity_choice == 2.5
     assert [(c.basis, c.parameterization, c.rms) for c in found.candidates] == [
@@ -164,12 +165,12 @@ def test_what_older_bundles_lack() -> None:
     for lacking in ("offset", "spline"):
         del table[lacking]
     del residual["offset"], residual["grid"]
-    absent = dict.fromkeys(("choice", "search", "table_albedo", "rms_by_filter", "preview"))
+    absent = dict.fromkeys(("choice", "search", "table_albedo", "rms_by_filter", "preview", "color_difference"))
     found = brdf_record(schema=1, table=table, residual=residual, **absent)
     assert found.table.offset == 0 and found.table.spline == "none" and found.residual is not None
     assert found.residual.grid == found.table.grid and found.residual.offset == 0
     assert found.candidates == () and found.search is None and found.table_albedo is None
-    assert found.preview is None and found.rms_by_filter == {}
+    assert found.preview is None and found.rms_by_filter == {} and found.color_differences == {}
     bare = brdf_record(schema=1, envelope=None, residual=None)
     assert bare.envelope is None and bare.residual is None
     with pytest.raises(BakeError, match="felt: 'residual' is missing"):
@@ -245,6 +246,8 @@ WRONG: list[tuple[str, Change, str]] = [
     ("isotropic", lambda d: d["errors"].update(rms=float("nan")), "'rms' is not a number"),
     ("isotropic", lambda d: d["errors"].update(directions=1.5), "'directions' is not a whole number"),
     ("isotropic", lambda d: d.update(rms_by_filter={"nearest": "x"}), "'nearest' is not a number"),
+    ("isotropic", lambda d: d["color_difference"].update(exact=1), "'exact' is not an object"),
+    ("isotropic", lambda d: d["color_difference"]["table"].update(p95=-1), "'p95' is -1"),
     ("isotropic", lambda d: d["search"].pop("by_intensity"), "'by_intensity' is missing"),
     ("isotropic", lambda d: d["search"].update(intensity_finds_least_error=1), "is not true or false"),
     ("isotropic", lambda d: d["choice"].update(candidates=[]), "the length of 'candidates' is 0, below 1"),

@@ -295,7 +295,7 @@ def test_a_flat_spectrum_is_grey_under_every_illuminant(tmp_path: Path):
     write_tensor_file(tmp_path / "grey.bsdf", rgb)
     wi, wo = random_pairs(200)[2:]
     truth = read_rgl(tmp_path / "grey.bsdf").evaluate(wi, wo)
-    for illuminant in ("D65", "E", "A"):
+    for illuminant in ("D65", "E", "A", "LED-B3"):
         source = read_rgl(tmp_path / "x.bsdf", Reading(illuminant=illuminant))
         np.testing.assert_allclose(source.evaluate(wi, wo), truth, rtol=1e-5)
         assert source.facts["illuminant"] == illuminant and source.facts["wavelength_count"] == 160
@@ -313,7 +313,7 @@ def test_a_red_spectrum_has_the_colour_of_its_sum(tmp_path: Path):
     wi, wo = random_pairs(50)[2:]
     flat = read_rgl(tmp_path / "grey.bsdf").evaluate(wi, wo)
     reds = []
-    for illuminant in ("D65", "A"):
+    for illuminant in ("D65", "A", "LED-B3"):
         colour = spectrum_to_rec709(step(fields["wavelengths"]), fields["wavelengths"], illuminant)
         found = read_rgl(tmp_path / "red.bsdf", Reading(illuminant=illuminant)).evaluate(wi, wo)
         np.testing.assert_allclose(found, flat * colour, rtol=1e-4, atol=1e-6)

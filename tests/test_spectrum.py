@@ -7,6 +7,7 @@ import pytest
 from measured_materials.bake.spectrum import (
     D65,
     D65_WAVELENGTHS,
+    LED_B3,
     OBSERVER,
     OBSERVER_WAVELENGTHS,
     spectrum_to_rec709,
@@ -37,11 +38,18 @@ def test_d65_table_is_100_at_560() -> None:
 
 
 @pytest.mark.parametrize(
-    ("illuminant", "expected"), [("D65", (0.31272, 0.32903)), ("E", (1 / 3, 1 / 3)), ("D65", (0.3127, 0.3290))]
+    ("illuminant", "expected"),
+    [("D65", (0.31272, 0.32903)), ("E", (1 / 3, 1 / 3)), ("D65", (0.3127, 0.3290))],
 )
 def test_white_chromaticity(illuminant: str, expected: tuple[float, float]) -> None:
     # The 5 nm table, linear in between, misses the CIE's 1 nm sums by 4e-5.
     np.testing.assert_allclose(chromaticity(white_point(illuminant)), expected, atol=1e-4)
+
+
+def test_the_table_of_led_b3_has_its_published_chromaticity() -> None:
+    """CIE 15:2018: x = 0.3756, y = 0.3723, summed at the table's own 5 nm; between them at 1 nm it moves by 3e-4."""
+    np.testing.assert_allclose(chromaticity(LED_B3 @ OBSERVER), (0.3756, 0.3723), atol=5e-5)
+    np.testing.assert_allclose(chromaticity(white_point("LED-B3")), (0.3756, 0.3723), atol=5e-4)
 
 
 def test_matrix_is_the_published_one() -> None:
@@ -50,7 +58,7 @@ def test_matrix_is_the_published_one() -> None:
     np.testing.assert_allclose(xyz_to_rec709(), published, atol=2e-3)
 
 
-@pytest.mark.parametrize("illuminant", ["D65", "E"])
+@pytest.mark.parametrize("illuminant", ["D65", "E", "LED-B3"])
 @pytest.mark.parametrize("wavelengths", [COARSE, np.array([550.0]), np.linspace(300, 900, 1234)])
 def test_flat_reflectance_is_grey(illuminant: str, wavelengths: np.ndarray) -> None:
     rgb = spectrum_to_rec709(np.full((2, wavelengths.size), 0.4), wavelengths, illuminant)

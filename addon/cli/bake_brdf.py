@@ -15,6 +15,7 @@ from ...bake.bundle.bundle import SUFFIX, read_bundle
 from ...bake.bundle.origin import Origin, file_origin, model_origin
 from ...bake.errors import BakeError
 from ...bake.images.storage import TABLE_STORAGES, Storage
+from ...bake.reading import Reading
 from ...bake.sources import known_formats
 from ...bake.sources.analytic import ANALYTIC, by_name
 from ...bake.tables.grids.parameterization import PARAMETERIZATIONS
@@ -24,7 +25,18 @@ from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
 from ..summary.quality_levels import BRDF_LEVELS
 from . import bake_photographs
-from .bake_jobs import Bake, Job, add_quality, add_replace, bake_jobs, by_quality, chosen_quality, usage_error
+from .bake_jobs import (
+    Bake,
+    Job,
+    add_quality,
+    add_replace,
+    add_rights,
+    bake_jobs,
+    by_quality,
+    chosen_quality,
+    stated_rights,
+    usage_error,
+)
 from .reading_options import add_reading, reading_of
 from .result import Result
 
@@ -53,6 +65,7 @@ def add_to(commands: Any) -> None:
     )
     brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(brdf)
+    add_rights(brdf)
     _add_settings(brdf)
     add_reading(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -142,7 +155,7 @@ def _alpha(text: str) -> str | tuple[float, float]:
 def run(options: argparse.Namespace) -> Result:
     """Bake every input; a bad one is reported and does not stop the others."""
     settings = _settings(options)
-    jobs, errors = _jobs(options)
+    jobs, errors = _jobs(options, settings.reading)
     done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), replace=options.replace)
     document = {
         "command": options.command,
@@ -163,17 +176,18 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             sampler=isotropic_layout(options.sampler_kind, options.sampler),
             envelope=options.envelope,
             reading=reading_of(options),
+            rights=stated_rights(options),
         )
     except BakeError as error:
         raise usage_error(error, options) from None
 
 
-def _jobs(options: argparse.Namespace) -> tuple[list[Job], list[BakeError]]:
+def _jobs(options: argparse.Namespace, reading: Reading) -> tuple[list[Job], list[BakeError]]:
     if not options.files and not options.analytic:
         raise argparse.ArgumentTypeError("nothing to bake: give a FILE or --analytic NAME")
     jobs, errors = [], []
     for file in options.files:
-        jobs.append(Job(file.name, file.stem, _file_baker(file), partial(_file_origin, file)))
+        jobs.append(Job(file.name, reading.title(file), _file_baker(file), partial(_file_origin, file, reading)))
     for name, *pairs in options.analytic:
         parameters = dict(_parameter(pair) for pair in pairs)
         try:
@@ -190,9 +204,9 @@ def _file_baker(file: Path) -> Bake:
     return lambda target, settings, progress: bake_file(file, target, settings, progress)
 
 
-def _file_origin(file: Path) -> Origin:
+def _file_origin(file: Path, reading: Reading) -> Origin:
     try:
-        return file_origin(file)
+        return file_origin(file, reading.material)
     except (OSError, ValueError):  # reported by the reader
         return {}
 

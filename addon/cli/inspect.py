@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ...bake.brdf.appearance import Together
 from ...bake.brdf.common import AlbedoRecord, kind_of
+from ...bake.brdf.preview_sphere import Reflects
+from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import MATERIAL, SUFFIX, is_bundle, read_bundle
 from ...bake.bundle.checked_json import Fields
 from ...bake.errors import BakeError
+from ...bake.inspection.readings import held_out
+from ...bake.inspection.survey import survey
 from ...bake.photographs.settings import StackSettings
 from ...bake.photographs.stack import read_stack
 from ...bake.reading import Reading
@@ -19,10 +25,14 @@ from ...bake.source import SheetSource
 from ...bake.sources import read_source
 from ...bake.tables.albedo import albedo_facts
 from ...bake.tables.sheet import sheet_facts
+from ..photographs.arc_plot import draw_arc
 from ..photographs.find_decoder import blender_decoder
+from ..plots.brdf_plots import draw_brdf
+from ..plots.figure import need_matplotlib
 from ..summary import brdf_rows, shading_map_rows
 from ..summary.parts import parts_of
 from ..summary.sheet_rows import measured_sheet_rows
+from ..summary.survey_rows import survey_rows
 from ..summary.text import columns, one_line
 from .console.progress import Progress
 from .reading_options import add_reading, reading_of
@@ -41,13 +51,21 @@ def add_to(commands: Any) -> None:
         "path", type=Path, metavar="PATH", help="a folder NAME.mmat, a measurement, or a folder of photographs"
     )
     add_reading(parser)
+    parser.add_argument(
+        "--plots",
+        type=Path,
+        metavar="DIR",
+        help="draw slices, polar plots, albedo, reciprocity and a picture by half and difference angle of a "
+        "measurement or a bundle as PNG into this folder; of a baked swatch its photographs and slices (needs "
+        "matplotlib)",
+    )
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     parser.set_defaults(run=run, command="inspect")
 
 
 def run(options: argparse.Namespace) -> Result:
     """Inspect one path. Raises BakeError."""
-    path = options.path
+    path, plots = options.path, options.plots
     if path.name == MATERIAL:
         path = path.parent
     try:
@@ -56,12 +74,17 @@ def run(options: argparse.Namespace) -> Result:
     except (OSError, ValueError) as error:
         raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
     if bundle or (folder and is_bundle(path)):
-        return inspect_bundle(path)
-    return inspect_photographs(path) if folder else inspect_measurement(path, reading_of(options))
+        return inspect_bundle(path, plots)
+    if not folder:
+        return inspect_measurement(path, reading_of(options), plots)
+    if plots is not None:
+        remedy = "draw the baked swatch, or bake with --plot FILE.png"
+        raise BakeError(path, "is a folder of photographs, of which nothing is drawn", remedy)
+    return inspect_photographs(path)
 
 
-def inspect_bundle(path: Path) -> Result:
-    """Parameters, errors, albedo and sizes of a bundle."""
+def inspect_bundle(path: Path, plots: Path | None = None) -> Result:
+    """Parameters, errors, albedo and sizes of a bundle; its figures in the folder `plots`."""
     bundle = read_bundle(path)
     record = read_record(bundle)
     sizes = _sizes(record)
@@ -73,7 +96,29 @@ def inspect_bundle(path: Path) -> Result:
         texels = f"{size['width']} x {size['height']} {size['storage']}"
         shown.append((f"Image {name}", f"{texels}, {in_file} in the file, {in_memory} while rendering"))
     document = {**bundle.material, "command": "inspect", "path": str(bundle.path), "sizes": sizes}
-    return Result(document, columns(shown))
+    return _with_plots(document, shown, _draw_bundle(record, plots) if plots is not None else [])
+
+
+def _draw_bundle(record: Record, folder: Path) -> list[Path]:
+    """Of a BRDF what modes Reference and Exact show; of a swatch how its photographs became slices."""
+    need_matplotlib("--plots")
+    bundle = record.files().path
+    if not isinstance(record, BrdfRecord):
+        draw_arc(bundle, folder / f"{bundle.stem}_slices.png")
+        return [folder / f"{bundle.stem}_slices.png"]
+    table = record.load_table()
+    shown: dict[str, Reflects] = {"Reference": table}
+    if record.residual is not None:
+        shown["Exact"] = Together((record.load_envelope(), record.load_table("residual")))
+    return draw_brdf(table, shown, bundle.stem, folder)
+
+
+def _with_plots(document: dict[str, Any], rows: brdf_rows.Rows, drawn: list[Path]) -> Result:
+    """The result, with the figures where there are any."""
+    if drawn:
+        document = {**document, "plots": [str(path) for path in drawn]}
+        rows = [*rows, *(("Figures" if k == 0 else "", str(path)) for k, path in enumerate(drawn))]
+    return Result(document, columns(rows))
 
 
 def _sizes(record: Record) -> dict[str, dict[str, Any]]:
@@ -97,10 +142,15 @@ def inspect_photographs(path: Path) -> Result:
     return Result(document, [*columns(rows), "", *map(one_line, shading_map_rows.stack_lines(found))])
 
 
-def inspect_measurement(path: Path, reading: Reading) -> Result:
-    """Format, what the reader found, and albedo of a measurement."""
+def inspect_measurement(path: Path, reading: Reading, plots: Path | None = None) -> Result:
+    """Format, what the reader found, symmetry, gaps and albedo of a measurement; its figures in the folder `plots`."""
+    if plots is not None:
+        need_matplotlib("--plots")
     source = read_source(path, reading)
-    albedo = albedo_facts(source)
+    by_itself = (
+        source if reading.reciprocity == "measured" else read_source(path, replace(reading, reciprocity="measured"))
+    )
+    albedo, surveyed, left_out = albedo_facts(source), survey(source), held_out(by_itself)
     name = str(source.facts.get("format", "unknown"))
     document: dict[str, Any] = {
         "command": "inspect",
@@ -113,6 +163,8 @@ def inspect_measurement(path: Path, reading: Reading) -> Result:
         "bytes": path.stat().st_size,
         "facts": source.facts,
         "albedo": albedo,
+        "survey": surveyed,
+        "held_out": left_out,
     }
     rows = [("File", str(path)), ("Format", name), ("Size", brdf_rows.readable_size(path.stat().st_size))]
     rows += brdf_rows.measurement_rows(source)
@@ -120,4 +172,6 @@ def inspect_measurement(path: Path, reading: Reading) -> Result:
     if isinstance(source, SheetSource):
         document["sheet"] = sheet_facts(source, albedo)
         rows += measured_sheet_rows(document["sheet"], albedo, path)
-    return Result(document, columns(rows))
+    rows += survey_rows(surveyed, left_out, reading)
+    shown = {"measurement": source}
+    return _with_plots(document, rows, draw_brdf(source, shown, source.name, plots) if plots is not None else [])

@@ -34,7 +34,7 @@ def import_brdf(
 
     The bundle gets a name that is free, since an older one of the same name may serve another material.
     """
-    result = bake_file(file, free_bundle(folder, Path(file).stem), settings, progress)
+    result = bake_file(file, free_bundle(folder, settings.reading.title(file)), settings, progress)
     return material_from(result, pack=pack, file=file)
 
 

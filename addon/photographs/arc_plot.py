@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...bake.atomic_write import replacing_file
 from ...bake.bundle.bundle import read_bundle
-from ...bake.bundle.result import BakeResult
-from ...bake.errors import BakeError
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.shading_maps.slice_atlas import unpack_slices
 from ...bake.source import Array
+from ..plots.figure import need_matplotlib, new_figure, save_png
 
 _INK, _SECOND = "#20324f", "#c2622d"
 
 
-def need_matplotlib(asked: str) -> None:
-    """Raise BakeError where there is nothing to draw with."""
-    try:
-        importlib.import_module("matplotlib.figure")
-    except ImportError as error:
-        remedy = "install it (pip install matplotlib), or leave the plot out"
-        raise BakeError(asked, "needs matplotlib, which this Python does not have", remedy) from error
-
-
-def draw_arc(result: BakeResult, path: Path) -> None:
-    """Write a PNG of one bake, whole or not at all. Raises BakeError."""
+def draw_arc(bundle: Path, path: Path) -> None:
+    """Write a PNG of a baked swatch, whole or not at all. Raises BakeError."""
     need_matplotlib(str(path))
-    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    record = ShadingMapRecord.read(read_bundle(result.path))
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    record = ShadingMapRecord.read(read_bundle(bundle))
+    figure = new_figure(11, 4.2)
     before, after, shares = figure.subplots(1, 3)
     _draw_before(before, record.photographs)
     _draw_after(after, record.photographs)
@@ -47,13 +34,7 @@ def draw_arc(result: BakeResult, path: Path) -> None:
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{record.name}: from photographs to a shading map")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing_file(path) as temporary:
-            figure.savefig(temporary, format="png", dpi=110)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        cause = f"cannot be written ({getattr(error, 'strerror', None) or error})"
-        raise BakeError(path, cause, "choose another place for it") from error
+    save_png(figure, path, dpi=110)
 
 
 def _draw_before(axes: Any, photographs: PhotographsRecord) -> None:

@@ -17,9 +17,10 @@ Rows = list[tuple[str, str]]
 
 
 def source_rows(record: Record) -> Rows:
-    """Rows on the source of a bundle."""
-    kind = record.source.format
-    return [("Source", record.name)] + ([("Format", kind)] if kind else [])
+    """Rows on the source of a bundle, and what was stated of its rights."""
+    kind, rights = record.source.format, record.rights
+    stated = (("Author", rights.author), ("License", rights.license), ("Found at", rights.source_url))
+    return [("Source", record.name)] + ([("Format", kind)] if kind else []) + [row for row in stated if row[1]]
 
 
 def table_rows(record: BrdfRecord) -> Rows:
@@ -88,7 +89,19 @@ def error_rows(record: BrdfRecord) -> Rows:
     rows = [("RMS error", f"{errors.rms:.3g} 1/sr"), ("Relative", f"{100 * errors.relative:.3g} %")]
     if errors.directions is not None:
         rows.append(("Tested at", f"{errors.directions:,} other directions"))
-    return rows
+    return rows + _color_rows(record)
+
+
+def _color_rows(record: BrdfRecord) -> Rows:
+    """What the error comes to on a lit sphere, as an eye sees it."""
+    names = {"exact": "Color difference", "table": "In Reference"}
+    if "exact" not in record.color_differences:
+        names["table"] = "Color difference"
+    return [
+        (names[name], f"{found.median:.2g} in the median, {found.p95:.2g} at most on 95 % of a sphere (1: just seen)")
+        for name, found in record.color_differences.items()
+        if name in names
+    ]
 
 
 def envelope_rows(record: BrdfRecord) -> Rows:

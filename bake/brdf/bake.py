@@ -41,7 +41,8 @@ def bake_file(
     if progress:
         progress("reading", 0.0)
     started = time.perf_counter()
-    source, origin = read_source(file, (settings or BakeSettings()).reading), file_origin(file)
+    reading = (settings or BakeSettings()).reading
+    source, origin = read_source(file, reading), file_origin(file, reading.material)
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -78,6 +79,7 @@ def bake_source(
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
         "settings": _plain_settings(settings, source),
+        **settings.rights.entry(),
         **part.facts,
     }
     images = part.images
@@ -100,6 +102,7 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     """All that has an effect on such a source, JSON-ready."""
     plain = asdict(settings)
     plain["viewers"] = list(settings.viewers)
+    del plain["rights"]
     plain["reading"] = settings.reading.told()
     if not plain["reading"] or source.facts.get("format") == "analytic":
         del plain["reading"]

@@ -20,6 +20,8 @@ from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
+from .appearance import Together, color_differences
+from .preview_sphere import Reflects
 from .reflection import Reflection
 from .samplers import Layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
@@ -62,12 +64,13 @@ class PartBake:
         if not self.truth.any():
             raise BakeError(source.name, "reflects nothing", "check the file")
 
-    def baked(self, reflection: Callable[..., Reflection], shares: bool = True) -> BakedPart:
+    def baked(self, reflection: Callable[..., Reflection], front: bool = True) -> BakedPart:
         """All steps, given what makes the `Reflection` of a treated source, its grid, its choice and the settings.
 
         Parameters
         ----------
-        shares : also the images of the mirror's probability beside a lamp
+        front : not of another side of a sheet: then also how different it looks, and the images of the mirror's
+            probability beside a lamp
 
         Raises
         ------
@@ -85,10 +88,13 @@ class PartBake:
             "sampler": layout_facts(layout),
             **self.measured(made, seen),
         }
-        fit = None
+        fit: EnvelopeFit | None = None
+        shown: dict[str, Reflects] = {"table": made.kept.table}
         if self.settings.envelope:
-            fit, extra, further = self.envelope(made.kept.table, seen, shares)
-            facts, images = facts | extra, images | further
+            fit, residual, extra, further = self.envelope(made.kept.table, seen, front)
+            facts, images, shown = facts | extra, images | further, {"exact": Together((fit, residual)), **shown}
+        if front:
+            facts["color_difference"] = color_differences(self.source, shown)
         preview = seen.preview(fit)
         facts["preview"] = preview.facts()
         images["preview_weights"] = StoredImage(pack_weights(preview), Storage.FLOAT32)
@@ -113,7 +119,7 @@ class PartBake:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         splined = self.settings.filter == "bspline"
-        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth), "none")
+        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth, self.source), "none")
         return _Tabulated(kept, spline, table.total_intensity)
 
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
@@ -132,8 +138,9 @@ class PartBake:
             chosen = candidates[name]
         return chosen, name
 
-    def _stored(self, table: Table, truth: Array) -> StoredTable:
-        return store_table(replace(table, filter=self.settings.filter), self.settings.storage, self.pairs, truth)
+    def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
+        filtered = replace(table, filter=self.settings.filter)
+        return store_table(filtered, self.settings.storage, self.pairs, truth, source)
 
     def sampler(self, table: Table, reflection: Reflection) -> tuple[StoredImage, Layout]:
         """Sampler of the table, and its layout."""
@@ -170,16 +177,16 @@ class PartBake:
         return table_errors(table, filter, self.pairs, self.truth)
 
     def envelope(
-        self, table: Table, reflection: Reflection, shares: bool
-    ) -> tuple[EnvelopeFit, dict[str, Json], dict[str, StoredImage]]:
-        """The envelope; facts and images of it and of the residual."""
+        self, table: Table, reflection: Reflection, front: bool
+    ) -> tuple[EnvelopeFit, Table, dict[str, Json], dict[str, StoredImage]]:
+        """The envelope and the residual; facts and images of both."""
         self.say("envelope", 0.0)
         fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))
         source = reflection.residual(fit)
         grid = reflection.residual_grid(source, table.grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
         residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
-        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo))
+        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo), source)
         # Drawn and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
@@ -189,13 +196,13 @@ class PartBake:
             "residual": kept.image(),
             "residual_sampler": StoredImage(sampler, Storage.FLOAT32),
         }
-        if shares:
+        if front:
             found = reflection.shares(fit, residual)
             images |= {name: StoredImage(image, Storage.FLOAT32) for name, image in found.items()}
         # Alias tables of both are of one layout.
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
-        return fit, {"envelope": fit.facts(), "residual": facts}, images
+        return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
 
 
 def _sampled(table: Table) -> Table:

@@ -15,7 +15,7 @@ from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
 from ..images.storage import TABLE_STORAGES, Storage
 from ..lobes.lobes import Lobe
-from ..reading import READING_CHOICES, Reading
+from ..reading import READING_NAMES, Reading
 from ..source import Array
 from ..tables.grids.grid import Grid
 from ..tables.log_codes import LEAST_RANGE, MOST_PEAK, MOST_RANGE, LogCodes
@@ -52,7 +52,7 @@ def settings_of(fields: Fields) -> BakeSettings:
     try:
         if fields.has("reading"):
             told = fields.part("reading")
-            chosen: dict[str, Any] = {name: told.text(name) for name in READING_CHOICES if told.has(name)}
+            chosen: dict[str, Any] = {name: told.text(name) for name in READING_NAMES if told.has(name)}
             given["reading"] = Reading(**chosen)
         return BakeSettings(**given)
     except BakeError as error:

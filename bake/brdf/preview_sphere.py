@@ -2,24 +2,43 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from ..directions import normalize, spherical
-from ..source import Array, BrdfSource
+from ..source import Array
 
 _LAMP = normalize(np.array([-0.45, 0.55, 0.7]))
 
 
-def preview_sphere(table: BrdfSource, size: int = 128) -> Array:
+class Reflects(Protocol):
+    """What a material reflects."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """BRDF (..., 3) in 1/sr."""
+        ...
+
+
+def preview_sphere(table: Reflects, size: int = 128) -> Array:
     """(size, size, 3) 8-bit sRGB, row 0 on top; grey background outside the sphere."""
+    inside, light = lit_sphere(table, size)
+    picture = np.full((size, size, 3), 0.18)
+    picture[inside] = light * exposure(light)
+    return (to_srgb(picture) * 255 + 0.5).astype(np.uint8)
+
+
+def lit_sphere(table: Reflects, size: int) -> tuple[Array, Array]:
+    """Which pixels (size, size) show the sphere, and their light (P, 3), in reading order, row 0 on top."""
     x, y = np.meshgrid(np.linspace(-1.05, 1.05, size), np.linspace(1.05, -1.05, size))
     inside = x * x + y * y < 1
     normal = np.stack([x[inside], y[inside], np.sqrt(1 - x[inside] ** 2 - y[inside] ** 2)], -1)
-    light = _radiance(table, normal)
-    exposure = 0.7 / max(float(np.percentile(light, 90)), 1e-6)
-    picture = np.full((size, size, 3), 0.18)
-    picture[inside] = light * exposure
-    return (to_srgb(picture) * 255 + 0.5).astype(np.uint8)
+    return inside, _radiance(table, normal)
+
+
+def exposure(light: Array) -> float:
+    """What the light of a sphere is multiplied by to be shown, white being 1."""
+    return 0.7 / max(float(np.percentile(light, 90)), 1e-6)
 
 
 def to_srgb(linear: Array) -> Array:
@@ -28,7 +47,7 @@ def to_srgb(linear: Array) -> Array:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def _radiance(table: BrdfSource, normal: Array) -> Array:
+def _radiance(table: Reflects, normal: Array) -> Array:
     """One lamp, and a ring of dim lights for the sky; the lamp's disk is spread so that sharp peaks show."""
     view = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
     total = np.zeros(normal.shape)

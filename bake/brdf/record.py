@@ -22,8 +22,9 @@ from ..sampling.slope_cells import SlopeLayout
 from ..source import SHEET_PARTS, SheetPart
 from ..tables.atlas import AtlasLayout
 from ..tables.table import Table
+from .appearance import ColorDifferenceRecord, color_differences_of
 from .baked_table import SAMPLERS, BakedTable, images_of_table
-from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size
+from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size, rights_of
 from .grids import is_anisotropic
 from .modes import TABLE_OF
 from .parts import (
@@ -56,6 +57,8 @@ class BrdfRecord(BundleRecord):
     sheet : what else there is of a sheet that lets light through
     candidates : grids that were tried, best first; none in older bundles
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
+    color_differences : from the measurement as a sphere shows them, of "exact" and of the "table"; empty in older
+        bundles
     """
 
     kind, kind_words = "brdf", "a BRDF"
@@ -67,6 +70,7 @@ class BrdfRecord(BundleRecord):
     albedo: AlbedoRecord
     table_albedo: AlbedoRecord | None
     rms_by_filter: Mapping[str, float]
+    color_differences: Mapping[str, ColorDifferenceRecord]
     search: AlphaSearchRecord | None
     candidates: tuple[CandidateRecord, ...]
     envelope: EnvelopeRecord | None
@@ -82,12 +86,13 @@ class BrdfRecord(BundleRecord):
         return {
             "table": table,
             "residual": residual,
-            "settings": settings_of(fields.part("settings")),
+            "settings": replace(settings_of(fields.part("settings")), rights=rights_of(fields)),
             "sampler": _sampler_of(fields, images, anisotropic, residual),
             "errors": ErrorsRecord.parse(fields.part("errors")),
             "albedo": AlbedoRecord.parse(fields, "albedo"),
             "table_albedo": AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
             "rms_by_filter": _numbers_of(fields, "rms_by_filter"),
+            "color_differences": color_differences_of(fields),
             "search": _search_of(fields),
             "candidates": candidates_of(fields),
             "envelope": EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,

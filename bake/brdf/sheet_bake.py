@@ -42,7 +42,7 @@ def sheet_parts(
         if not view.evaluate(few.wi, few.wo).any():
             continue
         bake = PartBake(view, settings, lambda stage, share: None, pairs)
-        baked = bake.baked(reflection_of if part == "behind" else transmission_of, shares=False)
+        baked = bake.baked(reflection_of if part == "behind" else transmission_of, front=False)
         found[part] = {**baked.facts, "treatment": bake.treatment}
         images |= {f"{part}_{name}": image for name, image in baked.images.items()}
     return {"alike": sheet.alike, **found, "energy": _energy(front, found)}, images

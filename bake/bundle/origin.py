@@ -16,10 +16,14 @@ Origin = Mapping[str, Any]
 _DOCUMENT = "material.json"
 
 
-def file_origin(file: str | Path) -> dict[str, str]:
-    """Name and SHA-256 of a measurement; its folder is nobody else's business. Raises OSError."""
+def file_origin(file: str | Path, material: str = "") -> dict[str, str]:
+    """Name and SHA-256 of a measurement; its folder is nobody else's business. Raises OSError.
+
+    `material` is the name of the one that was chosen in a file of several.
+    """
     with open(file, "rb") as stream:
-        return {"file": Path(file).name, "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}
+        found = {"file": Path(file).name, "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}
+    return found | ({"material": material} if material else {})
 
 
 def photographs_origin(source: str | Path | Sequence[Path]) -> dict[str, str]:
@@ -62,12 +66,13 @@ def refuse_another(target: Path, origin: Callable[[], Origin]) -> None:
 def is_same(kept: Origin, given: Origin) -> bool:
     """Whether two bundles' sources are one: by content where both state it, else by name and parameters."""
     if "sha256" in kept and "sha256" in given:
-        return bool(kept["sha256"] == given["sha256"])
+        return bool(kept["sha256"] == given["sha256"]) and kept.get("material") == given.get("material")
     told = [key for key in ("name", "facts") if key in given]
     return bool(told) and all(kept.get(key) == given[key] for key in told)
 
 
 def mark_of(source: Origin) -> str:
     """A short ASCII text for what a picture shows: the same for all bakes of one source."""
-    told = {"sha256": source["sha256"]} if "sha256" in source else {key: source.get(key) for key in ("name", "facts")}
+    keys = ("sha256", *(["material"] if "material" in source else ())) if "sha256" in source else ("name", "facts")
+    told = {key: source.get(key) for key in keys}
     return "measured_materials " + hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:32]

@@ -21,7 +21,7 @@ from ..errors import BakeError
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import Axis, LookupSource, azimuth_between, grey, interpolate, negative_facts
 from .lookup.sheet_lookup import Lookup, SheetLookup
-from .lookup.text_file import LARGEST_VALUE, printable
+from .lookup.text_file import LARGEST_VALUE, checked_bytes, printable, widened
 
 MAGIC = b"NVIDIA ARC MBSDF V1\n"
 MAX_BYTES = 512 << 20
@@ -62,12 +62,7 @@ def read_parts(path: Path) -> MbsdfParts:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            _refuse(path, f"has more than {MAX_BYTES >> 20} MiB")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
+    data = checked_bytes(path, _REMEDY, MAX_BYTES)
     if not data.startswith(MAGIC):
         _refuse(path, "does not begin as an .mbsdf file does")
     return data
@@ -85,7 +80,7 @@ def _table(path: Path, data: bytes, start: int) -> tuple[Array, int]:
     first = start + 12
     if first + 4 * count > len(data):
         _refuse(path, f"is truncated: a table of {4 * count} bytes has {max(len(data) - first, 0)}")
-    table = np.frombuffer(data, "<f4", count, first).reshape(n_theta, n_theta, n_phi, channels).astype(np.float64)
+    table = widened(np.frombuffer(data, "<f4", count, first)).reshape(n_theta, n_theta, n_phi, channels)
     if not np.isfinite(table).all() or np.abs(table).max() > LARGEST_VALUE:
         _refuse(path, f"holds values that are not finite or exceed {LARGEST_VALUE:g} 1/sr")
     return table, first + 4 * count

@@ -17,7 +17,7 @@ sampling and is not read.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +103,7 @@ class RglSource:
             "description": tables.description,
             "incident_directions": [tables.phi_i.size, size],
             "samples_per_direction": list(tables.rgb.shape[-2:]),
+            "largest_measured_theta_deg": float(np.degrees(tables.theta_i[-1])),
             "interpolation": "bilinear in the VNDF parameterization",
             **self._survey(),
         }
@@ -114,6 +115,17 @@ class RglSource:
         the result.
         """
         return above_horizon(self._evaluate_above, wi, wo, CHUNK)
+
+    def halved(self) -> tuple[RglSource, Array] | None:
+        """The material of every second incident elevation, and the elevations (n,) in radians that it lacks; None of a
+        file with fewer than three."""
+        tables = self._tables
+        left_out = np.arange(1, tables.theta_i.size - 1, 2)
+        if not left_out.size:
+            return None
+        kept = np.setdiff1d(np.arange(tables.theta_i.size), left_out)
+        half = replace(tables, theta_i=tables.theta_i[kept], vndf=tables.vndf[:, kept], rgb=tables.rgb[:, kept])
+        return RglSource(self.name, half), tables.theta_i[left_out]
 
     def _evaluate_above(self, wi: Array, wo: Array) -> Array:
         """The formula of the module's head for (n, 3) pairs above the horizon."""

@@ -1,4 +1,4 @@
-"""UTIA's anisotropic BRDF database (`.bin`): 6 elevations by 48 azimuths of light and viewer.
+"""UTIA's anisotropic BRDF database (`.bin`, `.exr`): 6 elevations by 48 azimuths of light and viewer.
 
 The file has no head: it is recognised by its size alone. Layout, by four public readers (asztr/UTIA-brdf,
 jdupuy/dj_brdf, afichet/brdf-snippets, mkae/alta), which agree on it: planes red, green, blue of little-endian
@@ -9,6 +9,11 @@ They do not agree on what a number means: linear RGB (two of them), sRGB-encoded
 and decoded then, times 100 (one, by "a constant by Jiri Filip", to conserve energy; 18.09 times darker below 5.25).
 Nothing in the file tells. It is read as linear, unless its albedo then exceeds 1; `facts` give the albedo of all
 three readings.
+
+The database's pictures hold the same numbers as 288 x 288 pixels of R, G, B: rows are the light, columns the viewer, as
+in the mosaic of asztr/UTIA-brdf. ALTA's writer of them turns the rows upside down. A measurement tells which: values
+are the same with light and viewer exchanged, but for its error, so the order of rows that is more nearly reciprocal is
+taken, and `facts` give the error of both. Light and viewer themselves cannot be told apart by that.
 """
 
 from __future__ import annotations
@@ -20,19 +25,22 @@ import numpy as np
 
 from ..directions import polar_angle
 from ..errors import BakeError
+from ..images.image_io import read_header, read_image
 from ..reading import Reading
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import Axis, LookupSource, azimuth_of, interpolate, negative_facts
 
 THETAS, PHIS = 6, 48
-FILE_BYTES = 3 * (THETAS * PHIS) ** 2 * 8
+SIDE = THETAS * PHIS
+FILE_BYTES = 3 * SIDE**2 * 8
 _STEP_THETA, _STEP_PHI = np.radians(15.0), np.radians(7.5)
-_REMEDY = "give a .bin file of the UTIA BRDF database (6 x 48 directions), not one of its BTF"
+_EXR = b"\x76\x2f\x31\x01"
+_REMEDY = "give a .bin or .exr file of the UTIA BRDF database (6 x 48 directions), not one of its BTF"
 
 
 def read(path: Path, reading: Reading) -> LookupSource:
     """Read a UTIA file, its numbers as `reading.utia` has them. Raises BakeError: unreadable, of another size."""
-    raw = _raw(path)
+    raw, told = _picture(path) if _is_picture(path) else (_raw(path), {})
     readings = {name: decode(raw) for name, decode in READINGS.items()}
     albedos = {name: _largest_albedo(table) for name, table in readings.items()}
     fitting = next((name for name, albedo in albedos.items() if albedo <= 1.0), "scaled")
@@ -46,13 +54,13 @@ def read(path: Path, reading: Reading) -> LookupSource:
     def lookup(wi: Array, wo: Array) -> Array:
         return interpolate(axes, table, polar_angle(wi), azimuth_of(wi), polar_angle(wo), azimuth_of(wo))
 
-    exchanged = table.transpose(2, 3, 0, 1, 4)
     facts: dict[str, Json] = {
         "format": "UTIA",
         "interpolation": "linear between the nodes; held beyond 75 degrees",
         "values_read_as": chosen,
         "largest_albedo_of_readings": albedos,
-        "reciprocity_error": float(np.abs(table - exchanged).sum() / max(np.abs(table).sum(), 1e-30)),
+        "reciprocity_error": _reciprocity_error(table),
+        **told,
         **negative_facts(table),
     }
     return LookupSource(path.stem, lookup, facts, isotropic=False, bilateral=False)
@@ -70,6 +78,40 @@ def _raw(path: Path) -> Array:
     if not np.isfinite(data).all() or np.abs(data).max() > 1e6:
         raise BakeError(path, "holds numbers that are not finite or out of range", _REMEDY)
     return np.moveaxis(data.reshape(3, THETAS, PHIS, THETAS, PHIS), 0, -1)
+
+
+def _picture(path: Path) -> tuple[Array, dict[str, Json]]:
+    """The same of a picture, and what was found of the order of its rows."""
+    pixels = read_image(path, 4 * SIDE * SIDE * 3)
+    if pixels.shape != (SIDE, SIDE, 3):
+        raise BakeError(path, f"has {pixels.shape[1]} x {pixels.shape[0]} pixels, not {SIDE} x {SIDE}", _REMEDY)
+    if not np.isfinite(pixels).all() or np.abs(pixels).max() > 1e6:
+        raise BakeError(path, "holds numbers that are not finite or out of range", _REMEDY)
+    orders = {"first": pixels, "last": pixels[::-1]}
+    tables = {name: rows.astype(np.float64).reshape(THETAS, PHIS, THETAS, PHIS, 3) for name, rows in orders.items()}
+    errors = {name: _reciprocity_error(table) for name, table in tables.items()}
+    top = min(errors, key=errors.__getitem__)
+    told: dict[str, Json] = {
+        "light_at_the_normal_in_row": top,
+        "reciprocity_error_of_rows": errors,
+        "columns_read_as": "the viewer; --reciprocity exchanged reads them as the light",
+    }
+    return tables[top], told
+
+
+def _reciprocity_error(table: Array) -> float:
+    """Of [theta_i, phi_i, theta_v, phi_v, channel], relative to the sum of the values."""
+    exchanged = table.transpose(2, 3, 0, 1, 4)
+    return float(np.abs(table - exchanged).sum() / max(np.abs(table).sum(), 1e-30))
+
+
+def _is_picture(path: Path) -> bool:
+    """Whether it is an OpenEXR picture of one pixel for each pair of directions."""
+    try:
+        header = read_header(path, 4 * SIDE * SIDE * 3)
+    except (BakeError, OSError):
+        return False
+    return (header.width, header.height, header.channels) == (SIDE, SIDE, 3)
 
 
 def _srgb(stored: Array) -> Array:
@@ -98,6 +140,8 @@ def _largest_albedo(table: Array) -> float:
 
 
 def _matches(path: Path, head: bytes) -> bool:
+    if head.startswith(_EXR):
+        return _is_picture(path)
     try:
         return path.stat().st_size == FILE_BYTES
     except OSError:

@@ -80,7 +80,9 @@ def table_errors(table: Reconstructed, filter: Filter, pairs: DirectionPairs, tr
     }
 
 
-def direction_pairs(count: int, offset: float = 0.5, turned: bool = False) -> DirectionPairs:
+def direction_pairs(
+    count: int, offset: float = 0.5, turned: bool = False, elevations: Array | None = None
+) -> DirectionPairs:
     """A low-discrepancy set of direction pairs, half of it crowding round the mirror direction.
 
     Uniform directions alone would meet a chrome peak in one of a hundred thousand draws. Half the pairs are drawn
@@ -147,7 +149,8 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
         weights.append(np.where(corners[:, axis], t, 1 - t))
     wi, wo = grid.directions(*index)
     weight = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
-    values = (source.evaluate(wi, wo) * weight[..., None]).sum(1)
+    # To the bit as `np.sum`, which takes three times as long over few samples in the middle.
+    values = sum(np.moveaxis(source.evaluate(wi, wo) * weight[..., None], 1, 0))
     return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
 
 

@@ -156,6 +156,12 @@ _NODES, _OSL = "nodes, n varies", "OSL, n varies"
 _MERL, _RGL = "MERL reconstructions", "RGL measurements"
 
 STATED = (
+    Stated(
+        "readings",
+        "errs by {left-out RMS, measured|1%} % RMS there in the median, *mean* by {left-out RMS, mean|1%} %, "
+        "*exchanged* by {left-out RMS, exchanged|1%} %",
+        "addon/docs/formats.md",
+    ),
     _format("MERL", "MERL"),
     _format("NVIDIA MBSDF", "NVIDIA MBSDF"),
     _format("numpy array", "numpy array"),

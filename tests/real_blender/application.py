@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -81,6 +82,13 @@ class Blender:
 
     def _call(self, script: str, arguments: list[str], timeout: float) -> subprocess.CompletedProcess[str]:
         command = [*self.enter, "bash", "-c", script, self.inside, self.program, *arguments]
-        return subprocess.run(
-            command, cwd=self.share, env=self.variables, capture_output=True, text=True, timeout=timeout
-        )
+        pipe = subprocess.PIPE
+        with subprocess.Popen(
+            command, cwd=self.share, env=self.variables, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+        ) as process:
+            try:
+                out, err = process.communicate(timeout=timeout)
+            except BaseException:  # Blender and its X server are children of children
+                os.killpg(process.pid, signal.SIGKILL)
+                raise
+        return subprocess.CompletedProcess(command, process.returncode, out, err)

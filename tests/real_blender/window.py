@@ -1,7 +1,7 @@
-"""Seeded random edits with undo and redo in a real Blender window; see window.sh.
+"""Seeded random edits with undo and redo in a real Blender window, then the tutorials there; see window.sh.
 
-Each run ends with all edits done, no fault said by the journal, exit code 0, and tables of the saved file that equal
-those of the same file opened afresh.
+Each run of edits ends with all edits done, no fault said by the journal, exit code 0, and tables of the saved file that
+equal those of the same file opened afresh.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from measured_materials.bake.images.image_io import write_image
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
+from tutorials import repeat_tutorials
 
 # Opened without a window: what the handlers make of a file that somebody else has saved.
 _FRESH = """
@@ -85,12 +86,22 @@ def edits(blender: Blender, seed: int, count: int) -> str:
 
 
 def main() -> None:
-    """All seeds, to the first fault."""
+    """The edits, the tutorials, or both."""
     parser = argparse.ArgumentParser()
     parser.add_argument("place", type=Path)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1], help="odd: a file of a version before")
     parser.add_argument("--count", type=int, default=200, help="edits of each seed")
+    parser.add_argument("--only", choices=("edits", "tutorials"), help="without the other")
+    parser.add_argument("--pictures", type=Path, help="folder for a picture of each step of the tutorials")
     options = parser.parse_args()
+    if options.only != "tutorials":
+        _edit(options)
+    if options.only != "edits":
+        repeat_tutorials(options.place, options.pictures)
+
+
+def _edit(options: argparse.Namespace) -> None:
+    """All seeds, to the first fault."""
     with tempfile.TemporaryDirectory() as folder:
         share = Path(folder)
         share.chmod(0o755)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.images.image_io import write_image
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.source import Array, BrdfSource, SheetSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
@@ -150,12 +154,38 @@ def write_alta(path: Path, source: BrdfSource) -> Path:
     return path
 
 
+def write_alta_stream(path: Path, source: BrdfSource, endian: str = "little") -> Path:
+    """ALTA's binary variant of `write_alta`, both directions in spherical angles, in 1/sr."""
+    ti, to, po, values, _ = _scattered(source)
+    rows = np.column_stack([np.radians(ti), 0 * ti + 0.7, np.radians(to), np.radians(po) + 0.7, values[:, 1]])
+    head = f"#DIM 4 1\n#PARAM_IN SPHERICAL_TL_PL_TV_PV\n#PARAM_OUT INV_STERADIAN\n#FORMAT binary\n#ENDIAN {endian}\n"
+    head += f"#PRECISION ieee754-double\n#SAMPLE_COUNT {len(rows)}\n#BEGIN_STREAM\n"
+    stream = rows.astype("<f8" if endian == "little" else ">f8").tobytes()
+    path.write_bytes(head.encode() + stream + b"\n#END_STREAM\n")
+    return path
+
+
 def write_table(path: Path, source: BrdfSource) -> Path:
     """A plain table in degrees, R, G, B."""
     ti, to, po, values, _ = _scattered(source)
     lines = ["# any comment", "theta_i [deg], phi_i [deg], theta_o [deg], phi_o [deg], R, G, B"]
     for a, b, p, v in zip(ti, to, po, values):
         lines.append(f"{a}, 40, {b}, {p + 40}, " + ", ".join(f"{x:.9g}" for x in v))
+    path.write_text("\n".join(lines))
+    return path
+
+
+def write_goniometer(path: Path, source: BrdfSource, azimuths: Array) -> Path:
+    """A round of a goniometer for each azimuth of the light in degrees: a table in degrees, or by its suffix ASTM."""
+    grid = np.meshgrid(np.arange(5.0, 80.0, 15.0), azimuths, np.arange(0.0, 80.0, 15.0), np.arange(0.0, 360.0, 30.0))
+    ti, pi, to, po = (angle.ravel() for angle in grid)
+    values = _above(source, spherical(*np.radians([ti, pi])), spherical(*np.radians([to, pi + po])))
+    if path.suffix == ".astm":
+        angles = np.radians([ti, pi, to, pi + po]).T
+        lines = [f"NUM_POINTS {len(ti)}", "VARS theta_i,phi_i,theta_s,phi_s,R,G,B"]
+    else:
+        angles, lines = np.stack([ti, pi, to, pi + po], -1), ["theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,r,g,b"]
+    lines += [",".join(f"{x:.9g}" for x in (*a, *v)) for a, v in zip(angles, values, strict=True)]
     path.write_text("\n".join(lines))
     return path
 
@@ -188,9 +218,18 @@ def write_utia(path: Path, source: BrdfSource) -> Path:
     return path
 
 
-def klems_centres() -> Array:
-    """Directions of the bins of Klems' full basis, (145, 3)."""
-    basis = BASES["klems full"]
+def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) -> Path:
+    """The same as 288 x 288 pixels, rows the light; or upside down, as ALTA writes it."""
+    theta, phi = np.radians(15.0 * np.arange(utia.THETAS)), np.radians(7.5 * np.arange(utia.PHIS))
+    out = spherical(theta[:, None], phi).reshape(-1, 3)
+    values = _above(source, out[:, None], out)
+    write_image(path, values[::-1] if flipped else values, Storage.FLOAT32)
+    return path
+
+
+def klems_centres(name: str = "Full") -> Array:
+    """Directions of the bins of Klems' bases; of the full one (145, 3)."""
+    basis = BASES[f"klems {name.lower()}"]
     lower = np.array([0.0, *basis.bounds[:-1]])
     middle = (lower + np.array(basis.bounds)) / 2
     middle[0] = 0.0
@@ -212,12 +251,14 @@ _BLOCK = """<WavelengthData><Wavelength unit="Integral">{wavelength}</Wavelength
 {data}
 </ScatteringData></WavelengthDataBlock></WavelengthData>
 """
-_KLEMS = "<ColumnAngleBasis>LBNL/Klems Full</ColumnAngleBasis><RowAngleBasis>LBNL/Klems Full</RowAngleBasis>"
+_KLEMS = "<ColumnAngleBasis>LBNL/Klems {0}</ColumnAngleBasis><RowAngleBasis>LBNL/Klems {0}</RowAngleBasis>"
 
 
-def write_klems(path: Path, source: BrdfSource, side: str = "Reflection Back", structure: str = "Columns") -> Path:
+def write_klems(
+    path: Path, source: BrdfSource, side: str = "Reflection Back", structure: str = "Columns", basis: str = "Full"
+) -> Path:
     """A Klems matrix of what is seen above the horizon, whatever the block is called."""
-    return _klems_file(path, {side: (source.evaluate, 1.0, 1.0)}, structure)
+    return _klems_file(path, {side: (source.evaluate, 1.0, 1.0)}, structure, basis)
 
 
 def write_klems_sheet(path: Path, sheet: SheetSource, sides: Sequence[str], structure: str = "Columns") -> Path:
@@ -235,15 +276,15 @@ def write_klems_sheet(path: Path, sheet: SheetSource, sides: Sequence[str], stru
 Block = tuple[Callable[[Array, Array], Array], float, float]
 
 
-def _klems_file(path: Path, blocks: Mapping[str, Block], structure: str) -> Path:
+def _klems_file(path: Path, blocks: Mapping[str, Block], structure: str, basis: str = "Full") -> Path:
     """Rows are outgoing, and incident bins are named by where the light travels to."""
-    bins, texts = klems_centres(), []
+    bins, texts = klems_centres(basis), []
     for side, (evaluate, lit, seen) in blocks.items():
         values = np.asarray(evaluate((bins * [-1.0, -1.0, lit])[None], (bins * [1.0, 1.0, seen])[:, None]))[..., 1]
         if structure == "Rows":
             values = values.T
         data = ",\n".join(_text(row).replace(" ", ", ") for row in values)
-        texts.append(_BLOCK.format(wavelength="Visible", side=side, basis=_KLEMS, data=data + ","))
+        texts.append(_BLOCK.format(wavelength="Visible", side=side, basis=_KLEMS.format(basis), data=data + ","))
     path.write_text("a line that a program logged\n" + _XML.format(structure=structure, blocks="".join(texts)))
     return path
 
@@ -313,10 +354,34 @@ def write_network(path: Path, source: BrdfSource | None = None) -> Path:
     return path.with_name(f"{path.stem}_fc1.npy")
 
 
+ABC_SET: dict[str, Any] = {"kD": [0.1, 0.2, 0.3], "A": [30.0, 20.0, 10.0], "B": 900.0, "C": 0.9, "ior": 1.6}
+# Steep in the shadowing, as published ones are.
+SGD_SET: dict[str, Any] = {
+    "rhoD": [0.05, 0.1, 0.2],
+    "rhoS": [0.3, 0.4, 0.2],
+    "alpha": [0.02, 0.04, 0.03],
+    "p": [0.5, 0.4, 0.6],
+    "f0": [0.9, 0.5, 2.0],
+    "f1": [0.2, -0.1, 1.2],
+    "kap": [40.0, 20.0, 15.0],
+    "lambda": [2.6, 3.0, 2.8],
+    "c": [1e-6, 2e-6, 1e-6],
+    "k": [40.0, 35.0, 30.0],
+    "theta0": [0.2, 0.07, -0.07],
+}
+
+
+def write_published(path: Path, source: BrdfSource | None = None, entries: dict[str, Any] = ABC_SET) -> Path:
+    """One published set of parameters. The BRDF is the formula's own."""
+    path.write_text(json.dumps({"source": "a test", "materials": {"a material": entries}}))
+    return path
+
+
 assert neural_brdf.LAYERS == len(network_weights())
 
 # Grey-green-blue, so that channels cannot be exchanged unseen; a lobe wide enough for 10-degree steps.
 GLOSSY = by_name("ggx", alpha=0.35, f0=(0.9, 0.5, 0.2))
+BRUSHED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
 # Their files hold one channel here, the green one.
 GREY = ("Zemax BSDF", "LightTools", "FRED", "ALTA", "pab-opto", "WINDOW or Radiance XML")
 
@@ -355,4 +420,5 @@ WRITERS: dict[str, tuple[str, Writer]] = {
     "WINDOW or Radiance XML": (".xml", write_klems),
     "numpy array": (".npy", write_npy),
     "Neural-BRDF": (".npy", write_network),
+    "published SGD or ABC fit": (".json", write_published),
 }

@@ -67,6 +67,7 @@ BRDF: dict[str, Any] = {
     "sampler": _SIZES,
     "errors": {"rms": 0.02, "relative": 0.01, "directions": 27564},
     "rms_by_filter": {"nearest": 0.4, "trilinear": 0.1},
+    "color_difference": {"exact": {"median": 0.12, "p95": 0.8}, "table": {"median": 0.2, "p95": 1.5}},
     "albedo": ALBEDO,
     "table_albedo": ALBEDO,
     "envelope": {**_FIT, "nodes": 64, "closures": [{"name": "lambert"}, {"name": "ggx", "alpha": 0.3}]},

@@ -10,7 +10,7 @@ from ....bake.errors import BakeError
 from ....nodes.feature_passes import asks_for_passes
 from ...material.choices import OSL
 from ...material.facts import is_measured, record_of
-from ...material.kinds import SHADING_MAP, Kind, kind_of
+from ...material.kinds import SHADING_MAP, kind_of
 from ...material.rebuild import effects_of
 from ...material.texture_repair import wrong_textures
 from ...summary.parts import parts_of
@@ -37,19 +37,14 @@ from .wrapped_text import Lines
 _PICTURE = 4.0
 
 
-class _Panel:
+class _Panel(ForMeasured):
     """What is looked at most: picture, mode, what it costs, and whether the scene spoils it."""
 
     bl_label = TITLE
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The measured material; for any other the ways to import one."""
+        """The measured material."""
         layout, material = self.layout, shown_material(context)
-        if not is_measured(material):
-            column = layout.column(align=True)
-            column.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
-            column.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
-            return
         lines, kind = Lines(context), kind_of(material)
         _draw_title(layout, material, lines)
         if "mode" in kind.effective(material):
@@ -60,6 +55,23 @@ class _Panel:
         if context.engine != "CYCLES":
             lines.draw(layout, "Cycles renders it, EEVEE approximates it", "INFO")
         draw_status(layout, context, lines)
+
+
+class _ImportPanel:
+    """The ways to a measured material, below Blender's own panels of any other."""
+
+    bl_label = TITLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether no such material is shown."""
+        return not is_measured(shown_material(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The buttons."""
+        column = self.layout.column(align=True)
+        column.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
+        column.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
 
 
 class _LightingPanel:
@@ -90,7 +102,7 @@ class _EffectsPanel(ForMeasured):
         """What fits the material to the scene, what is kept and left out, and the overrides."""
         material, layout = shown_material(context), self.layout
         lines, kind = Lines(context), kind_of(material)
-        _draw_scene_buttons(layout.column(align=True), context, material, kind)
+        _draw_scene_buttons(layout.column(align=True), context, material)
         for effect in effects_of(material):
             lines.draw(layout, f"{effect.name}: {effect.why}", "CHECKMARK" if effect.kept else "REMOVE")
         properties = material.measured_quality
@@ -153,14 +165,11 @@ def _draw_title(layout: bpy.types.UILayout, material: bpy.types.Material, lines:
         lines.draw(layout, f"Not the files of the bake: {names}; see Scene Check, or bake again", "ERROR")
 
 
-def _draw_scene_buttons(
-    column: bpy.types.UILayout, context: bpy.types.Context, material: bpy.types.Material, kind: Kind
-) -> None:
+def _draw_scene_buttons(column: bpy.types.UILayout, context: bpy.types.Context, material: bpy.types.Material) -> None:
     column.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
-    if kind is not SHADING_MAP:
-        scripted = material.measured_quality.shader == OSL
-        words = {"text": "Shade by Nodes"} if scripted else {}
-        column.operator(MEASURED_MATERIALS_OT_use_osl.bl_idname, icon="FILE_SCRIPT", **words).nodes = scripted
+    scripted = material.measured_quality.shader == OSL
+    words = {"text": "Shade by Nodes"} if scripted else {}
+    column.operator(MEASURED_MATERIALS_OT_use_osl.bl_idname, icon="FILE_SCRIPT", **words).nodes = scripted
     denoised = asks_for_passes(context.scene)
     words = {"text": "Stop Denoising"} if denoised else {}
     column.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised
@@ -177,7 +186,8 @@ def _where_rebuildable(layout: bpy.types.UILayout, material: bpy.types.Material,
 
 
 classes = (
-    *in_both_places(_Panel),
+    *in_both_places(_Panel, on_top=True),
+    *in_both_places(_ImportPanel, "import", within=False),
     *in_both_places(AdjustPanel, "adjust"),
     *in_both_places(_LightingPanel, "lighting"),
     *in_both_places(_EffectsPanel, "effects"),

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ....bake.reading import READING_CHOICES, Reading
+from ....bake.reading import READING_CHOICES, READING_NAMES, Reading
 from .enum_items import enum
 from .quality_choice import heading
 
@@ -21,7 +21,12 @@ _ILLUMINANT = _choice(
     "illuminant",
     "Illuminant",
     "Light that a spectral measurement becomes colours under; its white is white",
-    {"D65": ("D65", "Daylight"), "E": ("E", "Equal energy"), "A": ("A", "Lamplight")},
+    {
+        "D65": ("D65", "Daylight"),
+        "E": ("E", "Equal energy"),
+        "A": ("A", "Lamplight"),
+        "LED-B3": ("LED-B3", "A white LED of 4100 K"),
+    },
 )
 _MERL = _choice(
     "merl",
@@ -64,6 +69,12 @@ _UTIA = _choice(
         "scaled": ("Scaled", "Divided by 140, encoded, times 100"),
     },
 )
+_MATERIAL = bpy.props.StringProperty(
+    name="Material",
+    description="Name of one of several materials in a file, such as the published parameters of all MERL materials",
+    default=_USUAL["material"],
+    maxlen=100,
+)
 _PREFIX = "read_"
 
 
@@ -75,11 +86,12 @@ class ReadingProperties:
     read_reciprocity: _RECIPROCITY
     read_side: _SIDE
     read_utia: _UTIA
+    read_material: _MATERIAL
 
 
 def reading_of(properties: Any) -> Reading:
     """The properties as a reading."""
-    return Reading(**{name: getattr(properties, _PREFIX + name) for name in READING_CHOICES})
+    return Reading(**{name: getattr(properties, _PREFIX + name) for name in READING_NAMES})
 
 
 def show_reading(properties: Any, reading: Reading) -> None:
@@ -91,5 +103,5 @@ def show_reading(properties: Any, reading: Reading) -> None:
 def draw_reading(layout: bpy.types.UILayout, properties: Any) -> None:
     """Draw the choices under their heading."""
     column = heading(layout, "What the File Leaves Open")
-    for name in READING_CHOICES:
+    for name in READING_NAMES:
         column.prop(properties, _PREFIX + name)

@@ -1,4 +1,4 @@
-"""ALTA's scattered data (`.dat`, text), as CEA published its retroreflective tapes.
+"""ALTA's scattered data (`.dat`, text or binary), as CEA published its retroreflective tapes.
 
 Layout, from ALTA's documentation of data formats and its reader (mkae/alta, MPL-2.0): lines `#KEY value`, among them
 `#DIM inputs outputs`, `#PARAM_IN`, `#PARAM_OUT` and `#VS`, then one sample per line, angles in radians. The light of
@@ -19,11 +19,12 @@ import numpy as np
 from ...directions import normalize, spherical
 from ...source import Array, Reader
 from ..lookup.lookup_source import LookupSource
-from ..lookup.text_file import TextFile, beginning, printable
+from ..lookup.text_file import NamedFile, TextFile, beginning, printable
+from .alta_stream import Stream, is_stream
 from .scattered_source import Colour, scattered_source
 
 MAX_SAMPLES = 200_000
-_REMEDY = "give an ALTA text file whose #PARAM_IN is one of the known parameterisations"
+_REMEDY = "give an ALTA file whose #PARAM_IN is one of the known parameterisations"
 # The cosine that a weighted value is divided by at least; nearer to the horizon a measurement says nothing.
 _LEAST_COS = 0.02
 
@@ -63,9 +64,17 @@ _OUTPUTS: dict[str, tuple[Colour, int]] = {
 
 
 def read(path: Path) -> LookupSource:
-    """Read an ALTA text file. Raises BakeError: damaged, binary, of an unknown parameterisation or quantity."""
+    """Read an ALTA file. Raises BakeError: damaged, of an unknown parameterisation or quantity."""
+    if is_stream(path):
+        stream = Stream(path, _REMEDY)
+        return _source(stream, stream.header, stream.rows)
     file = TextFile(path, _REMEDY, comment="")
     header, first = _header(file)
+    return _source(file, header, lambda columns: _rows(file, first, columns))
+
+
+def _source(file: NamedFile, header: dict[str, str], rows: Callable[[int], Array]) -> LookupSource:
+    """The samples as a source; `rows` gives as many columns of them as are asked for."""
     name = header.get("PARAM_IN", "").upper()
     if name not in PARAMETERISATIONS:
         raise file.error(f"#PARAM_IN is {name[:40]!r}, not {', '.join(PARAMETERISATIONS)}")
@@ -79,7 +88,7 @@ def read(path: Path) -> LookupSource:
         raise file.error(f"#DIM says {' '.join(declared)[:20]!r}, {name} has {inputs} numbers")
     if declared[1:2] == ["3"] and not output:
         colour, outputs = "rgb", 3
-    table = _rows(file, first, inputs, outputs)
+    table = rows(inputs + outputs)
     wi, wo = pairs(table[:, :inputs])
     values = table[:, inputs : inputs + outputs]
     weighted = output == "INV_STERADIAN_COSINE_FACTOR"
@@ -111,29 +120,27 @@ def _header(file: TextFile) -> tuple[dict[str, str], int]:
                 return header, index + 1
         elif text and header:
             return header, index
-        if header.get("FORMAT", "").lower() == "binary":
-            raise file.error("is ALTA's binary variant", "convert it with ALTA's data2data to text")
     raise file.error("holds no samples")
 
 
-def _rows(file: TextFile, first: int, inputs: int, outputs: int) -> Array:
-    """(N, at least inputs + outputs); what #VS adds behind the values is not used."""
+def _rows(file: TextFile, first: int, columns: int) -> Array:
+    """(N, columns); what #VS adds behind the values is not used."""
     rows: list[Array] = []
     for number, words, _ in file.split():
         if number <= first or not words or words[0].startswith("#"):
             continue
-        if len(words) < inputs + outputs:
-            file.refuse(number, f"{len(words)} numbers, at least {inputs + outputs} are expected")
+        if len(words) < columns:
+            file.refuse(number, f"{len(words)} numbers, at least {columns} are expected")
         if len(rows) == MAX_SAMPLES:
             file.refuse(number, f"more than {MAX_SAMPLES} samples")
-        rows.append(file.numbers(number, words[: inputs + outputs]))
+        rows.append(file.numbers(number, words[:columns]))
     if not rows:
         raise file.error("holds no samples")
     return np.stack(rows)
 
 
 def _matches(path: Path, head: bytes) -> bool:
-    return b"#PARAM_IN" in beginning(path)
+    return b"#PARAM_IN" in beginning(path) or is_stream(path)
 
 
 READER = Reader("ALTA", (".dat", ".alta"), _matches, lambda path, reading: read(path))

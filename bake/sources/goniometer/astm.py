@@ -8,28 +8,29 @@ wavelength each (`550nm`), R, G, B, or X, Y, Z. Values are in 1/sr, without the 
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...directions import spherical
+from ...reading import Illuminant, Reading
 from ...source import Array, Reader
-from ...spectrum import xyz_weights
 from ..lookup.lookup_source import LookupSource
 from ..lookup.text_file import TextFile, beginning, printable
-from .scattered_source import Colour, scattered_source
+from .scattered_source import WAVELENGTH, Colour, scattered_source, spectral_colour
 
 MAX_SAMPLES = 200_000
 _ANGLES = ("theta_i", "phi_i", "theta_s", "phi_s")
 _REMEDY = "give an ASTM E2387 text file with a line VARS theta_i,phi_i,theta_s,phi_s,..."
-_WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*nm$")
 _KEPT = ("LAB_NAME", "SAMPLE_NAME", "MEAS_NAME", "SAMPLE_COMMENTS", "MEAS_COMMENTS")
 
 
-def read(path: Path) -> LookupSource:
-    """Read an ASTM file. Raises BakeError: damaged, of unknown columns, not in radians."""
+def read(path: Path, reading: Reading) -> LookupSource:
+    """Read an ASTM file, its spectra under the illuminant of `reading`.
+
+    Raises BakeError: damaged, of unknown columns, not in radians.
+    """
     file = TextFile(path, _REMEDY, comment="")
     columns, first, comments = _header(file)
     rows: list[Array] = []
@@ -49,10 +50,11 @@ def read(path: Path) -> LookupSource:
         raise file.error("has polar angles above pi", "angles must be in radians; convert degrees")
     wi = spherical(angles["theta_i"], angles.get("phi_i", 0.0))
     wo = spherical(angles["theta_s"], angles["phi_s"])
-    colour, values = _values(file, [c for c in columns if c not in _ANGLES], table[:, len(angles) :])
+    names = [c for c in columns if c not in _ANGLES]
+    colour, values, white = _values(file, names, table[:, len(angles) :], reading.illuminant)
     file.check_values(values)
     facts: dict[str, Any] = {"format": "ASTM E2387", "comments": comments}
-    return scattered_source(file, wi, wo, values, colour, facts)
+    return scattered_source(file, wi, wo, values, colour, facts, white)
 
 
 def _header(file: TextFile) -> tuple[list[str], int, list[str]]:
@@ -73,24 +75,17 @@ def _header(file: TextFile) -> tuple[list[str], int, list[str]]:
     raise file.error("has no line VARS")
 
 
-def _values(file: TextFile, names: list[str], table: Array) -> tuple[Colour, Array]:
-    """The columns of values as grey, RGB or XYZ."""
-    found = [_WAVELENGTH.search(name) for name in names]
-    if all(found):
-        wavelengths = np.array([float(match.group(1)) for match in found if match])
-        if len(names) == 1:
-            return "grey", table
-        order = np.argsort(wavelengths)
-        try:
-            return "xyz", table[:, order] @ xyz_weights(wavelengths[order])
-        except ValueError as error:
-            raise file.error(str(error)) from error
+def _values(file: TextFile, names: list[str], table: Array, illuminant: Illuminant) -> tuple[Colour, Array, Illuminant]:
+    """The columns of values as grey, RGB or XYZ, and the light under which white is white."""
+    found = [WAVELENGTH.search(name) for name in names]
+    if len(names) > 1 and all(found):
+        return spectral_colour(file, [float(match.group(1)) for match in found if match], table, illuminant)
     if names == ["x", "y", "z"]:
-        return "xyz", table
+        return "xyz", table, "D65"
     if len(names) == 3:
-        return "rgb", table
+        return "rgb", table, "D65"
     if len(names) == 1:
-        return "grey", table
+        return "grey", table, "D65"
     raise file.error(f"has columns {', '.join(names)[:60]!r}, which are no colour and no wavelengths")
 
 
@@ -98,4 +93,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return b"VARS THETA_I" in beginning(path).upper().replace(b"\t", b" ")
 
 
-READER = Reader("ASTM E2387", (".astm",), _matches, lambda path, reading: read(path))
+READER = Reader("ASTM E2387", (".astm",), _matches, read)

@@ -1,26 +1,49 @@
-"""Scattered samples of any text format as a smooth isotropic BRDF, with an account of what was left out."""
+"""Scattered samples of any text format as a smooth BRDF, with an account of what was left out."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
+from ...reading import Illuminant
 from ...source import Array
-from ...spectrum import xyz_to_rec709
+from ...spectrum import white_point, xyz_to_rec709, xyz_weights
 from ..lookup.lookup_source import LookupSource, negative_facts
-from ..lookup.scattered import MIN_SAMPLES, fit_scattered
-from ..lookup.text_file import TextFile
+from ..lookup.scattered import MIN_SAMPLES
+from ..lookup.scattered_choice import fit_samples
+from ..lookup.text_file import NamedFile, TextFile
 
 Colour = Literal["grey", "rgb", "xyz"]
+WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*nm$")
+"""In the name of a column of a spectrum."""
 
 _HORIZON_COS = 1e-6
 # Samples of one geometry, to this many radians, are compared to find what a turn about the normal changes.
 _SAME = 0.02
 
 
+def spectral_colour(
+    file: TextFile, wavelengths: Sequence[float], table: Array, illuminant: Illuminant
+) -> tuple[Colour, Array, Illuminant]:
+    """Columns of wavelengths in nm, in any order, as CIE XYZ under an illuminant. Raises BakeError."""
+    order = np.argsort(wavelengths)
+    try:
+        return "xyz", table[:, order] @ xyz_weights(np.array(wavelengths)[order], illuminant), illuminant
+    except ValueError as error:
+        raise file.error(str(error)) from error
+
+
 def scattered_source(
-    file: TextFile, wi: Array, wo: Array, values: Array, colour: Colour, facts: dict[str, Any]
+    file: NamedFile,
+    wi: Array,
+    wo: Array,
+    values: Array,
+    colour: Colour,
+    facts: dict[str, Any],
+    illuminant: Illuminant = "D65",
 ) -> LookupSource:
     """Fit the samples above the horizon; the interpolation is chosen by how well each is predicted by the others.
 
@@ -28,7 +51,8 @@ def scattered_source(
     ----------
     wi, wo : (N, 3) unit vectors, both away from the surface
     values : (N, 1) for "grey", else (N, 3): BRDF in 1/sr
-    colour : what the channels are; CIE XYZ is taken with the white of D65 as (0.95, 1, 1.09)
+    colour : what the channels are
+    illuminant : whose white CIE XYZ is taken with; of D65 (0.95, 1, 1.09)
     facts : of the format; the account of the fit is added
 
     Raises
@@ -40,9 +64,10 @@ def scattered_source(
         cause = f"holds {np.count_nonzero(above)} samples above the horizon, {MIN_SAMPLES} are needed"
         raise file.error(cause, "give a measurement of more directions, of reflection")
     wi, wo, values = wi[above], wo[above], values[above]
-    matrix = xyz_to_rec709().T if colour == "xyz" else np.eye(3)
+    white = None if illuminant == "D65" else white_point(illuminant)
+    matrix = xyz_to_rec709(white).T if colour == "xyz" else np.eye(3)
     try:
-        fit = fit_scattered(wi, wo, values)
+        fit = fit_samples(wi, wo, values)
     except ValueError as error:
         raise file.error(str(error)) from error
 
@@ -50,15 +75,16 @@ def scattered_source(
         found = fit.evaluate(light, viewer)
         return np.repeat(found, 3, -1) if colour == "grey" else found @ matrix
 
+    isotropic = fit.coordinates.isotropic
     facts |= {
         "samples": len(values),
         "samples_below_horizon": int(np.count_nonzero(~above)),
         "zero_share": float((values == 0).mean()),
-        "anisotropy_averaged": _anisotropy(wi, wo, values),
+        **({"anisotropy_averaged": _anisotropy(wi, wo, values)} if isotropic else {}),
         **negative_facts(values),
         **fit.facts,
     }
-    return LookupSource(file.path.stem, lookup, facts, isotropic=True, bilateral=True)
+    return LookupSource(file.path.stem, lookup, facts, isotropic, isotropic)
 
 
 def _anisotropy(wi: Array, wo: Array, values: Array) -> float:

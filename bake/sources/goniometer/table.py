@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from ...directions import spherical
+from ...reading import Illuminant, Reading
 from ...source import Array, Reader
-from ...spectrum import xyz_weights
 from ..lookup.lookup_source import LookupSource
 from ..lookup.text_file import TextFile, beginning
-from .scattered_source import Colour, scattered_source
+from .scattered_source import WAVELENGTH, Colour, scattered_source, spectral_colour
 
 MAX_SAMPLES = 200_000
 _REMEDY = (
@@ -35,7 +35,6 @@ _ANGLES = {
 }
 _NAMES = {spelling: name for name, spellings in _ANGLES.items() for spelling in spellings}
 _UNIT = re.compile(r"[\s_\[(]*(deg|degree|degrees|°|rad|radian|radians)[\])]*$")
-_WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*nm$")
 _GREY = ("brdf", "bsdf", "value", "f", "y", "luminance", "brdf_cos", "f_cos", "bsdf_cos")
 _LEAST_COS = 0.02
 
@@ -51,8 +50,11 @@ class _Columns:
     line: int
 
 
-def read(path: Path) -> LookupSource:
-    """Read a table. Raises BakeError: no such names, no units, damaged, too few samples."""
+def read(path: Path, reading: Reading) -> LookupSource:
+    """Read a table, its spectra under the illuminant of `reading`.
+
+    Raises BakeError: no such names, no units, damaged, too few samples.
+    """
     file = TextFile(path, _REMEDY)
     columns = _columns(file)
     table = _rows(file, columns)
@@ -60,14 +62,14 @@ def read(path: Path) -> LookupSource:
     angle = {name: table[:, at] * radians for name, at in columns.angles.items()}
     wi = spherical(angle["theta_i"], angle.get("phi_i", 0.0))
     wo = spherical(angle["theta_o"], angle["phi_o"])
-    colour, values = _colour(file, columns.names, table[:, columns.values])
+    colour, values, white = _colour(file, columns.names, table[:, columns.values], reading.illuminant)
     facts: dict[str, Any] = {"format": "table of samples", "units": told}
     if any("cos" in name for name in columns.names):
         keep = wo[:, 2] > _LEAST_COS
         facts |= {"cosine_divided_out": True, "samples_too_low": int(np.count_nonzero(~keep))}
         wi, wo, values = wi[keep], wo[keep], values[keep] / wo[keep, 2:]
     file.check_values(values)
-    return scattered_source(file, wi, wo, values, colour, facts)
+    return scattered_source(file, wi, wo, values, colour, facts, white)
 
 
 def split_name(word: str) -> tuple[str, str]:
@@ -142,22 +144,17 @@ def _units(file: TextFile, columns: _Columns, table: Array) -> tuple[float, str]
     )
 
 
-def _colour(file: TextFile, names: list[str], table: Array) -> tuple[Colour, Array]:
+def _colour(file: TextFile, names: list[str], table: Array, illuminant: Illuminant) -> tuple[Colour, Array, Illuminant]:
     plain = [name.removesuffix("_cos") for name in names]
-    found = [_WAVELENGTH.search(name) for name in plain]
+    found = [WAVELENGTH.search(name) for name in plain]
     if len(plain) == 1 and (plain[0] in _GREY or found[0]):
-        return "grey", table
+        return "grey", table, "D65"
     if plain in (["r", "g", "b"], ["red", "green", "blue"]):
-        return "rgb", table
+        return "rgb", table, "D65"
     if plain == ["x", "y", "z"]:
-        return "xyz", table
+        return "xyz", table, "D65"
     if names and all(found):
-        wavelengths = np.array([float(match.group(1)) for match in found if match])
-        order = np.argsort(wavelengths)
-        try:
-            return "xyz", table[:, order] @ xyz_weights(wavelengths[order])
-        except ValueError as error:
-            raise file.error(str(error)) from error
+        return spectral_colour(file, [float(match.group(1)) for match in found if match], table, illuminant)
     raise file.error(f"has columns {', '.join(names)[:60]!r} beside the angles, which are no known values")
 
 
@@ -170,4 +167,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return False
 
 
-READER = Reader("table of samples", (".csv",), _matches, lambda path, reading: read(path))
+READER = Reader("table of samples", (".csv",), _matches, read)

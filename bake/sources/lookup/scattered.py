@@ -23,11 +23,13 @@ rising Fresnel peak would explode on the last degrees before grazing.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ...source import Array, Facts
+from .scattered_coordinates import Coordinates, coordinates
+from .scattered_interpolants import Interpolant, Spline, kernel_fit, spline_inverse, spread_subset
 from .scattered_invariants import Invariants, invariants
 from .scattered_lobes import Lobes, fit_lobes
 
@@ -43,118 +45,8 @@ spline then ripples through the noise of neighbouring samples."""
 LINEAR_SHARE = 0.3
 """Scale of the asinh as a share of the median sample: at 1 the spline undershoots to 0 beside a peak."""
 
-_GRAZING_OFFSET = 0.03
 _LARGEST_NOISE = 1e6
-_NEIGHBOURS = 4
 _CHUNK = 2048
-_CACHE_ROWS = 128  # twice as fast as rows that overflow the cache
-
-
-def coordinates(pair: Invariants, peak_width: float) -> Array:
-    """Invariants stretched so that a BRDF varies about equally fast along each.
-
-    Parameters
-    ----------
-    pair : of shape (...)
-    peak_width : theta_h in radians below which the first coordinate is quadratic, above logarithmic: there
-        the logarithm of a GGX lobe of that alpha is a straight line
-
-    Returns
-    -------
-    (..., 4): distance to the peak (theta_h), Fresnel term (theta_d), difference of the cosines, and the
-    product of the cosines, in whose logarithm grazing shadowing is smooth. Weights chosen once by
-    leave-one-out error on gonioreflectometer paints.
-    """
-    return np.stack(
-        [
-            3.0 * np.log1p(pair.sin2_h / peak_width**2) / np.log1p(1 / peak_width**2),
-            1.0 - pair.cos_d,
-            (pair.cos_i - pair.cos_o) ** 2,
-            np.log(np.maximum(pair.cos_i * pair.cos_o, 0.0) + _GRAZING_OFFSET) / 3,
-        ],
-        -1,
-    )
-
-
-def _squared_distance(x: Array, centres: Array) -> Array:
-    """(Q, N), by |x|^2 - 2 x.c + |c|^2 as one matrix product."""
-    left = np.column_stack([x, (x**2).sum(-1), np.ones(len(x))])
-    right = np.column_stack([-2 * centres, np.ones(len(centres)), (centres**2).sum(-1)])
-    d2 = left @ right.T
-    return np.maximum(d2, 0, out=d2)
-
-
-class _Interpolant(Protocol):
-    def __call__(self, x: Array) -> Array: ...
-
-
-@dataclass(frozen=True)
-class _Spline:
-    centres: Array  # (N, 4), relative to `origin`
-    origin: Array
-    weights: Array  # (N, C)
-    tail: Array  # (5, C)
-
-    def __call__(self, x: Array) -> Array:
-        x = x - self.origin
-        level: Array = self.tail[0] + x @ self.tail[1:]
-        for start in range(0, len(x), _CACHE_ROWS):
-            rows = slice(start, start + _CACHE_ROWS)
-            cube = _squared_distance(x[rows], self.centres)
-            cube *= np.sqrt(cube)
-            level[rows] += cube @ self.weights
-        return level
-
-
-@dataclass(frozen=True)
-class _Kernel:
-    centres: Array  # (N, 4)
-    rate: Array  # (N,) 1 / (2 bandwidth^2)
-    values: Array  # (N, C)
-
-    def __call__(self, x: Array) -> Array:
-        exponent = _squared_distance(x, self.centres) * self.rate
-        exponent = exponent - exponent.min(-1, keepdims=True)  # so that the nearest sample never underflows
-        weight = np.exp(-exponent)
-        return (weight @ self.values) / weight.sum(-1, keepdims=True)
-
-
-def _spline_inverse(x: Array, smoothing: Array) -> Array:
-    """Inverse of the bordered spline matrix, (N + 5, N + 5), for coordinates x about their mean."""
-    n, k = len(x), x.shape[1] + 1
-    matrix = np.zeros((n + k, n + k))
-    cube = _squared_distance(x, x)
-    matrix[:n, :n] = cube * np.sqrt(cube)
-    matrix[np.arange(n), np.arange(n)] = smoothing
-    matrix[:n, n] = matrix[n, :n] = 1
-    matrix[:n, n + 1 :] = x
-    matrix[n + 1 :, :n] = x.T
-    # Samples in one plane leave the tail undetermined; this tiny ridge picks its flattest version.
-    matrix[np.arange(n, n + k), np.arange(n, n + k)] = -1e-8
-    return np.linalg.inv(matrix)
-
-
-def _kernel_fit(x: Array, y: Array) -> tuple[_Kernel, Array]:
-    """Kernel regression and its leave-one-out predictions; a bandwidth reaches the fourth neighbour."""
-    d2 = _squared_distance(x, x)
-    np.fill_diagonal(d2, np.inf)
-    reach = np.partition(d2, _NEIGHBOURS - 1, axis=0)[_NEIGHBOURS - 1]
-    rate = 2.0 / np.maximum(reach, 1e-9)
-    exponent = d2 * rate
-    exponent -= exponent.min(-1, keepdims=True)
-    weight = np.exp(-exponent)
-    left_out = (weight @ y) / weight.sum(-1, keepdims=True)
-    return _Kernel(x, rate, y), left_out
-
-
-def spread_subset(x: Array, count: int) -> Array:
-    """Indices of `count` points by farthest-point sampling from the first; deterministic, keeps the peak."""
-    chosen = np.zeros(count, dtype=int)
-    d2 = ((x - x[0]) ** 2).sum(-1)
-    for k in range(1, count):
-        chosen[k] = np.argmax(d2)
-        d2 = np.minimum(d2, ((x - x[chosen[k]]) ** 2).sum(-1))
-    return np.sort(chosen)
 
 
 def sample_errors(truth: Array, guess: Array, cosine: Array, scale: float) -> dict[str, float]:
@@ -188,6 +80,19 @@ def sample_errors(truth: Array, guess: Array, cosine: Array, scale: float) -> di
     return errors | {"overall": float(np.prod(list(errors.values())) ** (1 / 3))}
 
 
+def sample_noise(wi: Array, brightness: Array, typical: float) -> Array:
+    """Relative variance of samples, (N,), for a smoothing spline: that of light at grazing is larger.
+
+    Parameters
+    ----------
+    wi : (N, 3) directions to the light
+    brightness : (N,) mean of the channels, absolute
+    typical : the median of it
+    """
+    offset = typical / np.maximum(wi[:, 2], 1e-3) ** 2
+    return np.minimum(1 + offset**2 / ((LINEAR_SHARE * typical) ** 2 + brightness**2), _LARGEST_NOISE)
+
+
 @dataclass(frozen=True)
 class ScatteredBrdf:
     """A smooth BRDF through scattered samples; build it with `fit_scattered`.
@@ -203,11 +108,11 @@ class ScatteredBrdf:
     method: str
     facts: Facts
     scale: float
-    peak_width: float
+    coordinates: Coordinates
     least_cosine: float
     ceiling: Array
     lobes: Lobes | None
-    interpolant: _Interpolant | None
+    interpolant: Interpolant | None
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF of direction pairs in the channels of the samples, >= 0 and finite.
@@ -235,7 +140,7 @@ class ScatteredBrdf:
         if self.lobes is not None:
             level = np.arcsinh(self.lobes.evaluate(pair) / self.scale)
         if self.interpolant is not None:
-            level = level + self.interpolant(coordinates(pair, self.peak_width))
+            level = level + self.interpolant(self.coordinates(wi, wo, pair))
         # Between samples a spline may overshoot, so no measured value is exceeded.
         level = np.minimum(level, self.ceiling)
         return self.scale * np.sinh(np.maximum(level, 0.0))
@@ -267,8 +172,7 @@ def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None
     pair = invariants(wi, wo)
     lobes = fit_lobes(pair, values, typical)
     lobe_level = np.arcsinh(lobes.evaluate(pair) / scale)
-    offset = typical / np.maximum(wi[:, 2], 1e-3) ** 2
-    noise = np.minimum(1 + offset**2 / (scale**2 + brightness**2), _LARGEST_NOISE)
+    noise = sample_noise(wi, brightness, typical)
     try:
         candidates = _spline_candidates(pair, y, lobe_level, noise)
     except np.linalg.LinAlgError as error:
@@ -290,8 +194,8 @@ def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None
         "left_out_errors": {c.name: errors for errors, c in reversed(ranking)},
         "largest_measured_theta_deg": float(np.degrees(np.arccos(cosine.min()))),
     }
-    used = lobes if best.name.startswith("lobes") else None
-    return ScatteredBrdf(best.name, facts, scale, best.peak_width, float(cosine.min()), ceiling, used, best.interpolant)
+    used, place = lobes if best.name.startswith("lobes") else None, Coordinates(best.peak_width)
+    return ScatteredBrdf(best.name, facts, scale, place, float(cosine.min()), ceiling, used, best.interpolant)
 
 
 @dataclass(frozen=True)
@@ -300,7 +204,7 @@ class _Candidate:
     peak_width: float
     smoothing: float
     left_out: Array  # (N, C) compressed prediction of each sample from the others
-    interpolant: _Interpolant | None
+    interpolant: Interpolant | None
 
 
 def _spline_candidates(pair: Invariants, y: Array, lobe_level: Array, noise: Array) -> list[_Candidate]:
@@ -322,12 +226,12 @@ def _spline_pair(
     x = coordinates(pair, peak_width)
     origin = x.mean(0)
     x = x - origin
-    inverse = _spline_inverse(x, smoothing * noise)[:, : len(x)]
+    inverse = spline_inverse(x, smoothing * noise)[:, : len(x)]
     coefficients = inverse @ np.hstack([y, y - lobe_level])
     residual = coefficients[: len(x)] / np.diag(inverse)[:, None]
     for name, own in (("spline", slice(channels)), ("lobes+spline", slice(channels, None))):
         weights, tail = coefficients[: len(x), own], coefficients[len(x) :, own]
-        spline = _Spline(x, origin, weights, tail)
+        spline = Spline(x, origin, weights, tail)
         found.append(_Candidate(name, peak_width, smoothing, y - residual[:, own], spline))
     return found
 
@@ -336,6 +240,6 @@ def _other_candidates(pair: Invariants, y: Array, lobe_level: Array) -> list[_Ca
     """Kernel regression for each peak width, and the lobes alone (whose dozen parameters saw all samples)."""
     found = [_Candidate("lobes", PEAK_WIDTHS[0], 0.0, lobe_level, None)]
     for peak_width in PEAK_WIDTHS:
-        kernel, left_out = _kernel_fit(coordinates(pair, peak_width), y)
+        kernel, left_out = kernel_fit(coordinates(pair, peak_width), y)
         found.append(_Candidate("kernel", peak_width, 0.0, left_out, kernel))
     return found

@@ -16,7 +16,23 @@ LARGEST_VALUE = 1e8
 """Above any mirror that a goniometer can resolve (1e-8 sr); a larger BRDF value is damage."""
 
 
-class TextFile:
+class NamedFile:
+    """A file of samples, and the errors that name it. `remedy`: what to do about one that is damaged."""
+
+    def __init__(self, path: str | Path, remedy: str) -> None:
+        self.path, self.remedy = Path(path), remedy
+
+    def error(self, cause: str, remedy: str = "") -> BakeError:
+        """An error of the file as a whole."""
+        return BakeError(self.path, cause, remedy or self.remedy)
+
+    def check_values(self, values: Array, what: str = "a BRDF value") -> None:
+        """Refuse numbers that no measurement can be."""
+        if values.size and np.abs(values).max() > LARGEST_VALUE:
+            raise self.error(f"{what} exceeds {LARGEST_VALUE:g} 1/sr")
+
+
+class TextFile(NamedFile):
     """The lines of a text file, and the errors that name them.
 
     Parameters
@@ -32,12 +48,9 @@ class TextFile:
     """
 
     def __init__(self, path: str | Path, remedy: str, most: int = 64 << 20, comment: str = "#") -> None:
-        self.path, self.remedy, self.comment = Path(path), remedy, comment
+        super().__init__(path, remedy)
+        self.comment = comment
         self.lines = _lines(self.path, remedy, most)
-
-    def error(self, cause: str, remedy: str = "") -> BakeError:
-        """An error of the file as a whole."""
-        return BakeError(self.path, cause, remedy or self.remedy)
 
     def refuse(self, line: int, cause: str, remedy: str = "") -> NoReturn:
         """Raise an error of one line, counted from 1."""
@@ -64,11 +77,6 @@ class TextFile:
             self.refuse(line, f"the number of {what} (1 to {most}) is expected here")
         return int(value[0])
 
-    def check_values(self, values: Array, what: str = "a BRDF value") -> None:
-        """Refuse numbers that no measurement can be."""
-        if values.size and np.abs(values).max() > LARGEST_VALUE:
-            raise self.error(f"{what} exceeds {LARGEST_VALUE:g} 1/sr")
-
 
 def finite_numbers(words: Sequence[str]) -> Array:
     """Words as numbers. Raises ValueError, which names the word that is none."""
@@ -94,6 +102,12 @@ def checked_bytes(path: Path, remedy: str, most: int) -> bytes:
     if not data.strip():
         raise BakeError(path, "is empty", remedy)
     return data
+
+
+def widened(values: Array) -> Array:
+    """A file's numbers as float64. Its bytes may be a NaN that signals, which numpy would warn of: it stays NaN."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64, copy=False)
 
 
 def beginning(path: Path, count: int = 1 << 14) -> bytes:

@@ -25,7 +25,7 @@ from ...source import Array, Reader
 from ...spectrum import xyz_to_rec709
 from ..lookup.lookup_source import LookupSource
 from ..lookup.sheet_lookup import Lookup, SheetLookup, exchanged
-from ..lookup.text_file import beginning, printable
+from ..lookup.text_file import beginning, checked_bytes, printable
 from .klems import klems_lookup
 from .tensor_tree import tree_lookup
 
@@ -119,12 +119,7 @@ def read_layer(path: Path) -> Layer:
 
 def _root(path: Path) -> ElementTree.Element:
     """The parsed document without namespaces; text that a program logged before it is dropped."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise BakeError(path, f"has more than {MAX_BYTES >> 20} MiB", _REMEDY)
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
+    data = checked_bytes(path, _REMEDY, MAX_BYTES)
     # These files declare no entities; one that does is not read any further.
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise BakeError(path, "declares entities, which no BSDF file does", _REMEDY)

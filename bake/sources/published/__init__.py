@@ -1,0 +1,1 @@
+"""Published fits of measured materials: their formulas, and the files that hold the parameters."""

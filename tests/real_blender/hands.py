@@ -1,0 +1,245 @@
+"""Inside a real Blender window: mouse and keys through the X server, and what lies under the mouse.
+
+Nothing here knows where a button is. The mouse goes over a region row by row, as a person's does, and Blender is asked
+what it hovers over: a property or an operator. Headings of panels are clicked where no button is until the panel that
+is wanted draws. Menus and dialogues are in hands_menus.py.
+"""
+
+import subprocess
+import time
+from pathlib import Path
+
+import bpy
+
+HERE = Path.cwd()
+# Seconds in which Blender sees that the mouse has moved, and draws what a click has changed.
+_MOVED, _DRAWN = 0.03, 0.3
+journal = (HERE / "journal.txt").open("w", buffering=1)
+began = time.monotonic()
+# Names of panels in the order in which they have drawn; dialogues as they drew last, with their regions. Where
+# the headings of panels and buttons were found.
+drawn, dialogues, headings, lately = [], {}, {}, {}
+
+
+def note(words):
+    """One line, on the disk before what comes next."""
+    journal.write(f"{time.monotonic() - began:6.1f} {words}\n")
+
+
+def check(words, ok):
+    """One thing that must be so."""
+    note(f"{'ok  ' if ok else 'FAIL'} {words}")
+    if not ok:
+        raise RuntimeError(words)
+
+
+def soon(words, condition, seconds=30.0):
+    """What must be so before long: a busy machine may take its time."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        yield 0.1
+    check(words, condition())
+
+
+def picture(name):
+    """The whole screen."""
+    subprocess.run(["import", "-window", "root", str(HERE / f"{name}.png")], check=True)
+
+
+# --- mouse and keys --------------------------------------------------------------------------------------
+
+
+def window():
+    """The window."""
+    return bpy.context.window_manager.windows[0]
+
+
+def unit():
+    """Pixels of a row."""
+    return 20 * bpy.context.preferences.system.ui_scale
+
+
+def _send(*words):
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+
+
+def move(x, y):
+    """The mouse, by Blender's own coordinates, which grow upwards."""
+    _send("mousemove", round(x), window().height - round(y))
+    yield _MOVED
+
+
+def click(button=1, times=1):
+    """Where the mouse is."""
+    _send("click", "--repeat", times, "--delay", 60, button)
+    yield _DRAWN
+
+
+def wheel(steps):
+    """Downwards, or upwards where negative."""
+    if steps:
+        _send("click", "--repeat", abs(steps), "--delay", 15, 5 if steps > 0 else 4)
+    yield _DRAWN
+
+
+def keys(*names):
+    """One after the other."""
+    _send("key", "--delay", 40, *names)
+    yield _DRAWN + 0.02 * len(names)
+
+
+def write(text):
+    """In a field whose text is edited, in place of what it holds."""
+    yield from keys("ctrl+a")
+    _send("type", "--delay", 25, text)
+    yield _DRAWN
+    yield from keys("Return")
+
+
+# --- what the mouse hovers over --------------------------------------------------------------------------
+
+
+def area_of(kind):
+    """The first area of this type."""
+    return next(area for area in window().screen.areas if area.type == kind)
+
+
+def region_of(area, kind="WINDOW"):
+    """A region of it."""
+    return next(region for region in area.regions if region.type == kind)
+
+
+def hovered(area, region):
+    """The property as its path, or the operator as its call; empty for what is neither."""
+    with bpy.context.temp_override(window=window(), screen=window().screen, area=area, region=region):
+        found = getattr(bpy.context, "property", None)
+        if found is not None:
+            return f"{found[0].name}: {found[1]}"
+        if not bpy.ops.ui.copy_python_command_button.poll():
+            return ""
+        bpy.ops.ui.copy_python_command_button()
+        return bpy.context.window_manager.clipboard
+
+
+def across(region, part):
+    """A place from the left border to the right one, by its part of the width."""
+    return region.x + region.width * part
+
+
+def rows_in(region):
+    """Heights from the top down, two for a row."""
+    step = unit() / 2
+    count = int(region.height / step)
+    return [region.y + region.height - step * (number + 0.5) for number in range(count)]
+
+
+def on_screen(area, region, part, until=None):
+    """What lies where, from the top down: pairs of height and words; ends below what holds the words `until`."""
+    found = []
+    for y in rows_in(region):
+        yield from move(across(region, part), y)
+        words = hovered(area, region)
+        if until and found and until in found[-1][1] and until not in words:
+            break
+        found.append((y, words))
+    return found
+
+
+def hover(area, wanted, region="WINDOW", part=0.7):
+    """Put the mouse onto the button whose words hold `wanted`, turning the wheel if need be."""
+    place, before = region_of(area, region), None
+    if wanted in lately and (yield from _is_at(area, place, lately[wanted], wanted)):
+        return
+    for turn in range(12):
+        seen = yield from on_screen(area, place, part, wanted)
+        fitting = [y for y, words in seen if wanted in words]
+        if fitting:
+            lately[wanted] = across(place, part), sum(fitting) / len(fitting)
+            if (yield from _is_at(area, place, lately[wanted], wanted)):
+                return
+        words = [words for _, words in seen]
+        if words == before:
+            break
+        before = words
+        yield from move(across(place, 0.5), place.y + place.height / 2)
+        yield from wheel(8 if turn else -60)
+    raise RuntimeError(f"no {wanted} in {area.type}, {region}; there are {sorted(set(before or ()))}")
+
+
+def _is_at(area, region, place, wanted):
+    """Whether the button is there; a busy machine may see late that the mouse has moved."""
+    yield from move(*place)
+    for _ in range(5):
+        if wanted in hovered(area, region):
+            return True
+        yield 0.1
+    return False
+
+
+def press(area, wanted, **where):
+    """Click the button whose words hold `wanted`."""
+    yield from hover(area, wanted, **where)
+    yield from click()
+
+
+def type_into(area, wanted, text, **where):
+    """Write into a field of a number."""
+    yield from hover(area, wanted, **where)
+    yield from click(times=2)
+    yield from write(text)
+
+
+# --- panels ----------------------------------------------------------------------------------------------
+
+
+def watch_panels(prefix):
+    """Note which of these panels draw."""
+    for cls in bpy.types.Panel.__subclasses__():
+        if cls.__name__.startswith(prefix):
+            cls.draw = _told(cls.draw, cls.__name__.rpartition("_")[2])
+
+
+def _told(draw, name):
+    def noted(self, context):
+        drawn.append(name)
+        draw(self, context)
+
+    return noted
+
+
+def _redrawn(area):
+    """Names of panels that draw now."""
+    drawn.clear()
+    area.tag_redraw()
+    yield _DRAWN
+    return set(drawn)
+
+
+def open_panel(area, name, below):
+    """Click the heading of a sub-panel, which stands somewhere below the button with these words."""
+    region = region_of(area)
+    if name in (yield from _redrawn(area)):
+        return
+    yield from hover(area, below)
+    top = next(y for y, words in (yield from on_screen(area, region, 0.7, below)) if below in words)
+    for y in (y for y in rows_in(region) if y < top - unit()):
+        yield from move(across(region, 0.7), y)
+        if hovered(area, region):
+            continue
+        before = yield from _redrawn(area)
+        yield from move(across(region, 0.3), y)
+        yield from click()
+        opened = (yield from _redrawn(area)) - before
+        if name in opened:
+            headings[name] = across(region, 0.3), y
+            return
+        if opened:
+            yield from click()  # another panel, closed again
+    raise RuntimeError(f"no heading of the panel {name}")
+
+
+def close_panel(area, name):
+    """Click where its heading was found, if it is open: the mouse still knows the place."""
+    if name in (yield from _redrawn(area)):
+        yield from move(*headings[name])
+        yield from click()

@@ -1,0 +1,45 @@
+"""Run inside a real Blender window by tutorials.py: the parts that were asked for, in turn."""
+
+import importlib
+import sys
+import traceback
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path.cwd()))
+hands = importlib.import_module("hands")
+PARTS = sys.argv[sys.argv.index("--") + 1 :]
+
+
+def steps():
+    """Each from the file as it was at first."""
+    hands.watch_panels("MEASURED_MATERIALS_PT_")
+    for cls in bpy.types.Operator.__subclasses__():
+        if cls.__name__.startswith("MEASURED_MATERIALS_OT_") and hasattr(cls, "draw"):
+            importlib.import_module("hands_menus").watch_dialogue(cls)
+    for part in PARTS:
+        hands.note(f"{part} ...")
+        bpy.ops.wm.open_mainfile(filepath=str(hands.HERE / "data" / "start.blend"))
+        yield 1.0
+        yield from importlib.import_module(part).steps()
+        hands.note(f"{part} done")
+
+
+todo = steps()
+
+
+def advance():
+    """Called by a timer; Blender's main loop runs in between."""
+    try:
+        return next(todo)
+    except StopIteration:
+        hands.note("ended")
+    except BaseException:
+        hands.note(traceback.format_exc())
+        hands.picture("failed")
+    bpy.ops.wm.quit_blender()
+    return None
+
+
+bpy.app.timers.register(advance, first_interval=2.0, persistent=True)

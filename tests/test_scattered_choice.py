@@ -1,0 +1,155 @@
+"""Scattered samples of anisotropic materials and of tapes: coordinates are found by what is left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_materials.bake.directions import spherical
+from measured_materials.bake.source import Array
+from measured_materials.bake.sources import read_source
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.bake.sources.goniometer import alta
+from measured_materials.bake.sources.lookup import scattered_choice
+from measured_materials.bake.sources.lookup.scattered import MAX_CENTRES, sample_errors
+from measured_materials.bake.sources.lookup.scattered_choice import fit_samples
+from measured_materials.bake.sources.lookup.scattered_coordinates import (
+    ANY_TURN,
+    HALF,
+    MIRROR,
+    TWO_MIRRORS,
+    WHOLE,
+    AzimuthCover,
+    Coordinates,
+)
+from support.format_files import BRUSHED, GLOSSY, error, pairs, write_goniometer
+
+TURNS = {
+    "whole": np.arange(0.0, 360.0, 30.0),
+    "half": np.arange(0.0, 181.0, 30.0),
+    "quarter": np.arange(0.0, 91.0, 30.0),
+}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".astm"])
+@pytest.mark.parametrize("turn", TURNS)
+def test_an_anisotropic_set_of_samples_keeps_its_azimuths(turn: str, suffix: str, tmp_path: Path) -> None:
+    """Seen 0.3 to 0.9 %; averaged over the azimuth, as a source without them is, 47 %."""
+    source = read_source(write_goniometer(tmp_path / f"brushed{suffix}", BRUSHED, TURNS[turn]))
+    assert not source.isotropic and not source.bilateral and "anisotropy_averaged" not in source.facts
+    found = error(source, BRUSHED)
+    assert found < 0.025, found
+    quarter = by_name("ggx", alpha=0.6, alpha_y=0.3, f0=(0.9, 0.5, 0.2))
+    assert error(source, quarter) > 0.3
+    wi, wo = pairs(200)
+    np.testing.assert_allclose(source.evaluate(wi, wo), source.evaluate(wo, wi), rtol=1e-6)
+
+
+def test_samples_of_an_isotropic_material_stay_isotropic(tmp_path: Path) -> None:
+    source = read_source(write_goniometer(tmp_path / "paint.csv", GLOSSY, TURNS["half"]))
+    assert source.isotropic and source.facts["symmetry"] == ANY_TURN
+    assert error(source, GLOSSY) < 0.03
+
+
+def test_a_surface_without_any_symmetry_is_not_given_one(tmp_path: Path) -> None:
+    class Shingles:
+        """Brighter where the half vector leans to +x: half a turn changes it."""
+
+        name, isotropic, bilateral = "shingles", False, False
+        facts = {"format": "test"}
+
+        def evaluate(self, wi: Array, wo: Array) -> Array:
+            """Reciprocal."""
+            half = np.add(wi, wo)
+            half /= np.linalg.norm(half, axis=-1, keepdims=True)
+            value = 0.3 + 0.2 * half[..., 0] + 0.1 * half[..., 1]
+            above = (np.asarray(wi)[..., 2] > 0) & (np.asarray(wo)[..., 2] > 0)
+            return np.repeat((value * above)[..., None], 3, -1)
+
+    source = read_source(write_goniometer(tmp_path / "shingles.csv", Shingles(), TURNS["whole"]))
+    assert source.facts["symmetry"] == WHOLE
+    assert error(source, Shingles()) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("azimuths", "expected"),
+    [
+        ([0.0], ()),
+        ([0.0, 90.0], ()),
+        ([10.0, 55.0, 100.0], (TWO_MIRRORS,)),
+        ([350.0, 20.0, 50.0, 80.0], (TWO_MIRRORS,)),
+        (list(range(0, 181, 30)), (MIRROR, HALF, TWO_MIRRORS)),
+        (list(range(0, 360, 45)), (WHOLE, HALF)),
+        (list(range(0, 361, 10)), (WHOLE, HALF)),
+        ([0.0, 5.0, 10.0, 15.0], ()),
+    ],
+)
+def test_the_azimuths_of_the_light_say_what_a_surface_may_be(azimuths: list[float], expected: tuple[str, ...]) -> None:
+    wi = spherical(0.5, np.radians(azimuths))
+    cover = AzimuthCover.of(np.concatenate([wi, spherical(np.zeros(3), np.array([0.0, 1.0, 2.0]))]))
+    assert cover.symmetries() == expected
+
+
+@pytest.mark.parametrize("symmetry", [WHOLE, HALF, MIRROR, TWO_MIRRORS])
+def test_coordinates_have_their_symmetry_and_tell_all_else_apart(symmetry: str) -> None:
+    axis = 0.4
+    place = Coordinates(0.1, symmetry=symmetry, axis=axis)
+    wi, wo = pairs(300)
+
+    def turned(angle: float, flip: float = 1.0) -> Array:
+        c, s = np.cos(axis), np.sin(axis)
+        frame = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        a = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        rotation: Array = frame.T @ a @ np.diag([1.0, flip, 1.0]) @ frame
+        return place(wi @ rotation.T, wo @ rotation.T)
+
+    here = place(wi, wo)
+    np.testing.assert_allclose(place(wo, wi), here, atol=1e-9)
+    same = {"half": symmetry in (HALF, TWO_MIRRORS), "mirror": symmetry in (MIRROR, TWO_MIRRORS)}
+    for name, other in {"half": turned(np.pi), "mirror": turned(0.0, -1.0), "quarter": turned(np.pi / 2)}.items():
+        away = np.abs(other - here).max(-1)
+        assert (away < 1e-6).all() if same.get(name) else (away > 1e-3).mean() > 0.95, name
+
+
+def test_a_retroreflector_is_found_among_many_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A peak towards the lamp, which theta_h does not know, in more samples than one solve takes here."""
+    monkeypatch.setattr(scattered_choice, "MAX_CENTRES", 600)
+
+    def tape(wi: Array, wo: Array) -> Array:
+        apart = np.linalg.norm(wi - wo, axis=-1)
+        return (0.1 + 5 / (1 + (apart / 0.05) ** 2))[:, None]
+
+    rng = np.random.default_rng(4)
+    wi = spherical(rng.random(1500) * 1.2, rng.random(1500) * 6)
+    wo = wi + rng.normal(0, 1, wi.shape) * 10 ** rng.uniform(-2.5, 0, (1500, 1))
+    wo /= np.linalg.norm(wo, axis=-1, keepdims=True)
+    above = wo[:, 2] > 0.1
+    wi, wo = wi[above], wo[above]
+    # All azimuths of the light at random: no gap, so that isotropy is a finding.
+    fit = fit_samples(wi, wo, tape(wi, wo))
+    assert fit.facts["retroreflection"] and fit.coordinates.isotropic
+    assert fit.facts["samples_fitted"] == 600 and fit.facts["left_aside_errors"]["median_relative"] < 0.02
+
+
+@pytest.mark.slow
+def test_a_published_tape_is_predicted_where_it_was_not_fitted(
+    shared_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tenth of the samples held out: 0.127 in the measure that ranks; with theta_h alone it was 0.541."""
+    kept: list[Array] = []
+
+    def keep(wi: Array, wo: Array, values: Array) -> object:
+        kept[:] = wi, wo, values
+        raise ValueError("kept")
+
+    monkeypatch.setattr("measured_materials.bake.sources.goniometer.scattered_source.fit_samples", keep)
+    with pytest.raises(Exception, match="kept"):
+        alta.read(shared_data / "alta" / "retro-gray-tape.dat")
+    wi, wo, values = kept
+    out = np.random.default_rng(0).random(len(values)) < 0.1
+    fit = fit_samples(wi[~out], wo[~out], values[~out])
+    cosine, typical = np.minimum(wi[out, 2], wo[out, 2]), float(np.median(values))
+    found = sample_errors(values[out], fit.evaluate(wi[out], wo[out]), cosine, typical)
+    print(found)
+    assert found["overall"] < 0.2 and fit.facts["samples_fitted"] == MAX_CENTRES
