@@ -6,9 +6,9 @@ found by Gauss-Newton steps on
 
     sum over pairs of w (sum over slices of a_s gain (exp(range y_s) - 1) - f)^2 + stay sum of (code - first)^2
 
-where y_s is what the image's filter makes of the four codes of a slice around the pair. Each step is solved by conjugate
-gradients with the diagonal as preconditioner (Nocedal & Wright 2006, "Numerical Optimization", sections 5.1 and 10.3).
-The second sum keeps codes that no light tells.
+where y_s is what the image's filter makes of the four codes of a slice around the pair. Each step is solved by
+conjugate gradients with the diagonal as preconditioner (Nocedal & Wright 2006, "Numerical Optimization", sections 5.1
+and 10.3). The second sum keeps codes that no light tells.
 """
 
 from __future__ import annotations
