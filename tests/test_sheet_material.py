@@ -93,7 +93,7 @@ def sheet_scene(material: bpy.types.Material, theta: float) -> Iterator[TestScen
     plane = bpy.data.objects.new("sheet", mesh)
     scene.collection.objects.link(plane)
     camera = bpy.data.cameras.new("camera")
-    camera.type, camera.ortho_scale = "ORTHO", 0.05
+    camera.type, camera.ortho_scale = "ORTHO", 0.004  # so small that a lamp lights all of it alike
     scene.camera = bpy.data.objects.new("camera", camera)
     scene.collection.objects.link(scene.camera)
     eye = Vector(viewer(theta) * 5)
