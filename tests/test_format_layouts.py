@@ -13,7 +13,6 @@ from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import READERS, neural_brdf, read_source
 from measured_materials.bake.sources.analytic import by_name
 from support import format_files as files
-from support import window_files
 from support.format_files import GLOSSY, GREY, error, pairs
 
 TURNED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
@@ -65,8 +64,8 @@ def test_every_reader_has_a_writer_here() -> None:
     [
         (".bin", files.write_utia, 0.2),
         (".npy", files.write_npy, 0.05),
-        (".xml", window_files.write_klems, 0.25),
-        (".xml", window_files.write_tree, 0.35),
+        (".xml", files.write_klems, 0.25),
+        (".xml", files.write_tree, 0.35),
         (".bsdf", lambda path, source: files.write_zemax(path, source, np.arange(0.0, 360.0, 15.0)), 0.1),
     ],
     ids=["UTIA", "numpy", "Klems", "tree", "Zemax"],
@@ -101,9 +100,9 @@ class _OneWay:
     [
         (".bin", files.write_utia),
         (".npy", files.write_npy),
-        (".xml", window_files.write_klems),
-        (".xml", lambda path, source: window_files.write_klems(path, source, structure="Rows")),
-        (".xml", lambda path, source: window_files.write_tree(path, source, 4)),
+        (".xml", files.write_klems),
+        (".xml", lambda path, source: files.write_klems(path, source, structure="Rows")),
+        (".xml", lambda path, source: files.write_tree(path, source, 4)),
     ],
     ids=["UTIA", "numpy", "Klems columns", "Klems rows", "tree"],
 )
@@ -124,7 +123,7 @@ def test_mbsdf_and_zemax_tell_their_channels(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("side", "told"), [("Reflection Front", "back"), ("Reflection Back", "front")])
 def test_the_side_of_a_window_layer_is_told(side: str, told: str, tmp_path: Path) -> None:
-    source = read_source(window_files.write_klems(tmp_path / "a.xml", GLOSSY, side))
+    source = read_source(files.write_klems(tmp_path / "a.xml", GLOSSY, side))
     assert str(source.facts["side"]).startswith(told) and side in str(source.facts["side"])
 
 
@@ -273,7 +272,7 @@ def test_a_reading_that_does_not_exist_is_refused(name: str, value: str) -> None
 
 
 def test_a_side_is_chosen_and_missing_ones_are_named(tmp_path: Path) -> None:
-    path = window_files.write_klems(tmp_path / "a.xml", GLOSSY, "Reflection Front")
+    path = files.write_klems(tmp_path / "a.xml", GLOSSY, "Reflection Front")
     assert str(read_source(path, Reading(side="back")).facts["side"]).startswith("back")
     with pytest.raises(BakeError, match="no reflection of its front"):
         read_source(path, Reading(side="front"))

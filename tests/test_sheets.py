@@ -18,7 +18,6 @@ from measured_materials.bake.sources.analytic import ThinCloth
 from measured_materials.bake.tables.albedo import albedo_facts, directional_albedo
 from measured_materials.bake.tables.sheet import SheetView, sheet_facts, sheet_views
 from support import format_files as files
-from support import window_files
 
 BELOW = np.array([1.0, 1.0, -1.0])
 KLEMS = ("Reflection Back", "Reflection Front", "Transmission Front", "Transmission Back")
@@ -47,7 +46,7 @@ class OneWay:
 
 def centres(count: int = 200) -> tuple[Array, Array]:
     """Pairs of middles of Klems' bins, above the horizon."""
-    bins, rng = window_files.klems_centres(), np.random.default_rng(5)
+    bins, rng = files.klems_centres(), np.random.default_rng(5)
     # A middle may lie on either side of an edge by rounding: azimuths of the first ring and of the pole are left out.
     wi, wo = bins[rng.integers(9, 145, count)], bins[rng.integers(9, 145, count)]
     return wi * [-1.0, -1.0, 1.0], wo
@@ -55,7 +54,7 @@ def centres(count: int = 200) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("structure", ["Columns", "Rows"])
 def test_a_klems_file_keeps_all_four_parts(structure: str, tmp_path: Path) -> None:
-    source = read_source(window_files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS, structure))
+    source = read_source(files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS, structure))
     assert isinstance(source, SheetSource) and source.facts["transmission"] == "both ways"
     wi, wo = centres()
     for lit, seen in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
@@ -69,7 +68,7 @@ def test_a_klems_file_keeps_all_four_parts(structure: str, tmp_path: Path) -> No
 
 
 def test_a_klems_file_read_from_its_back_is_turned_about_y(tmp_path: Path) -> None:
-    path = window_files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
+    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     front, back = read_source(path), read_source(path, Reading(side="back"))
     assert isinstance(front, SheetSource) and isinstance(back, SheetSource)
     (wi, wo), turned = centres(), np.array([-1.0, 1.0, -1.0])
@@ -81,7 +80,7 @@ def test_a_klems_file_read_from_its_back_is_turned_about_y(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("given", ["Transmission Front", "Transmission Back"])
 def test_what_one_way_lets_through_the_other_does_by_reciprocity(given: str, tmp_path: Path) -> None:
-    path = window_files.write_klems_sheet(tmp_path / "a.xml", OneWay(), (KLEMS[0], given))
+    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), (KLEMS[0], given))
     source = read_source(path)
     assert isinstance(source, SheetSource) and "reciprocity" in str(source.facts["transmission"])
     wi, wo = centres()
@@ -123,7 +122,7 @@ def test_an_mbsdf_file_keeps_its_transmission(tmp_path: Path) -> None:
 
 
 def test_light_and_viewer_of_a_transmission_are_exchanged_by_choice(tmp_path: Path) -> None:
-    path = window_files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
+    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     plain, turned, mean = (read_source(path, Reading(reciprocity=how)) for how in ("measured", "exchanged", "mean"))
     assert isinstance(plain, SheetSource) and isinstance(turned, SheetSource) and isinstance(mean, SheetSource)
     wi, wo = centres()
@@ -169,7 +168,7 @@ def test_views_put_what_goes_straight_on_in_the_mirrors_place() -> None:
 
 
 def test_inspect_tells_what_comes_through_and_where_it_is_too_much(tmp_path: Path, capsys: Any) -> None:
-    path = window_files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
+    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     assert main(["inspect", str(path)]) == 0
     words = capsys.readouterr().out
     assert "Transmittance 0°" in words and "Back: through 0°" in words and "Back: albedo 0°" in words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,14 @@ from measured_materials.bake.source import Array, BrdfSource, SheetSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.goniometer.specular_frame import direction_around
-
-from support.window_files import text, write_klems
+from measured_materials.bake.sources.radiance.klems import BASES
 
 THETAS = np.array([5.0, 20.0, 35.0, 50.0, 65.0, 75.0])
 _OUT_THETAS, _OUT_PHIS = np.arange(0.0, 81.0, 10.0), np.arange(0.0, 360.0, 20.0)
+
+
+def _text(values: Array) -> str:
+    return " ".join(f"{v:.9g}" for v in np.asarray(values).reshape(-1))
 
 
 def _above(source: BrdfSource, wi: Array, wo: Array) -> Array:
@@ -68,7 +71,7 @@ def write_zemax(path: Path, source: BrdfSource, rotations: Array | None = None, 
     lines += [f"SpectralContent {channels}", "ScatterType BRDF"]
     axes = {"SampleRotation": turns, "AngleOfIncidence": THETAS, "ScatterAzimuth": azimuths, "ScatterRadial": radials}
     for name, nodes in axes.items():
-        lines += [f"{name} {len(nodes)}", text(nodes)]
+        lines += [f"{name} {len(nodes)}", _text(nodes)]
     blocks = {"TristimulusX": 0, "TristimulusY": 1, "TristimulusZ": 2}
     blocks = {"Monochrome": 1} if channels == "Monochrome" else blocks
     for name, c in blocks.items():
@@ -77,7 +80,7 @@ def write_zemax(path: Path, source: BrdfSource, rotations: Array | None = None, 
             for theta in np.radians(THETAS):
                 wo = direction_around(theta, np.radians(radials), np.radians(azimuths)[:, None])
                 wo = _turned(wo, turn)
-                lines += ["TIS 0.5", *map(text, _above(source, spherical(theta, turn), wo)[..., c])]
+                lines += ["TIS 0.5", *map(_text, _above(source, spherical(theta, turn), wo)[..., c])]
         lines += ["DataEnd"]
     path.write_text("\n".join(lines))
     return path
@@ -93,13 +96,13 @@ def write_integra(path: Path, source: BrdfSource) -> Path:
     """Integra's .ddr: luminance, absolute, RGB; around the mirror direction."""
     phi, theta = np.arange(0.0, 181.0, 10.0), np.concatenate([np.arange(0.0, 20.0, 2.0), np.arange(20.0, 171.0, 10.0)])
     lines = [";; a comment", "Source Measured", "TypeSym PlaneSymmetrical", "TypeColorModel rgb"]
-    lines += ["TypeData Luminance Absolute", "psi 1", "0", f"sigma {len(THETAS)}", text(THETAS)]
-    lines += [f"phi {len(phi)}", text(phi), f"theta {len(theta)}", text(theta)]
+    lines += ["TypeData Luminance Absolute", "psi 1", "0", f"sigma {len(THETAS)}", _text(THETAS)]
+    lines += [f"phi {len(phi)}", _text(phi), f"theta {len(theta)}", _text(theta)]
     sigma = np.radians(THETAS)[:, None, None]
     wo = direction_around(sigma, np.radians(theta), np.radians(phi)[:, None])
     values = _above(source, spherical(sigma, 0.0), wo) * np.pi
     for c, name in enumerate(("red", "gre", "blu")):
-        lines += [name, "kbdf", text(np.full(len(THETAS), 2.0)), "def", text(values[..., c] / 2), "enddef"]
+        lines += [name, "kbdf", _text(np.full(len(THETAS), 2.0)), "def", _text(values[..., c] / 2), "enddef"]
     path.write_text("\n".join(lines))
     return path
 
@@ -108,13 +111,13 @@ def write_lighttools(path: Path, source: BrdfSource) -> Path:
     """LightTools' text: around the normal, the light at azimuth 90."""
     azimuths, radials = _OUT_PHIS, _OUT_THETAS
     lines = ["Symmetry PlaneSymmetrical", "SpectralContent Monochrome", f"ScatterAzimuth {len(azimuths)}"]
-    lines += [text(azimuths), f"ScatterRadial {len(radials)}", text(radials), "DataBegin"]
+    lines += [_text(azimuths), f"ScatterRadial {len(radials)}", _text(radials), "DataBegin"]
     wo = spherical(np.radians(radials), np.radians(azimuths)[:, None])
     for theta in THETAS:
         for side, scale in (("Front", 1), ("Back", 7)):
             values = _above(source, spherical(np.radians(theta), np.pi / 2), wo)[..., 1] * scale
             lines += [f"AOI {theta}", "POI 0", f"Side {side}", "Wavelength 550", "ScatterType BRDF", "TIS 0.4"]
-            lines += [text(row) for row in values]
+            lines += [_text(row) for row in values]
     path.write_text("\n".join([*lines, "DataEnd"]))
     return path
 
@@ -222,6 +225,102 @@ def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) ->
     values = _above(source, out[:, None], out)
     write_image(path, values[::-1] if flipped else values, Storage.FLOAT32)
     return path
+
+
+def klems_centres(name: str = "Full") -> Array:
+    """Directions of the bins of Klems' bases; of the full one (145, 3)."""
+    basis = BASES[f"klems {name.lower()}"]
+    lower = np.array([0.0, *basis.bounds[:-1]])
+    middle = (lower + np.array(basis.bounds)) / 2
+    middle[0] = 0.0
+    parts = [
+        spherical(np.radians(theta), np.arange(n) * (2 * np.pi / n))
+        for theta, n in zip(middle, basis.azimuths, strict=True)
+    ]
+    return np.concatenate(parts)
+
+
+_XML = """<?xml version="1.0" encoding="UTF-8"?>
+<WindowElement xmlns="http://windows.lbl.gov"><Optical><Layer><Material><Name>a test</Name></Material>
+<DataDefinition><IncidentDataStructure>{structure}</IncidentDataStructure></DataDefinition>
+{blocks}</Layer></Optical></WindowElement>
+"""
+_BLOCK = """<WavelengthData><Wavelength unit="Integral">{wavelength}</Wavelength><WavelengthDataBlock>
+<WavelengthDataDirection>{side}</WavelengthDataDirection>{basis}
+<ScatteringDataType>BTDF</ScatteringDataType><ScatteringData>
+{data}
+</ScatteringData></WavelengthDataBlock></WavelengthData>
+"""
+_KLEMS = "<ColumnAngleBasis>LBNL/Klems {0}</ColumnAngleBasis><RowAngleBasis>LBNL/Klems {0}</RowAngleBasis>"
+
+
+def write_klems(
+    path: Path, source: BrdfSource, side: str = "Reflection Back", structure: str = "Columns", basis: str = "Full"
+) -> Path:
+    """A Klems matrix of what is seen above the horizon, whatever the block is called."""
+    return _klems_file(path, {side: (source.evaluate, 1.0, 1.0)}, structure, basis)
+
+
+def write_klems_sheet(path: Path, sheet: SheetSource, sides: Sequence[str], structure: str = "Columns") -> Path:
+    """Klems matrices of these blocks of a sheet, light and viewer above or below the horizon of Radiance's front."""
+    blocks: dict[str, Block] = {
+        "Reflection Back": (sheet.evaluate, 1.0, 1.0),
+        "Reflection Front": (sheet.reflected_behind, -1.0, -1.0),
+        "Transmission Front": (sheet.transmitted, -1.0, 1.0),
+        "Transmission Back": (sheet.transmitted, 1.0, -1.0),
+    }
+    return _klems_file(path, {side: blocks[side] for side in sides}, structure)
+
+
+# Values of (wi, wo), and the signs of the heights of both.
+Block = tuple[Callable[[Array, Array], Array], float, float]
+
+
+def _klems_file(path: Path, blocks: Mapping[str, Block], structure: str, basis: str = "Full") -> Path:
+    """Rows are outgoing, and incident bins are named by where the light travels to."""
+    bins, texts = klems_centres(basis), []
+    for side, (evaluate, lit, seen) in blocks.items():
+        values = np.asarray(evaluate((bins * [-1.0, -1.0, lit])[None], (bins * [1.0, 1.0, seen])[:, None]))[..., 1]
+        if structure == "Rows":
+            values = values.T
+        data = ",\n".join(_text(row).replace(" ", ", ") for row in values)
+        texts.append(_BLOCK.format(wavelength="Visible", side=side, basis=_KLEMS.format(basis), data=data + ","))
+    path.write_text("a line that a program logged\n" + _XML.format(structure=structure, blocks="".join(texts)))
+    return path
+
+
+def write_tree(path: Path, source: BrdfSource, depth: int = 3, side: str = "Reflection Back") -> Path:
+    """A tensor tree of rank 4: one branch at the top, its children grids of values at the centres of their cells."""
+    n = 1 << depth
+    centre = (np.arange(n) + 0.5) / n
+    square = np.stack(np.meshgrid(centre, centre, indexing="ij"), -1).reshape(-1, 2)
+    disk = square_to_disk(square)
+    up = np.sqrt(np.maximum(1 - (disk**2).sum(-1), 0))
+    out = np.column_stack([disk, up])
+    wi = out * np.array([-1.0, -1.0, 1.0])
+    values = _above(source, wi[:, None], out[None])[..., 1].reshape(n, n, n, n)
+    half = n // 2
+    children = []
+    for child in range(16):
+        # The first coordinate is the lowest bit of a branch, and the slowest of a leaf's values.
+        at = tuple(slice((child >> d & 1) * half, ((child >> d & 1) + 1) * half) for d in range(4))
+        children.append("{ " + _text(values[at]) + " }")
+    data = "{\n" + "\n".join(children) + "\n}"
+    block = _BLOCK.format(
+        wavelength="Visible", side=side, basis="<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>", data=data
+    )
+    path.write_text(_XML.format(structure="TensorTree4", blocks=block))
+    return path
+
+
+def square_to_disk(square: Array) -> Array:
+    """Shirley & Chiu's concentric map (1997), (n, 2) in [0, 1] to the unit disk."""
+    a, b = 2 * square[:, 0] - 1, 2 * square[:, 1] - 1
+    wide = np.abs(a) > np.abs(b)
+    radius = np.where(wide, a, b)
+    ratio = np.where(wide, b / np.where(a == 0, 1, a), a / np.where(b == 0, 1, b))
+    phi = np.where(wide, np.pi / 4 * ratio, np.pi / 2 - np.pi / 4 * ratio)
+    return np.stack([radius * np.cos(phi), radius * np.sin(phi)], -1)
 
 
 def write_npy(path: Path, source: BrdfSource) -> Path:
