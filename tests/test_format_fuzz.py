@@ -102,6 +102,27 @@ def test_pickled_objects_are_not_loaded(tmp_path: Path) -> None:
         read_source(path)
 
 
+SIGNALS = np.frombuffer(b"\x01\x00\x80\x7f", "<f4")  # a NaN that signals: numpy warns where it is made a float64
+
+
+def test_a_nan_that_signals_is_refused_without_a_warning(tmp_path: Path) -> None:
+    """Seen by `./run fuzz`: RuntimeWarning, invalid value encountered in cast."""
+    table = SIGNALS.repeat(3 * 3 * 4 * 3).reshape(3, 3, 4, 3)
+    np.save(tmp_path / "a.npy", table)
+    head = b"NVIDIA ARC MBSDF V1\nMBSDF_DATA_REFLECTION=\n" + np.array([1, 3, 4], "<u4").tobytes()
+    (tmp_path / "a.mbsdf").write_bytes(head + table.tobytes())
+    network = fuzz.files.write_network(tmp_path / "net.npy")
+    np.save(network, SIGNALS.repeat(6 * 21).reshape(6, 21))
+    for path in (tmp_path / "a.npy", tmp_path / "a.mbsdf", network):
+        with pytest.raises(BakeError):
+            read_source(path)
+    merl.write_merl(tmp_path / "m.binary", fuzz.GLOSSY, "bins")
+    data = np.fromfile(tmp_path / "m.binary", "<f8", offset=12).astype("<f4")
+    data[1000:1000000:7] = SIGNALS
+    (tmp_path / "m.binary").write_bytes(np.array([90, 90, 180], "<i4").tobytes() + data.tobytes())
+    merl.read(tmp_path / "m.binary")
+
+
 def test_merl_of_any_head_is_clean(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     path = tmp_path / "x.binary"

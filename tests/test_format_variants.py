@@ -12,10 +12,7 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import READERS, read_source
-from measured_materials.bake.sources.analytic import by_name
-from support.format_files import GLOSSY, error, pairs, write_alta_stream, write_utia, write_utia_picture
-
-BRUSHED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
+from support.format_files import BRUSHED, GLOSSY, error, pairs, write_alta_stream, write_utia, write_utia_picture
 
 
 class _Leaning:

@@ -23,10 +23,8 @@ from measured_materials.bake.sources.lookup.scattered_coordinates import (
     AzimuthCover,
     Coordinates,
 )
-from support.format_files import error, pairs, write_goniometer
+from support.format_files import BRUSHED, GLOSSY, error, pairs, write_goniometer
 
-BRUSHED = by_name("ggx", alpha=0.3, alpha_y=0.6, f0=(0.9, 0.5, 0.2))
-GLOSSY = by_name("ggx", alpha=0.35, f0=(0.9, 0.5, 0.2))
 TURNS = {
     "whole": np.arange(0.0, 360.0, 30.0),
     "half": np.arange(0.0, 181.0, 30.0),

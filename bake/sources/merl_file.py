@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import BakeError
 from ..source import Array
+from .lookup.text_file import widened
 
 DIMENSIONS = (90, 90, 180)
 HEADER = np.array(DIMENSIONS, "<i4").tobytes()
@@ -67,7 +68,7 @@ def raw_planes(path: Path) -> tuple[list[Array], dict[str, Any]]:
     damaged = float(np.mean(~(np.abs(data) < _LARGEST)))
     if _MOST_DAMAGED < damaged < 1:
         raise BakeError(path, f"{100 * damaged:.0f} % of its numbers are none: another byte order, or damage", _REMEDY)
-    planes = list(data.astype(np.float64, copy=False).reshape(3, *DIMENSIONS[:2], steps))
+    planes = list(widened(data).reshape(3, *DIMENSIONS[:2], steps))
     variant: dict[str, Any] = {}
     if order == ">" or width == 4:
         variant["numbers"] = f"{'big' if order == '>' else 'little'}-endian float{8 * width}"

@@ -22,6 +22,7 @@ from ..errors import BakeError
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import LookupSource
 from .lookup.npy_file import load_npy
+from .lookup.text_file import widened
 
 LAYERS = 3
 _INPUTS, _OUTPUTS, _MOST_UNITS = 6, 3, 1024
@@ -146,7 +147,7 @@ def _checked(path: Path, layers: list[Layer]) -> list[Layer]:
         if not (np.abs(kernel).max() <= _MOST_WEIGHT and np.abs(bias).max() <= _MOST_WEIGHT):
             raise BakeError(path, f"layer {number} holds weights that are not finite or out of range", _REMEDY)
         width = kernel.shape[1]
-        result.append((kernel.astype(np.float64), bias.astype(np.float64)))
+        result.append((widened(kernel), widened(bias)))
     if width != _OUTPUTS:
         raise BakeError(path, f"the network has {width} outputs instead of {_OUTPUTS}", _REMEDY)
     return result

@@ -9,9 +9,20 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import numpy as np
+from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources import merl, read_source
 from record import put
-from support.format_files import GLOSSY, GREY, WRITERS, error
+from support.format_files import (
+    BRUSHED,
+    GLOSSY,
+    GREY,
+    WRITERS,
+    error,
+    write_alta_stream,
+    write_goniometer,
+    write_utia_picture,
+)
 
 
 def run(out: Path, quick: bool) -> None:
@@ -22,15 +33,19 @@ def run(out: Path, quick: bool) -> None:
             if name in ("Neural-BRDF", "published SGD or ABC fit"):  # compared with themselves: tests
                 continue
             _show(name, write(Path(folder) / f"sample{suffix}", GLOSSY), name in GREY)
+        azimuths = np.arange(0.0, 360.0, 30.0)
+        _show("brushed, table", write_goniometer(Path(folder) / "brushed.csv", BRUSHED, azimuths), False, BRUSHED)
+        _show("brushed, UTIA picture", write_utia_picture(Path(folder) / "brushed.exr", BRUSHED), False, BRUSHED)
+        _show("ALTA, binary", write_alta_stream(Path(folder) / "sample.alta", GLOSSY), True)
         path = Path(folder) / "sample.binary"
         merl.write_merl(path, GLOSSY, "bins")
         _show("MERL", path, False)
 
 
-def _show(name: str, path: Path, grey: bool) -> None:
+def _show(name: str, path: Path, grey: bool, truth: BrdfSource = GLOSSY) -> None:
     started = time.process_time()
     source = read_source(path)
     seconds = time.process_time() - started
-    found = error(source, GLOSSY, grey)
+    found = error(source, truth, grey)
     print(f"{name:24s}{100 * found:8.2g} %{seconds:8.2f} s to read  {source.facts['interpolation']}")
     put(f"round trip, {name}", found)

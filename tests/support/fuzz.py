@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 import tracemalloc
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -224,6 +225,7 @@ def _resident() -> int:
 def _part(task: tuple[str, Path, Path, int, int]) -> Tally:
     name, original, folder, count, seed = task
     own = Path(tempfile.mkdtemp(dir=folder))
+    warnings.simplefilter("error")  # as pytest has it: what a reader warns of, it has not looked at
     with no_fit():
         tally = try_many(name, original, own, count, seed)
     shutil.rmtree(own)

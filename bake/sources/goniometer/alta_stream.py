@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...source import Array
-from ..lookup.text_file import NamedFile, checked_bytes
+from ..lookup.text_file import NamedFile, checked_bytes, widened
 
 MAX_BYTES = 256 << 20
 MAX_SAMPLES = 2_000_000
@@ -66,7 +66,7 @@ class Stream(NamedFile):
             raise self.error(f"is truncated: {count} samples take {size} bytes, {len(self._data) - first} are there")
         if self._data[first + size :].strip() not in (b"", _END):
             raise self.error(f"does not end behind {count} samples of {columns} numbers")
-        values = np.frombuffer(self._data, kind, count * columns, first).astype(np.float64)
+        values = widened(np.frombuffer(self._data, kind, count * columns, first))
         if not np.isfinite(values).all():
             raise self.error("holds numbers that are not finite")
         return values.reshape(count, columns)

@@ -11,6 +11,7 @@ from numpy.lib import format as npy_format
 
 from ...errors import BakeError
 from ...source import Array
+from .text_file import widened
 
 
 def load_npy(path: Path, most: int, remedy: str) -> Array:
@@ -40,7 +41,7 @@ def load_npy(path: Path, most: int, remedy: str) -> Array:
         raise BakeError(path, "is missing", remedy) from None
     except (OSError, ValueError) as error:
         raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
-    return values.astype(np.float64) if dtype.kind == "f" else values
+    return widened(values) if dtype.kind == "f" else values
 
 
 def _head(path: Path, stream: object, remedy: str) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -104,6 +104,12 @@ def checked_bytes(path: Path, remedy: str, most: int) -> bytes:
     return data
 
 
+def widened(values: Array) -> Array:
+    """A file's numbers as float64. Its bytes may be a NaN that signals, which numpy would warn of: it stays NaN."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64, copy=False)
+
+
 def beginning(path: Path, count: int = 1 << 14) -> bytes:
     """The first bytes of a file that may be a text, to recognise it by; none where it is not one or cannot be read."""
     try:

@@ -1,0 +1,54 @@
+"""Spoil measurements' files and read them: `./run fuzz`, by chance, or `./run fuzz --guided NAME`, led by coverage.
+
+By chance, every format in turn is read so many times by several processes, and what became of them is printed: tried,
+clean errors, the slowest, memory. Guided (needs the package atheris, which `./run fuzz --guided` installs), libFuzzer
+mutates one format's small file towards code that no file has reached before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import time
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+
+
+def main() -> None:
+    """Read the arguments and run."""
+    parser = argparse.ArgumentParser(prog="run fuzz", description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="formats, by parts of their names (default: all)")
+    parser.add_argument("--count", type=int, default=100_000, help="files of each format (%(default)s)")
+    parser.add_argument("--processes", type=int, default=2, help="(%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="other files with another (%(default)s)")
+    parser.add_argument("--guided", action="store_true", help="towards new code, one format, one process")
+    options = parser.parse_args()
+    if options.guided:
+        import guided  # first of all imports of ours: atheris rewrites what it sees being imported
+
+        guided.run(_chosen(options.names, guided.fuzz.NAMES), options.count, options.seed)
+        return
+    from support import fuzz
+
+    folder = fuzz.fast_folder()
+    small = fuzz.small_files(folder)
+    for name in fuzz.NAMES:
+        if name not in _chosen(options.names, fuzz.NAMES):
+            continue
+        started = time.perf_counter()
+        tally = fuzz.try_in_parts(name, small[name], folder, options.count, options.processes, seed=options.seed)
+        print(f"{name:26s} {tally.told}; {time.perf_counter() - started:.0f} s", flush=True)
+    shutil.rmtree(folder)
+
+
+def _chosen(parts: list[str], names: tuple[str, ...]) -> list[str]:
+    found = [name for name in names if not parts or any(part.lower() in name.lower() for part in parts)]
+    if not found:
+        sys.exit(f"run fuzz: no format is called {' or '.join(parts)}; there are: {', '.join(names)}")
+    return found
+
+
+if __name__ == "__main__":
+    main()
