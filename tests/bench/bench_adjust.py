@@ -105,5 +105,5 @@ def _print(rows: list[dict[str, object]]) -> None:
         table.add_row(*map(str, cells))
     Console(width=100).print(table)
     print(
-        "Nodes of Adjust are in every graph; Cycles folds away what is neutral. A linked socket adds its mask's four."
+        "Nodes of Adjust are in every graph; Cycles folds away what is neutral. A linked socket adds four of its mask."
     )
