@@ -105,7 +105,7 @@ def rough(tmp_path: Path) -> Bundle:
     "lobe, above, name",
     [
         (Lobe("lambert"), "clamp", "three lamps"),
-        (Lobe("ggx", 0.3), "scale", "small lamp"),
+        pytest.param(Lobe("ggx", 0.3), "scale", "small lamp", marks=pytest.mark.slow),
         pytest.param(Lobe("phong", 12.0, 0.4), "clamp", "hard point", marks=pytest.mark.slow),
         pytest.param(Lobe("ggx", 0.3), "clamp", "room", marks=pytest.mark.slow),
         pytest.param(Lobe("oren_nayar", 0.5), "scale", "disk", marks=pytest.mark.slow),
