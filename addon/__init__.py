@@ -17,6 +17,8 @@ _MODULES = (
     "ui.background.bake_queue",
     "ui.background.watch_bakes",
     "ui.background.rebuild_later",
+    "ui.background.warm_worker",
+    "ui.background.kept_pace",
     "ui.import_brdf",
     "lights.light_tables",
     "material.texture_repair",

@@ -66,14 +66,24 @@ def scale(v: Array, factor: Any) -> Array:
     return v * np.asarray(factor)[..., None]
 
 
+def _total(v: Array) -> Array:
+    """Sum over a vector's components, to the bit as `np.sum`, which takes five times as long over an axis of three.
+
+    Adding 0 makes -0 of three such numbers 0.
+    """
+    x, y, z = components(v)
+    total: Array = x + y + z + 0.0
+    return total
+
+
 def dot(a: Array, b: Array) -> Array:
     """Dot product of vectors."""
-    return np.sum(a * b, -1)
+    return _total(a * b)
 
 
 def length(v: Array) -> Array:
     """Euclidean length of vectors."""
-    return np.sqrt(np.sum(v * v, -1))
+    return np.sqrt(_total(v * v))
 
 
 def normalize(v: Array) -> Array:

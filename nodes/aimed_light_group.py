@@ -19,6 +19,7 @@ from ..bake.sampling.world import choose_cell, draw_in_world, expected_world_lig
 from . import expr
 from .group import FAMILY_KEY, HASH_KEY, SWITCHED_KEY, active_output, call, content_hash, node_group, nodes_before
 from .light_images import WORLD, texel, world_table
+from .osl_script import SCRIPTED_KEY
 
 NAME = "MM Aim"
 # Custom properties of the group and of its outputs: how many lamps they aim at, and whether at the world.
@@ -64,15 +65,19 @@ def aimed_light_group(
     return group
 
 
-def aimed_instead_group(lamps: bpy.types.Image, pictured: bool) -> bpy.types.ShaderNodeTree:
+def aimed_instead_group(lamps: bpy.types.Image, pictured: bool, scripted: bool = False) -> bpy.types.ShaderNodeTree:
     """`aimed_light_group` of materials that sample lamps and, if `pictured`, a world: at what they cannot sample now.
 
-    An output more is 1 where it aims, and 0 as a constant where all is sampled.
+    An output more is 1 where it aims, and 0 as a constant where all is sampled. Those that sample by `scripted` rays
+    can do so in every Blender, and have a group of their own.
     """
     world = world_table()
     name = f"{NAME} Instead of Picture" if pictured else f"{NAME} Instead"
+    name += ", OSL" * scripted
     group = made_before(_family(lamps, world, name)) or _new_group(lamps, world, min(MAX_SLOTS, lamps.size[1]), name)
     group[INSTEAD_KEY] = pictured
+    if scripted:
+        group[SCRIPTED_KEY] = True
     return group
 
 

@@ -1,7 +1,7 @@
 """Node groups: light that the shader itself samples, and that which a drawn direction meets (method.md, section 10).
 
-From Blender 5.1 on a Raycast node says whether a point of a lamp, or the world, is seen. The shader then shows what its
-light gives as emission, on every sample, and need not wait for a mirror to meet it.
+A ray of the shader (`nodes.light_ray`) says whether a point of a lamp, or the world, is seen. The shader then shows
+what its light gives as emission, on every sample, and need not wait for a mirror to meet it.
 
 Both groups have room for as many lamps as are ever aimed at, as `nodes.aimed_light_group` has, and for the world where
 it is one picture, and are switched alike.
@@ -33,6 +33,8 @@ from .aimed_light_group import (
 )
 from .group import FAMILY_KEY, active_output, call, node_group
 from .light_images import texel, world_table
+from .light_ray import light_ray
+from .osl_script import SCRIPTED_KEY
 from .world_picture import Surroundings, lit_group, radiance_group
 
 # Custom property of a group that samples lamps, which has to know their light, rather than aims at them.
@@ -50,16 +52,15 @@ _POINT = {"wi": "vector", "Density": "float", "Light": "vector", "Length": "floa
 
 @dataclass(frozen=True)
 class LightTables:
-    """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`, and the world's picture, if it is one."""
+    """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`, and the world's picture, if it is one.
+
+    `scripted` where an OSL script asks what rays meet, in place of Cycles' Raycast node.
+    """
 
     lamps: bpy.types.Image
     lights: bpy.types.Image
     around: Surroundings | None = None
-
-
-def can_raycast() -> bool:
-    """Whether this Blender's shaders can ask what a ray meets."""
-    return hasattr(bpy.types, "ShaderNodeRaycast")
+    scripted: bool = False
 
 
 def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
@@ -72,7 +73,7 @@ def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     def results(slots: int, world: bool, position: Any, normal: Any, *numbers: Any) -> tuple[Any, ...]:
         chosen = call(chosen_group(tables, slots, world), position, normal, *numbers)
         wi, density, radiance, length = chosen
-        return wi, density, expr.scale(radiance, 1 - _ray(position, wi, length)[0])
+        return wi, density, expr.scale(radiance, light_ray(position, wi, length, tables.scripted)[0])
 
     inputs = {
         "Position": "vector",
@@ -137,7 +138,7 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
         if world:
             light.append(call(_world_light_group(tables), normal))
         total = sum(light[1:], start=light[0])
-        hit, distance = _ray(position, wi, ENDLESS) if world else (None, None)
+        clear, distance = light_ray(position, wi, ENDLESS, tables.scripted) if world else (None, None)
         out: Any = 0.0
         every: list[Any] = []
         counted: list[Any] = []
@@ -145,16 +146,16 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
             radiance, towards, length = call(_met_group(), *found, position, wi)
             if world:
                 # One ray for all: what it meets is behind the lamp.
-                shown = expr.maximum(1 - hit, distance > length)
+                shown = expr.maximum(clear, distance > length)
             else:
-                shown = 1 - _ray(position, wi, length)[0]
+                shown, _ = light_ray(position, wi, length, tables.scripted)
             every.append(expr.scale(radiance, shown))
             towards = towards * expr.divide(own, total)
             counted.append(expr.scale(every[-1], expr.divide(towards, towards + density)))
         if world:
             surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
             # A mirror reflects nothing that comes from below the surface proper, which a ray may pass.
-            leaves = (1 - hit) * (expr.dot(wi, surface) > 0)
+            leaves = clear * (expr.dot(wi, surface) > 0)
             radiance = expr.scale(call(radiance_group(_around(tables)), wi), leaves)
             towards = call(world_density_group(world_table()), wi) * expr.divide(light[-1], total)
             out = (expr.dot(radiance, expr.vec(1.0, 1.0, 1.0)) > 0) * 1.0
@@ -208,12 +209,16 @@ def _switched_group(
     family = f"{name} by {tables.lamps.name_full} and {tables.lights.name_full}"
     if (around := tables.around) is not None:
         family += f", {around.image.name_full} {around.interpolation} by {around.table.name_full}"
+    if tables.scripted:
+        family += ", rays by OSL"
     if (known := made_before(family)) is not None:
         return known
     group = node_group(name, inputs, outputs, build, switched=_SWITCHED)
     first = active_output(group)
     first[SLOTS_KEY], first[WORLD_KEY], first.label = 0, False, "No lamp"
     group[SAMPLED_KEY], group[FAMILY_KEY] = True, family
+    if tables.scripted:
+        group[SCRIPTED_KEY] = True
     aim_by(group, 0, False)
     return group
 
@@ -297,9 +302,3 @@ def _around(tables: LightTables) -> Surroundings:
 def _length(aim: Aim, facing: Any, wi: Any, wanted: Any) -> Any:
     """How far to look for what stands before a lamp; where it is not `wanted` 0, and no ray is traced."""
     return distance_along(expr, aim, facing, wi) * SHORT * wanted
-
-
-def _ray(position: Any, wi: Any, length: Any) -> tuple[Any, Any]:
-    """1 where something is met that near, and its distance."""
-    made = expr.node("ShaderNodeRaycast", {}, {"Position": position, "Direction": wi, "Length": length})
-    return expr.Scalar(made.outputs["Is Hit"]), expr.Scalar(made.outputs["Hit Distance"])

@@ -29,6 +29,8 @@ from . import compat, expr
 from .group import trees_below
 
 SHADERS = Path(__file__).parent / "osl"
+# Custom property of groups of nodes whose rays are scripts (`nodes.light_ray`).
+SCRIPTED_KEY = "measured_materials_scripted"
 _numbers = itertools.count()
 _INCLUDE = re.compile(r'^#include "(.+)"$')
 
@@ -100,6 +102,12 @@ def is_scripted(material: bpy.types.Material) -> bool:
     """Whether anything in the material is a Script node, which needs OSL."""
     trees = trees_below(material.node_tree) if material.node_tree is not None else ()
     return any(node.bl_idname == "ShaderNodeScript" for tree in trees for node in tree.nodes)
+
+
+def is_one_script(material: bpy.types.Material) -> bool:
+    """Whether the material is a script as a whole, rather than nodes that a script tells what their rays meet."""
+    trees = trees_below(material.node_tree) if material.node_tree is not None else ()
+    return is_scripted(material) and not any(SCRIPTED_KEY in tree for tree in trees)
 
 
 def require_osl() -> None:

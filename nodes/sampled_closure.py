@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from . import expr
@@ -35,11 +36,7 @@ def sampled_closure(
     ----------
     table : of the residual, with its density
     """
-    geometry = expr.node("ShaderNodeNewGeometry", {}, {})
-    incoming, position = (expr.Vector(geometry.outputs[name]) for name in ("Incoming", "Position"))
-    u, more = call(random_numbers_group()), call(more_random_numbers_group())
-    # The lens may place both: what the mirror and the lamps bring is added, and no product is made of the two.
-    u, random = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
+    position, incoming, u, more, random = drawn_numbers()
     frame = frame_of(normal, incoming, table.tangent)
     weights = envelope.weights(frame[0])
     # About how often the mirror is followed beside the closures: the balance heuristic may take any number.
@@ -47,7 +44,7 @@ def sampled_closure(
     drawn, of_drawn = call(table.sampler, frame[0], *u[:4])
     seen, narrowed = (drawn, 1.0) if table.gloss is None else seen_from_table(drawn, frame[0], table.gloss)
     # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
-    instead = aimed_instead_group(tables.lamps, tables.around is not None)
+    instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted)
     ahead = to_world(seen, *frame[1:], normal)
     wi_world, aimed, unaimed, aims = call(instead, position, normal, ahead, *more[:2], *u[:2])
     turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], normal)))
@@ -62,26 +59,60 @@ def sampled_closure(
         straight = expr.maximum(expr.components(drawn)[2], 0.0) * narrowed * seen_above(seen, table.gloss)
         facing = expr.where(aims, facing, straight)
     weight = adjustments.apply(expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(facing, pdf)))
-    met = light_met_group(tables)
-    every, counted, behind, together = call(met, position, normal, wi_world, chance * of_table)
+    met = met_light(tables, (position, normal), wi_world, (chance, of_table, u[5]), aims)
+    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], random, chance, adjustments)
+    return add_closures(
+        [
+            envelope.closure(weights, normal, adjustments, met.of_closures),
+            mirror_closure(wi_world, incoming, expr.scale(weight, met.of_mirror), more[2], aims),
+            emission(weight * met.rest, met.meets),
+            emission(direct * adjustments.gain, reached),
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Met:
+    """Factors of the mirror and of the closures, what is emitted of the mirror's weight, and 1 where it meets light."""
+
+    of_mirror: Any
+    of_closures: Any
+    rest: Any
+    meets: Any
+
+
+def drawn_numbers() -> tuple[Any, Any, tuple[Any, ...], tuple[Any, ...], tuple[Any, Any, Any]]:
+    """Position, Incoming, six random numbers and three more, and the three that choose a light and a point of it."""
+    geometry = expr.node("ShaderNodeNewGeometry", {}, {})
+    incoming, position = (expr.Vector(geometry.outputs[name]) for name in ("Incoming", "Position"))
+    u, more = call(random_numbers_group()), call(more_random_numbers_group())
+    # The lens may place both: what the mirror and the lamps bring is added, and no product is made of the two.
+    u, random = (*call(lens_group(), *u[:2]), *u[2:]), (more[0], *call(lens_group(), *more[1:]))
+    return position, incoming, u, more, random
+
+
+def met_light(
+    tables: LightTables, place: tuple[Any, Any], wi_world: Any, drawing: tuple[Any, Any, Any], aims: Any
+) -> Met:
+    """What becomes of a mirror whose direction may meet a light that is sampled too.
+
+    Parameters
+    ----------
+    place : position and normal
+    drawing : about how often the mirror is followed, the material's own density of the direction, and a random number
+    aims : 1 where the direction was aimed at what cannot be sampled
+    """
+    chance, of_table, number = drawing
+    every, counted, behind, together = call(light_met_group(tables), *place, wi_world, chance * of_table)
     lamp = expr.dot(every, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     # Of a mirror that is aimed the weight says nothing of its light: Cycles would hardly ever follow one at the sun.
     followed = expr.where(aims, chance, followed)
-    mirrored, meets = u[5] < followed, lamp > 0
+    mirrored, meets = number < followed, lamp > 0
     apart = expr.where(aims, 1.0, meets * (1 - together))
     of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
     of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
-    rest = weight * (expr.scale(every, 1 - of_mirror) - counted)
-    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], random, chance, adjustments)
-    return add_closures(
-        [
-            envelope.closure(weights, normal, adjustments, of_closures),
-            mirror_closure(wi_world, incoming, expr.scale(weight, of_mirror), more[2], aims),
-            _emission(rest, meets),
-            _emission(direct * adjustments.gain, reached),
-        ]
-    )
+    return Met(of_mirror, of_closures, expr.scale(every, 1 - of_mirror) - counted, meets)
 
 
 def _direct_light(
@@ -108,7 +139,7 @@ def _direct_light(
     return direct, expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
 
 
-def _emission(colour: Any, shown: Any) -> Any:
+def emission(colour: Any, shown: Any) -> Any:
     """Emission, whose nodes Cycles skips where `shown` is 0."""
-    emission = expr.node("ShaderNodeEmission", {}, {"Color": colour, "Strength": 1.0}).outputs[0]
-    return expr.Scalar(expr.node("ShaderNodeMixShader", {}, {0: shown, 2: expr.Scalar(emission)}).outputs[0])
+    made = expr.node("ShaderNodeEmission", {}, {"Color": colour, "Strength": 1.0}).outputs[0]
+    return expr.Scalar(expr.node("ShaderNodeMixShader", {}, {0: shown, 2: expr.Scalar(made)}).outputs[0])

@@ -2,100 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from ..bake.lobes.lobes import Lobe
-from ..bake.shading_maps.render_settings import PREVIEW_LEVEL, RenderSettings
+from ..bake.shading_maps.render_settings import PREVIEW_LEVEL
 from ..bake.source import LUMINANCE
 from . import expr
 from .adjustments import LIMITS, NEUTRAL, SOCKETS, Adjustments
 from .brdf_group import after_diffuse
-from .drawn_direction import DrawnDirection, drawn_direction
+from .drawn_direction import DrawnDirection
 from .feature_passes import clamped, write_features
 from .group import call, node_group
-from .lobe_group import lobe_group, lobe_pdf_group, lobe_peak_group, sample_lobe_group
+from .map_lighting import TEXTURED, Lighting, Parts, times
 from .map_models import piecewise_linear
-from .native_closure import add_closures, choose_closure, has_native, native_closure, viewport_closures
-from .slices_group import SliceOptions
+from .native_closure import add_closures, choose_closure, native_closure, viewport_closures
+from .sampled_map import MIN_CHOICE, sampled_map
 from .surface_marker import MATTE, roughness_of, with_marker
-from .table_groups import TableGroups
 
-# Share of draws that go to the mirror where there is nothing left of the residual, and to the closure where it is all.
-MIN_CHOICE = 0.04
-# Techniques to compare with, which know no modes.
-_TEXTURED = ("lit_texture", "angular")
 # In an order that leaves those of older files in their places, by whose numbers they are animated.
 MAP_INPUTS = {"Normal": "vector", "Tint": SOCKETS["Tint"], "UV": "vector", "Light Level": "float"} | SOCKETS
-
-
-@dataclass(frozen=True)
-class MeasuredLobe:
-    """f_r from a table, whose lookup must not choose at random, since S is not linear in it."""
-
-    table: TableGroups
-    albedo: float
-
-
-@dataclass(frozen=True)
-class Lighting:
-    """Lighting of a shading map.
-
-    Parameters
-    ----------
-    settings : of the material
-    sigma : r = sigma f_r cos(theta_i)
-    a_max : r at the last slice, in 1/sr
-    peak : f_r reaches beyond a_max from some viewer
-    level_by_cosine : for technique "angular"
-    measured : in place of the settings' lobe
-    lamps : table of lamps to aim at, see `bake.sampling.lamps`
-    features : also write the passes of `feature_passes`, for the denoiser
-    normals : a view layer shows the Normal pass, which mirrors would spoil
-    """
-
-    settings: RenderSettings
-    sigma: float
-    a_max: float
-    peak: bool
-    level_by_cosine: tuple[float, ...]
-    measured: MeasuredLobe | None = None
-    lamps: bpy.types.Image | None = None
-    features: bool = False
-    normals: bool = False
-
-    @property
-    def gain(self) -> float:
-        """x per f_r cos(theta_i)."""
-        return self.sigma / self.a_max
-
-    @property
-    def exact(self) -> bool:
-        """Whether a native closure carries the envelope."""
-        return self.settings.mode in ("exact", "balanced") and self.native
-
-    @property
-    def preview(self) -> bool:
-        """Whether it is native closures alone."""
-        return self.settings.mode == "preview" and self.settings.technique not in _TEXTURED
-
-    @property
-    def native(self) -> bool:
-        """Whether Cycles has a closure for f_r or a part of it."""
-        return self.measured is None and has_native(self.lobe)
-
-    @property
-    def lobe(self) -> Lobe:
-        """f_r as a formula."""
-        assert self.settings.lobe is not None
-        return self.settings.lobe
-
-    def options(self, *, stochastic: bool) -> SliceOptions:
-        """Options of the slices' group."""
-        above, tiling = self.settings.above, self.settings.tiling
-        return SliceOptions(above, self.peak and self.exact, self.measured is not None, stochastic, tiling)
 
 
 def shading_map_group(
@@ -109,7 +36,7 @@ def shading_map_group(
     viewport : the same with scalar x and without random choice, for EEVEE
     """
     technique = lighting.settings.technique
-    builders = dict(zip(_TEXTURED, (_lit_texture, _angular), strict=True))
+    builders = dict(zip(TEXTURED, (_lit_texture, _angular), strict=True))
 
     def build(*values: Any) -> tuple[Any, Any]:
         named = dict(zip(MAP_INPUTS, values, strict=True))
@@ -127,26 +54,6 @@ def shading_map_group(
     return node_group(name, MAP_INPUTS, outputs, build, {"Light Level": 1.0, **NEUTRAL}, limits=LIMITS)
 
 
-def _draw(lighting: Lighting, normal: Any) -> tuple[DrawnDirection, Any]:
-    """A direction and f_r cos(theta_i) there: a scalar, or a colour where f_r is measured."""
-    measured = lighting.measured
-    if measured is not None:
-        drawn = measured.table.draw(normal, lighting.lamps)
-        return drawn, expr.scale(call(measured.table.lookup, drawn.wi, drawn.wo, 0.5), drawn.cosine)
-    lobe = lighting.lobe
-    drawn = drawn_direction(
-        normal,
-        lambda wo, *u: call(sample_lobe_group(lobe.name), wo, *u[:3], lobe.p1, lobe.p2)[:2],
-        lambda wi, wo: call(lobe_pdf_group(lobe.name), wi, wo, lobe.p1, lobe.p2),
-        lighting.lamps,
-    )
-    return drawn, call(lobe_group(lobe.name), drawn.wi, drawn.wo, lobe.p1, lobe.p2) * drawn.cosine
-
-
-def _times(value: Any, factor: Any) -> Any:
-    return expr.scale(value, factor) if isinstance(value, expr.Vector) else value * factor
-
-
 def _mirror(
     drawn: DrawnDirection, reflected: Any, lighting: Lighting, adjustments: Adjustments, share: Any = 1.0
 ) -> Any:
@@ -158,7 +65,7 @@ def _in_mode(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustme
     mode = lighting.settings.mode
     if mode == "preview":
         return _preview(slices, lighting, normal, adjustments, uv)
-    traced = _lookup(slices, lighting, normal, adjustments, uv)
+    traced = (sampled_map if lighting.sampled else _lookup)(slices, lighting, normal, adjustments, uv)
     if mode == "balanced":
         return choose_closure(after_diffuse(), traced, _preview(slices, lighting, normal, adjustments, uv))
     return traced
@@ -184,30 +91,17 @@ def _like_f_r(lighting: Lighting, normal: Any, colour: Any) -> list[Any]:
 
 
 def _lookup(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
-    drawn, f_cos = _draw(lighting, normal)
-    x = _times(f_cos, lighting.gain)
+    drawn, f_cos = lighting.draw(normal)
+    parts = lighting.split(slices, uv, drawn.wo, f_cos, drawn.cosine, drawn.random[0])
     if not lighting.exact:
-        reflected, _, _, _ = call(slices, uv, x, 1.0, drawn.random[0])
-        return _mirror(drawn, reflected, lighting, adjustments)
-    lobe = lighting.lobe
-    peak: Any = 1.0
-    if lighting.peak:
-        peak = call(lobe_peak_group(lobe.name), drawn.wo, lobe.p1, lobe.p2) * lighting.gain
-    reflected, residual, envelope, share = call(slices, uv, x, peak, drawn.random[0])
-    if lobe.native_share < 1:
-        # The closure carries only a part of f_r (the diffuse part of Phong); the envelope's rest joins the residual.
-        native = drawn.cosine * (lobe.native_share / expr.pi * lighting.gain)
-        residual = residual + expr.scale(envelope, x - native)
-        share = 1 - (1 - share) * lobe.native_share
-    chance = _mirror_chance(residual, reflected, share, lighting)
-    mirror = _mirror(drawn, residual, lighting, adjustments, chance)
-    part = expr.divide(lighting.sigma * lobe.native_share, 1 - chance)
-    weight = expr.scale(adjustments.apply(envelope), part)
-    closure = native_closure(lobe, weight, normal)
+        return _mirror(drawn, parts.traced, lighting, adjustments)
+    chance = _mirror_chance(parts, lighting)
+    mirror = _mirror(drawn, parts.traced, lighting, adjustments, chance)
+    closure = lighting.closure(parts, normal, adjustments, expr.divide(lighting.native_sigma, 1 - chance))
     return choose_closure(drawn.random[1] < chance, closure, mirror)
 
 
-def _mirror_chance(residual: Any, reflected: Any, share: Any, lighting: Lighting) -> Any:
+def _mirror_chance(parts: Parts, lighting: Lighting) -> Any:
     """Probability of the mirror; whatever it is, the closure's weight and the mirror's allow for it.
 
     A mirror that aims at the lamps is worth as much as the closure where it is chosen in proportion to the residual in
@@ -215,10 +109,10 @@ def _mirror_chance(residual: Any, reflected: Any, share: Any, lighting: Lighting
     than the closure of equal energy (tried: the root of the share has 8 to 21 % less noise than the share).
     """
     if lighting.lamps is None:
-        part = expr.sqrt(share)
+        part = expr.sqrt(parts.share)
     else:
         one = expr.vec(1.0, 1.0, 1.0)
-        part = expr.divide(expr.dot(residual, one), expr.dot(reflected, one))
+        part = expr.divide(expr.dot(parts.traced, one), expr.dot(parts.reflected, one))
     return part * (1 - 2 * MIN_CHOICE) + MIN_CHOICE
 
 
@@ -229,12 +123,12 @@ def _lit_texture(slices: Any, lighting: Lighting, normal: Any, adjustments: Adju
     texture = adjustments.apply(call(slices, uv, level, 1.0, 0.0)[0])
     if lighting.native and lighting.lobe.native_share == 1:
         return native_closure(lighting.lobe, expr.scale(texture, lighting.sigma), normal)
-    return _proportional(*_draw(lighting, normal), lighting, texture)
+    return _proportional(*lighting.draw(normal), lighting, texture)
 
 
 def _angular(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     """The photograph taken at the light's elevation, relative to its mean, as a texture on f_r."""
-    drawn, f_cos = _draw(lighting, normal)
+    drawn, f_cos = lighting.draw(normal)
     level = expr.maximum(piecewise_linear((lighting.level_by_cosine,), drawn.cosine)[0], 1e-4)
     x = expr.vec(level, level, level) if lighting.measured is not None else level
     texture = call(slices, uv, x, 1.0, drawn.random[0])[0]
@@ -242,7 +136,7 @@ def _angular(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustme
 
 
 def _proportional(drawn: DrawnDirection, f_cos: Any, lighting: Lighting, texture: Any) -> Any:
-    weight = _times(f_cos, expr.divide(lighting.sigma, drawn.pdf))
+    weight = times(f_cos, expr.divide(lighting.sigma, drawn.pdf))
     colour = texture * weight if isinstance(weight, expr.Vector) else expr.scale(texture, weight)
     return drawn.mirror(colour)
 

@@ -20,11 +20,15 @@ from ..bake.shading_maps.render_settings import RenderSettings
 from ..bake.shading_maps.slice_atlas import SliceLayout
 from .checked_pixels import check_image
 from .data_image import Images, bundle_images, made_image, new_data_image
+from .lamp_light_groups import LightTables
+from .map_lighting import Lighting, MeasuredLobe
 from .map_models import basis_group, power_group
-from .material_tree import build_from
-from .shading_map_group import Lighting, MeasuredLobe, shading_map_group
+from .material_tree import build_from, lit_by_emission
+from .osl_script import require_osl
+from .shading_map_group import shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
 from .table_groups import table_groups
+from .world_picture import Surroundings
 
 
 def build_shading_map(
@@ -38,6 +42,9 @@ def build_shading_map(
     reduce: int = 1,
     features: bool = False,
     normals: bool = False,
+    lights: bpy.types.Image | None = None,
+    surroundings: Surroundings | None = None,
+    scripted: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle of kind "shading_map". No texture is baked for that.
 
@@ -51,11 +58,18 @@ def build_shading_map(
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     reduce : texels across that Cycles sees as their mean, for a swatch far away; for model "slices" only
     features, normals : as in `nodes.material.build_material`
+    lights : table of what the lamps emit, see `bake.sampling.lamp_light`: modes "exact" and "balanced" then sample
+        lamps themselves, which takes `lamps`, and Blender 5.1 or `scripted` rays
+    surroundings : the world's picture, to be sampled too; used with `lights` only
+    scripted : a script of OSL asks what rays meet. All else is nodes, whose textures have to be packed where Open
+        Shading Language is on; where it is off no light is sampled
 
     Raises
     ------
-    BakeError : the bundle does not describe a shading map this version knows
+    BakeError : the bundle does not describe a shading map this version knows, or this Blender has no OSL for a script
     """
+    if scripted:
+        require_osl()
     record = ShadingMapRecord.of(source)
     settings = settings or record.render
     if settings.lobe is None:
@@ -63,12 +77,17 @@ def build_shading_map(
     for name in {record.map.image, "envelope"} & set(record.images):
         check_image(record.files(), name)
 
+    tables = LightTables(lamps, lights, surroundings, scripted) if lamps is not None and lights is not None else None
+    asked = {"lamps": lamps, "lights": tables, "features": features, "normals": normals}
+    lighting = replace(lighting_of(record, settings), **asked)
+
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
-        lighting = replace(lighting_of(record, settings), lamps=lamps, features=features, normals=normals)
         return _group(record, lighting, name, textures, reduce)
 
-    return build_from(record, material, make)
+    built = build_from(record, material, make)
+    lit_by_emission(built, lighting.sampled)
+    return built
 
 
 def lighting_of(record: ShadingMapRecord, settings: RenderSettings) -> Lighting:
@@ -99,7 +118,8 @@ def _group(
         lighting = replace(lighting, measured=measured)
     images = slice_images(record, textures)
     far = _reduced(record, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
-    traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=True))
+    # Where lamps are sampled, a slice chosen at random would be most of the noise that is left.
+    traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=not lighting.sampled))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
     viewport = SliceOptions("scale", tiling=settings.tiling, interpolation="Fetched")
     shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)

@@ -13,7 +13,7 @@ from measured_materials.addon.cli.inspect import inspect_bundle
 from measured_materials.addon.material import bake_material
 from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.ui import drop_files, import_brdf
+from measured_materials.addon.ui import drop_files, import_brdf, import_photographs
 from measured_materials.addon.ui.context import shown_material
 from measured_materials.addon.ui.panels import panel
 from measured_materials.addon.ui.properties.bake import settings_of, show_settings
@@ -22,6 +22,7 @@ from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.photographs.photograph import IMAGE_SUFFIXES
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
@@ -81,7 +82,11 @@ def test_failed_registration_leaves_nothing_and_says_why(monkeypatch: pytest.Mon
 def test_every_reader_can_be_browsed_and_dropped() -> None:
     dropped = set(drop_files.MEASURED_MATERIALS_FH_all.bl_file_extensions.split(";"))
     suffixes = {suffix for reader in READERS for suffix in reader.suffixes}
-    assert dropped == suffixes | {".mmat", ".lp", ".csv"}  # and no picture, which Blender makes nodes of
+    assert dropped == suffixes | {".mmat", ".lp", ".csv"}
+    # Pictures, which Blender makes nodes of, have a handler of their own: Blender asks which.
+    pictures = drop_files.MEASURED_MATERIALS_FH_photographs
+    assert set(pictures.bl_file_extensions.split(";")) == IMAGE_SUFFIXES and not dropped & IMAGE_SUFFIXES
+    assert pictures.bl_import_operator == import_photographs.MEASURED_MATERIALS_OT_import_arc.bl_idname
     assert drop_files.MEASURED_MATERIALS_FH_all.bl_import_operator == drop_files.MEASURED_MATERIALS_OT_drop.bl_idname
     assert set(import_brdf._FILTER_GLOB.keywords["default"].split(";")) == {
         f"*{suffix}" for suffix in suffixes | {".exr"}

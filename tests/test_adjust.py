@@ -338,7 +338,7 @@ def test_the_scene_check_notes_it_and_fixes_it(lacquer: Any, plate: Any) -> None
     assert not told()
     node.inputs["Brightness"].default_value = 1.01 / largest
     (finding,) = told()
-    assert "1.01 times" in finding.found
+    assert "1.01 times" in finding.why and finding.found.startswith("Brightness is ")
     mend([finding])
     assert not told() and node.inputs["Brightness"].default_value == pytest.approx(1 / largest, abs=1e-4)
 

@@ -77,7 +77,7 @@ def test_lists_mends_and_keeps_the_old_file(blends: Path) -> None:
     assert done.returncode == 1
     wrong = [line for line in done.stdout.splitlines() if line.startswith("wrong")]
     assert done.stdout.startswith("\n".join(wrong)) and len(wrong) == 2
-    assert "scene Scene: Clamping, Indirect Light is 4, should be 0: " in done.stdout
+    assert " Scene: Clamping, Indirect Light is 4, should be 0: " in done.stdout
     assert "scene Other: Filter Glossy is 1, should be 0: " in done.stdout
     last = done.stderr.splitlines()[-1]
     assert last == ("measured_materials: scene.blend: 2 settings bias its measured materials; --fix fixes 2 of them")

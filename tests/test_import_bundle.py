@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,14 @@ import pytest
 from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
 from measured_materials.addon.ui.background.load_bundle import bundles_meant
-from measured_materials.addon.ui.drop_files import sorted_by_kind
+from measured_materials.addon.ui.drop_files import problems_of, sorted_by_kind
 from measured_materials.bake.bundle.bundle import MATERIAL
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.bake.sources import measurements_in
+from measured_materials.bake.sources.analytic import by_name
+from measured_materials.bake.sources.merl import write_merl
 from measured_materials.nodes.material_tree import BUNDLE_KEY
 from support.coarse_bakes import coarse  # noqa: F401
 
@@ -80,6 +84,31 @@ def test_files_of_several_kinds_can_be_dropped_together(library: Path, plate: An
     names = ["gold.mmat", "a.binary", "lights.csv", "b.BSDF", "felt.MMAT", "arc.lp"]
     assert sorted_by_kind(names) == (["gold.mmat", "felt.MMAT"], ["lights.csv", "arc.lp"], ["a.binary", "b.BSDF"])
     assert sorted_by_kind(["a.binary"]) == ([], [], ["a.binary"])
+
+
+def test_a_bad_one_among_those_dropped_keeps_no_other_away(library: Path, plate: Any, tmp_path: Path) -> None:
+    """All that is wrong comes as one list."""
+    for name in ("bad.mmat", "worse.mmat"):
+        (tmp_path / name).mkdir()
+    good = partial(load, filepath=str(library / "gold.mmat"))
+    bad = partial(load, directory=str(tmp_path), files=[{"name": "bad.mmat"}, {"name": "worse.mmat"}])
+    first, second = problems_of([bad, good])
+    assert "bad.mmat: is not a bundle" in first and "worse.mmat: is not a bundle" in second
+    assert not first.startswith("Error") and kind_of(plate.active_material) is BRDF
+
+
+def test_a_folder_of_measurements_is_imported_whole(plate: Any, tmp_path: Path) -> None:
+    """What nobody can read is named, what is of another program is left alone."""
+    write_merl(tmp_path / "felt.binary", by_name("lambert"))
+    (tmp_path / "cut.binary").write_bytes((tmp_path / "felt.binary").read_bytes()[:-8])
+    (tmp_path / "letter.txt").write_text("Dear Ada")
+    (tmp_path / "empty").mkdir()
+    assert [path.name for path in measurements_in(tmp_path)] == ["cut.binary", "felt.binary"]
+    with pytest.raises(RuntimeError, match=r"cut\.binary") as failed:
+        bpy.ops.measured_materials.import_brdf(filepath=str(tmp_path), resolution=8, envelope=False)
+    assert "letter" not in str(failed.value) and plate.active_material.name == "felt"
+    with pytest.raises(RuntimeError, match="empty: holds no measurement"):
+        bpy.ops.measured_materials.import_brdf(filepath=str(tmp_path / "empty"))
 
 
 def test_a_loaded_swatch_shows_the_settings_that_it_was_baked_with(library: Path, plate: Any, tmp_path: Path) -> None:

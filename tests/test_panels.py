@@ -46,8 +46,21 @@ def test_what_is_looked_at_most_comes_first(lacquer: bpy.types.Material) -> None
     assert "HIDE_HEADER" not in getattr(bpy.types.MEASURED_MATERIALS_PT_material_import, "bl_options", ())
 
 
+_PLACES_SAID = {
+    "scene Scene": "Scene",
+    "world World": "World",
+    "scene Shot": "scene Shot",
+    "material a b": "material a b",
+}
+
+
 def _found(*severities: str) -> list[Finding]:
     return [Finding(f"rule{i}", kind, "Scene", "on", "off", "why", None) for i, kind in enumerate(severities)]
+
+
+def test_a_place_named_by_its_kind_is_said_once() -> None:
+    told = {where: Finding("rule", NOTE, where, "x is on", "off", "why", None).setting for where in _PLACES_SAID}
+    assert told == {where: f"{said}: x is on, should be off" for where, said in _PLACES_SAID.items()}
 
 
 def test_notes_spoil_nothing() -> None:

@@ -20,7 +20,8 @@ from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import trees_below
-from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
+from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY
+from measured_materials.nodes.light_ray import can_raycast
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl

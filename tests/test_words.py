@@ -138,8 +138,8 @@ def sentences(file: Path) -> Iterator[tuple[int, str]]:
 
 
 def of_options(text: str) -> str:
-    """Without options of the command line, which have names of their own."""
-    return re.sub(r"--[a-z_-]+", "", text)
+    """Without options of the command line and parameters of formulas, which have names of their own."""
+    return re.sub(r"--[a-z_-]+|\b[a-z_0-9]+=", "", text)
 
 
 def test_no_message_has_a_word_of_the_workshop() -> None:

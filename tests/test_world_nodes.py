@@ -53,7 +53,7 @@ def paint(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 @pytest.fixture
 def no_shadows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """As if there were a Raycast node, and nothing for it to meet."""
-    monkeypatch.setattr(lamp_light_groups, "_ray", lambda *_: (0.0, ENDLESS))
+    monkeypatch.setattr(lamp_light_groups, "light_ray", lambda *_: (1.0, ENDLESS))
     for module in (aim_targets, light_tables):
         monkeypatch.setattr(module, "can_raycast", lambda: True)
     yield

@@ -57,8 +57,9 @@ def words_of(record: Record) -> AssetWords:
 
 
 def rights_of(record: Record) -> Rights:
-    """Author, licence and copyright as far as what was measured states them."""
-    return Rights(*(_text(record, key) for key in ("author", "license", "copyright")))
+    """Author, licence and copyright as far as whoever baked it, or else what was measured, states them."""
+    stated = record.rights.facts()
+    return Rights(*(stated.get(key) or _text(record, key) for key in ("author", "license", "copyright")))
 
 
 def _shelf_of(record: Record) -> tuple[str, str]:
@@ -89,6 +90,8 @@ def _description(record: Record, kind: str, format_: str | None) -> str:
     else:
         rows = dict(map_error_rows(record))
         sentences.append(f"Error of a photograph that was left out {rows['Left-out error']}")
+    if record.rights.source_url:
+        sentences.append(f"Found at {record.rights.source_url}")
     return " ".join(sentence.rstrip(".") + "." for sentence in sentences)
 
 

@@ -5,15 +5,9 @@ from __future__ import annotations
 import atexit
 import contextlib
 import json
-import os
-import pickle
 import queue
 import signal
-import struct
-import subprocess
 import sys
-import threading
-from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,14 +15,12 @@ from typing import Any
 from ...bake.bundle.bundle import move_bundle, read_bundle, staging
 from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
+from . import spare
 from .look import Look
 from .request import BakeRequest
+from .worker_process import WorkerProcess
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED, NO_HOST = "waiting", "running", "done", "failed", "cancelled", "no host"
-_ROOT = Path(__file__).resolve().parents[2]
-_PACKAGE = __package__.rpartition(".addon.")[0] if __package__ else ""
-# Seconds that the end of a process is waited for where nothing may be left behind.
-_PATIENCE = 10.0
 
 
 class BakeJob:
@@ -52,9 +44,7 @@ class BakeJob:
         self._hosts = [list(host) for host in hosts]
         self._stack = contextlib.ExitStack()
         self._staging = Path()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._lines: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
-        self._log: deque[str] = deque(maxlen=40)
+        self._process: WorkerProcess | None = None
         self._baked: tuple[Path, float] | None = None
         self._ready = self._ended = False
 
@@ -71,17 +61,19 @@ class BakeJob:
 
     def poll(self) -> str:
         """Take notice of what the process has said so far; returns the state."""
-        while self.state == RUNNING:
+        while self.state == RUNNING and self._process:
             try:
-                line = self._lines.get_nowait()
+                line = self._process.lines.get_nowait()
             except queue.Empty:
                 break
             if line is None:
                 self._ended = True
             else:
                 self._take(line)
-        if self.state == RUNNING and self._ended and self._process and self._process.poll() is not None:
-            self._died(self._process.returncode)
+        if self.state == RUNNING and self._ended and self._process:
+            code = self._process.exit_code()
+            if code is not None:
+                self._died(code)
         return self.state
 
     def cancel(self) -> None:
@@ -118,27 +110,8 @@ class BakeJob:
         self.close()
 
     def _launch(self, command: list[str]) -> None:
-        self._lines = queue.SimpleQueue()
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"},
-            # A terminal's Ctrl-C is Blender's business; one group, to end a host's own children too.
-            start_new_session=sys.platform != "win32",
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )
-        self._process = process
-        about = {"package": _PACKAGE, "init": str(_ROOT / "__init__.py"), "folder": str(_ROOT), "path": sys.path}
-        asked = pickle.dumps((self.request, self._staging, self.target.name))
-        message = json.dumps(about).encode() + b"\n" + struct.pack("<Q", len(asked)) + asked
-        for work, arguments in (
-            (_write, (process.stdin, message)),
-            (_read, (process.stdout, self._lines)),
-            (_keep, (process.stderr, self._log)),
-        ):
-            threading.Thread(target=work, args=arguments, daemon=True).start()
+        self._process = spare.taken(command) or WorkerProcess(command)
+        self._process.ask((self.request, self._staging, self.target.name))
 
     def _take(self, line: bytes) -> None:
         """One line of the process, which may also be something that its host says of itself."""
@@ -164,7 +137,8 @@ class BakeJob:
         if not self._ready:
             self._start_next()
             return
-        print("\n".join(self._log), file=sys.stderr)
+        if self._process:
+            print("\n".join(self._process.log), file=sys.stderr)
         cause = f"was not baked: the process that baked it ended by itself ({_words(code)})"
         self._fail(BakeError(self.request.title, cause, "try again; what it said last stands in the terminal"))
 
@@ -174,19 +148,8 @@ class BakeJob:
 
     def _kill(self) -> None:
         process, self._process = self._process, None
-        if process is None:
-            return
-        with contextlib.suppress(OSError):
-            if process.poll() is not None:
-                pass
-            elif sys.platform == "win32":
-                process.kill()
-            else:
-                os.killpg(process.pid, signal.SIGKILL)
-        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
-            process.wait(_PATIENCE)
-        with contextlib.suppress(OSError, ValueError):
-            process.stdin.close()  # type: ignore[union-attr]
+        if process is not None:
+            process.end()
 
 
 def _words(code: int) -> str:
@@ -194,25 +157,3 @@ def _words(code: int) -> str:
         with contextlib.suppress(ValueError):
             return signal.Signals(-code).name
     return f"exit code {code}"
-
-
-def _write(stream: Any, message: bytes) -> None:
-    """The request; the stream stays open, for its end is how the process learns that nobody waits for it."""
-    with contextlib.suppress(OSError, ValueError):
-        stream.write(message)
-        stream.flush()
-
-
-def _read(stream: Any, lines: queue.SimpleQueue[bytes | None]) -> None:
-    with contextlib.suppress(OSError, ValueError):
-        for line in stream:
-            lines.put(line)
-    stream.close()
-    lines.put(None)
-
-
-def _keep(stream: Any, log: deque[str]) -> None:
-    with contextlib.suppress(OSError, ValueError):
-        for line in stream:
-            log.append(line.decode(errors="replace").rstrip())
-    stream.close()

@@ -33,7 +33,13 @@ def main() -> None:
     with results_stream(to_the_end=True) as stream:
         say = _teller(stream)
         say(event="ready")
-        (size,) = struct.unpack("<Q", sys.stdin.buffer.read(8))
+        # The slow part of the start: a spare worker has it behind it when it is asked.
+        from . import look  # noqa: F401
+
+        head = sys.stdin.buffer.read(8)
+        if len(head) < 8:  # nobody wants it any more
+            os._exit(0)
+        (size,) = struct.unpack("<Q", head)
         # From the process that started this one, by a pipe that nobody else can write to.
         request, staging, name = pickle.loads(sys.stdin.buffer.read(size))
         threading.Thread(target=_end_with_parent, args=(staging,), daemon=True).start()
@@ -43,6 +49,11 @@ def main() -> None:
         stream.flush()
     # Blender as a host, and its module, have destructors of their own.
     os._exit(code)
+
+
+def _import() -> None:
+    """What a bake and a look need."""
+    from . import look, request  # noqa: F401
 
 
 def _bake(request: Any, staging: Path, name: str, say: Callable[..., None]) -> int:
@@ -74,10 +85,13 @@ def _bake(request: Any, staging: Path, name: str, say: Callable[..., None]) -> i
 
 
 def _teller(stream: TextIO) -> Callable[..., None]:
+    alone = threading.Lock()  # a quick bake speaks beside the other
+
     def say(**event: Any) -> None:
         try:
-            stream.write(json.dumps(event) + "\n")
-            stream.flush()
+            with alone:
+                stream.write(json.dumps(event) + "\n")
+                stream.flush()
         except (OSError, ValueError):  # nobody listens any more; the watcher ends this
             pass
 

@@ -25,7 +25,18 @@ from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
 from ..summary.quality_levels import BRDF_LEVELS
 from . import bake_photographs
-from .bake_jobs import Bake, Job, add_quality, add_replace, bake_jobs, by_quality, chosen_quality, usage_error
+from .bake_jobs import (
+    Bake,
+    Job,
+    add_quality,
+    add_replace,
+    add_rights,
+    bake_jobs,
+    by_quality,
+    chosen_quality,
+    stated_rights,
+    usage_error,
+)
 from .reading_options import add_reading, reading_of
 from .result import Result
 
@@ -54,6 +65,7 @@ def add_to(commands: Any) -> None:
     )
     brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(brdf)
+    add_rights(brdf)
     _add_settings(brdf)
     add_reading(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -164,6 +176,7 @@ def _settings(options: argparse.Namespace) -> BakeSettings:
             sampler=isotropic_layout(options.sampler_kind, options.sampler),
             envelope=options.envelope,
             reading=reading_of(options),
+            rights=stated_rights(options),
         )
     except BakeError as error:
         raise usage_error(error, options) from None

@@ -14,6 +14,7 @@ from ...bake.bundle.bundle import SUFFIX
 from ...bake.bundle.origin import Origin, refuse_another
 from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
+from ...bake.rights import RIGHTS, Rights
 from ..summary.quality_levels import LEVELS, STANDARD
 from .console.progress import Progress
 
@@ -100,6 +101,25 @@ def add_replace(parser: Any) -> None:
         action="store_true",
         help="also replace a bundle of that name that was baked from another source (one of the same source always is)",
     )
+
+
+_STATED = {
+    "author": "who measured it or took the photographs",
+    "license": "what others may do with it, for instance CC0",
+    "source_url": "where it was found",
+}
+
+
+def add_rights(parser: Any) -> None:
+    """Add the options that `stated_rights` reads."""
+    group = parser.add_argument_group("author and license", "kept in the bundle, and in the asset made of it")
+    for name in RIGHTS:
+        group.add_argument(f"--{name.replace('_', '-')}", default="", metavar="TEXT", help=_STATED[name])
+
+
+def stated_rights(options: argparse.Namespace) -> Rights:
+    """What was stated. Raises BakeError."""
+    return Rights(**{name: getattr(options, name) for name in RIGHTS})
 
 
 def usage_error(error: BakeError, options: argparse.Namespace) -> argparse.ArgumentTypeError:

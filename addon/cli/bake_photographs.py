@@ -27,7 +27,18 @@ from ..plots.figure import need_matplotlib
 from ..summary.bake_stages import bake_stages
 from ..summary.quality_levels import MAP_LEVELS
 from ..summary.shading_map_rows import albedo_warning, arc_summary
-from .bake_jobs import Bake, Job, add_quality, add_replace, bake_jobs, by_quality, chosen_quality, usage_error
+from .bake_jobs import (
+    Bake,
+    Job,
+    add_quality,
+    add_replace,
+    add_rights,
+    bake_jobs,
+    by_quality,
+    chosen_quality,
+    stated_rights,
+    usage_error,
+)
 from .lighting_options import add_lighting, known_lobes, lighting, parsed_lobe
 from .result import Result, complain
 
@@ -47,6 +58,7 @@ def add_to(kinds: Any) -> None:
     )
     arc.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(arc)
+    add_rights(arc)
     add_quality(arc, MAP_LEVELS)
     _add_reading(arc.add_argument_group("photographs"))
     _add_map(arc.add_argument_group("shading map"))
@@ -243,6 +255,7 @@ def _settings(options: argparse.Namespace) -> ArcSettings:
             lobe_auto=auto,
             brdf=brdf,
             render=render,
+            rights=stated_rights(options),
             stack=StackSettings(
                 size=level["size"] or None,
                 decode=options.decode,

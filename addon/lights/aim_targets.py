@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...nodes.lamp_light_groups import can_raycast
+from ...nodes.light_ray import can_raycast
 from .lamp_survey import LampReport
 
 # What sampling is worth in noise, for what share of the time of a sample.
@@ -40,9 +40,10 @@ def what_to_aim_at(report: LampReport) -> str:
     return words[:1].lower() + words[1:]
 
 
-def sampling_of(report: LampReport, *, osl: bool = False) -> Sampling:
-    """Whether a shader can, and should, sample the scene's lamps itself; one of nodes, or of OSL."""
-    if not osl and not can_raycast():
+def sampling_of(report: LampReport, *, osl: bool = False, scripted: bool = False) -> Sampling:
+    """Whether a shader can, and should, sample the scene's lamps itself: one of nodes, whose rays may be `scripted`, or
+    of OSL."""
+    if not (osl or scripted or can_raycast()):
         return Sampling("nodes cannot ask what a ray meets before Blender 5.1; OSL can, on the CPU")
     if report.inexact:
         return Sampling(report.inexact)

@@ -23,8 +23,10 @@ from bpy.app.handlers import persistent
 from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
 from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, aim_by, aimed_light_group, can_switch
-from ...nodes.lamp_light_groups import SAMPLED_KEY, can_raycast
+from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.light_images import new_table, world_table
+from ...nodes.light_ray import can_raycast
+from ...nodes.osl_script import SCRIPTED_KEY
 from ...nodes.second_group import MOST_LAMPS, is_blended
 from ..events import listen, stop_listening
 from . import image_reload, seen_world, world_survey
@@ -164,17 +166,19 @@ def fit_slots() -> None:
     needs = [need for key, need in _needs.items() if key in shown]
     slots, world = max((need.slots for need in needs), default=0), any(need.world for need in needs)
     # Of scenes that need lamps at all: where their light is not known in one, none is sampled in any.
-    sampled = min((need.sampled for need in needs if need.slots), default=0) and slots * can_raycast()
+    sampled = min((need.sampled for need in needs if need.slots), default=0)
     # The world's own table is dark in a scene where that may not be sampled.
-    lit = can_raycast() and any(need.lit for need in needs)
+    lit = any(need.lit for need in needs)
     if any(is_blended(material) for material in bpy.data.materials):
         slots = min(slots, MOST_LAMPS)
+    sampled = min(sampled, slots)
     for group in bpy.data.node_groups:
         if can_switch(group):
+            rays = can_raycast() or SCRIPTED_KEY in group
             if SAMPLED_KEY in group:
-                aim_by(group, sampled, lit)
+                aim_by(group, sampled * rays, lit and rays)
             elif INSTEAD_KEY in group:
-                aim_by(group, 0 if sampled else slots, world and not (lit and group[INSTEAD_KEY]))
+                aim_by(group, 0 if sampled and rays else slots, world and not (lit and rays and group[INSTEAD_KEY]))
             else:
                 aim_by(group, slots, world)
 

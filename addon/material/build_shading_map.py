@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -11,13 +12,17 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
+from ...nodes.group import trees_below
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import what_to_aim_at
+from ..lights.aim_targets import sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
-from ..lights.light_tables import lamp_image
-from .choices import OF_MAP, choices_of
-from .scene_fit import Effect, is_ready, plan_aim, plan_bounces, plan_detail
+from ..lights.lamp_survey import LampReport
+from ..lights.light_tables import lamp_image, lamp_light_image
+from ..lights.seen_world import surroundings_of
+from .choices import OF_MAP, OSL, Choices, choices_of
+from .lighting import uses_mode
+from .scene_fit import SAMPLED_EFFECT, Effect, is_ready, plan_aim, plan_bounces, plan_detail, plan_sampling
 from .texel_footprint import texel_footprint
 
 # Label of the node that lays the swatch out.
@@ -38,24 +43,83 @@ def build_map(
     The scene is by default the current one, and the material is then prepared for lamps added later. Raises BakeError.
     """
     ready, scene = scene is None, scene or bpy.context.scene
-    choices = choices_of(material.measured_quality)
+    report, choices = surveyed(scene), choices_of(material.measured_quality)
     record = ShadingMapRecord.of(source)
     stored, layout = record.map, record.map.layout
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
-    aim = plan_aim(choices, what_to_aim_at(surveyed(scene)), ready=ready)
-    if settings.mode != "preview":
-        effects += [aim, plan_bounces(settings.mode)]
-    lamps = lamp_image() if aim.kept or is_ready(choices, ready) else None
-    asked = {"features": asks_for_passes(scene), "normals": shows_normals(scene)}
+    light = plan_map_light(settings, choices, report, ready=ready)
+    effects += light.effects
+    passes = asks_for_passes(scene)
     build_shading_map(
-        record, material, settings=settings, images=images, pack=pack, lamps=lamps, reduce=reduce, **asked
+        record,
+        material,
+        settings=settings,
+        images=images,
+        pack=pack,
+        lamps=lamp_image() if light.aim or light.sample else None,
+        lights=lamp_light_image() if light.sample else None,
+        surroundings=surroundings_of(report) if light.sample else None,
+        scripted=light.scripted,
+        reduce=reduce,
+        features=passes and not light.scripted,
+        normals=shows_normals(scene),
     )
-    if asked["features"] and settings.mode != "preview":
-        effects.append(Effect("Denoiser's passes", True, "a view layer asks for them"))
+    if light.scripted:
+        pack_textures(material)
+    if passes and settings.mode != "preview":
+        why = _NO_PASSES if light.scripted else "a view layer asks for them"
+        effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(choices, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
+
+
+@dataclass(frozen=True)
+class MapLight:
+    """What becomes of a scene's light: whether it is aimed at or sampled, whether rays are scripts, and the account."""
+
+    aim: bool
+    sample: bool
+    scripted: bool
+    effects: tuple[Effect, ...]
+
+
+def plan_map_light(settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool) -> MapLight:
+    """The least that the mode needs, as `scene_fit.plan_brdf` has it.
+
+    Raises
+    ------
+    BakeError : lamps are to be sampled, which would bias the picture here
+    """
+    if settings.mode == "preview":
+        return MapLight(False, False, False, ())
+    script = choices.shader == OSL
+    sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
+    if uses_mode(settings.technique):
+        sampling = sampling_of(report, scripted=script)
+        sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
+        if sampled.kept:
+            beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
+            osl = (Effect("Open Shading Language", True, _RAYS),) if script else ()
+            return MapLight(False, True, script, (*beside, sampled, plan_bounces(settings.mode), *osl))
+    aim = plan_aim(choices, what_to_aim_at(report), ready=ready)
+    osl = (Effect("Open Shading Language", False, "no lamp is sampled, and nodes are as good"),) if script else ()
+    effects = (aim, sampled, plan_bounces(settings.mode), *osl)
+    return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
+
+
+_RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
+_NO_PASSES = "OSL cannot write them; built of nodes they can be had"
+
+
+def pack_textures(material: bpy.types.Material) -> None:
+    """Put a material's textures into the .blend: of files, Open Shading Language reads mip levels at random."""
+    for tree in trees_below(material.node_tree):
+        for node in tree.nodes:
+            image = getattr(node, "image", None)
+            if image is not None and image.source == "FILE" and image.packed_file is None and image.is_editable:
+                image.pack()
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

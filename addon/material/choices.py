@@ -20,7 +20,7 @@ class Choices:
     mode : of `bake.brdf.modes.MODES`; of a shading map, `RenderSettings.mode` counts
     aim, sample, residual, detail : "auto", "always" or "never"
     filter : "auto" or one of `bake.tables.table.FILTERS`
-    shader : of a BRDF, "nodes" or "osl": what it is built of
+    shader : "nodes" or "osl": what it is built of, and of a shading map what asks whether lamps are seen
     """
 
     mode: str = "exact"
@@ -35,7 +35,7 @@ class Choices:
 NAMES = tuple(choice.name for choice in fields(Choices))
 # Those that are of consequence for a measured BRDF, and for a shading map, and are kept with it.
 OF_BRDF = tuple(name for name in NAMES if name != "detail")
-OF_MAP = ("aim", "detail")
+OF_MAP = ("aim", "sample", "detail", "shader")
 
 
 _quiet = False

@@ -61,6 +61,10 @@ class Kind(ABC):
         """
 
     @abstractmethod
+    def shade_by(self, material: bpy.types.Material, shader: str, scene: bpy.types.Scene) -> None:
+        """Rebuild the material for a scene of nodes or with OSL, by the names of `choices`. Raises BakeError."""
+
+    @abstractmethod
     def bake_again(
         self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
     ) -> None:
@@ -126,6 +130,11 @@ class _Brdf(Kind):
     def refit(self, material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
         rebuild_brdf(material, scene=scene)
 
+    def shade_by(self, material: bpy.types.Material, shader: str, scene: bpy.types.Scene) -> None:
+        choices = replace(current_choices(material), shader=shader)
+        rebuild_brdf(material, choices, scene)
+        show_choices(material.measured_quality, choices)
+
     def bake_again(
         self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
     ) -> None:
@@ -181,6 +190,16 @@ class _ShadingMap(Kind):
     def refit(self, material: bpy.types.Material, scene: bpy.types.Scene | None = None) -> None:
         relight(material, current_lighting(material), scene)
 
+    def shade_by(self, material: bpy.types.Material, shader: str, scene: bpy.types.Scene) -> None:
+        properties = material.measured_quality
+        before = choices_of(properties)
+        show_choices(properties, replace(before, shader=shader))
+        try:
+            self.refit(material, scene)
+        except BakeError:
+            show_choices(properties, before)
+            raise
+
     def bake_again(
         self, material: bpy.types.Material, settings: Any, *, pack: bool, source: Source, progress: Progress | None
     ) -> None:
@@ -193,7 +212,10 @@ class _ShadingMap(Kind):
         return map_words(material)
 
     def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
-        return (*(("mode",) if uses_mode(material.measured_lighting.technique) else ()), "aim", "detail")
+        if not uses_mode(material.measured_lighting.technique):
+            return ("aim", "detail")
+        sampled = ("sample", "shader") if material.measured_quality.mode in ("exact", "balanced") else ()
+        return ("mode", "aim", *sampled, "detail")
 
 
 BRDF, SHADING_MAP = _Brdf(), _ShadingMap()

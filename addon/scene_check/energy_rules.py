@@ -15,8 +15,8 @@ def too_bright(subject: Subject) -> Iterator[Finding]:
         energy = energy_of(material)
         if energy is None or energy.mend is None:
             continue
-        found = f"reflects up to {energy.largest:.4g} times the light that it receives"
-        wanted = f"of a Brightness of {energy.safe_brightness:.4g}"
-        why = "light between such surfaces grows with every bounce"
+        found, wanted = f"Brightness is {energy.brightness:.4g}", f"{energy.safe_brightness:.4g}"
+        told = f"it reflects up to {energy.largest:.4g} times the light that it receives"
+        why = f"{told}, and light between such surfaces grows with every bounce"
         mend = editable(material, energy.mend)
         yield Finding("too_bright", NOTE, f"material {material.name}", found, wanted, why, mend)

@@ -53,7 +53,13 @@ class Finding:
     @property
     def setting(self) -> str:
         """Place and setting in words."""
-        return f"{self.where}: {self.found}" + (f", should be {self.wanted}" if self.wanted else "")
+        return f"{self._place}: {self.found}" + (f", should be {self.wanted}" if self.wanted else "")
+
+    @property
+    def _place(self) -> str:
+        """Where, without its kind where it is named by that, as Blender names the first of each kind."""
+        kind, _, name = self.where.partition(" ")
+        return name if name.lower() == kind.lower() else self.where
 
     @property
     def line(self) -> str:
@@ -63,7 +69,7 @@ class Finding:
     @property
     def mended_line(self) -> str:
         """The change that was made, in one line."""
-        return f"fixed {self.where}: {self.found} -> {self.wanted}"
+        return f"fixed {self._place}: {self.found} -> {self.wanted}"
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,14 +16,15 @@ from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
 from ...nodes.lamp_light_groups import SAMPLED_KEY
-from ...nodes.osl_script import is_scripted
+from ...nodes.osl_script import is_one_script
 from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
 from ..lights.lamp_survey import LampReport
 from ..material import rebuild
-from ..material.choices import AUTO
+from ..material.choices import AUTO, OSL, Choices
 from ..material.facts import is_measured
-from ..material.kinds import BRDF, kind_of
+from ..material.kinds import SHADING_MAP, kind_of
+from ..material.lighting import uses_mode
 from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
@@ -252,13 +254,15 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
 
 def not_sampled(subject: Subject) -> Iterator[Finding]:
     """Fitted to a scene whose lamps were known, or were not."""
-    built = [m for m in subject.mirrors if kind_of(m) is BRDF]
+    built = [m for m in subject.mirrors if kind_of(m) is not None]
     if not built:
         return
     report = light_tables.survey_scene(subject.scene, for_render=True)
     for material in built:
-        choices, sampled = rebuild.current_choices(material), _samples(material)
-        sampling = aim_targets.sampling_of(report, osl=is_scripted(material))
+        choices, sampled = _choices_by_mode(material), _samples(material)
+        osl = choices.shader == OSL
+        is_map = kind_of(material) is SHADING_MAP
+        sampling = aim_targets.sampling_of(report, osl=osl and not is_map, scripted=osl)
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
         kept = plan_sampling(choices, sampling).kept
@@ -266,8 +270,8 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
         if (sampled == kept and not stale) or not (sampled or residual_of(material)):
             continue
         mend = None
-        if not BRDF.why_not_rebuildable(material):
-            mend = editable(material, partial(BRDF.refit, material, subject.scene))
+        if not kind_of(material).why_not_rebuildable(material):
+            mend = editable(material, partial(kind_of(material).refit, material, subject.scene))
         found = f"lamps are no longer sampled: {sampling.impossible or sampling.needless}"
         why = "its mirror is not aimed at them, and meets a small one by chance only"
         if sampled and stale:
@@ -289,8 +293,19 @@ def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bo
     return shown != {picture.image}
 
 
+def _choices_by_mode(material: bpy.types.Material) -> Choices:
+    """What a material was built by; of a swatch whose technique knows no modes, as in one that samples no lamps."""
+    choices = rebuild.current_choices(material)
+    if kind_of(material) is not SHADING_MAP:
+        return choices
+    lit = rebuild.current_lighting(material)
+    return replace(choices, mode=lit.mode if uses_mode(lit.technique) else "reference")
+
+
 def residual_of(material: bpy.types.Material) -> bool:
-    """Whether a material was built with a mirror for its residual."""
+    """Whether a material was built with a mirror for its residual, as all swatches are that have one at all."""
+    if kind_of(material) is SHADING_MAP:
+        return True
     return any(effect.name in MIRROR_EFFECTS and effect.kept for effect in rebuild.effects_of(material))
 
 
@@ -311,7 +326,7 @@ def not_aimed(subject: Subject) -> Iterator[Finding]:
 
 def _samples(material: bpy.types.Material) -> bool:
     """Whether its shader samples lamps."""
-    if is_scripted(material):
+    if is_one_script(material):
         return any(e.name == SAMPLED_EFFECT and e.kept for e in rebuild.effects_of(material))
     return any(SAMPLED_KEY in tree for tree in measured_trees(material))
 
@@ -319,7 +334,7 @@ def _samples(material: bpy.types.Material) -> bool:
 def _aims(material: bpy.types.Material) -> bool:
     """Whether it knows of lamps; a script's only images are the tables of these."""
     trees = measured_trees(material)
-    if is_scripted(material):
+    if is_one_script(material):
         return any(node.bl_idname == "ShaderNodeTexImage" for tree in trees for node in tree.nodes)
     return any(SLOTS_KEY in tree for tree in trees)
 

@@ -17,9 +17,10 @@ Rows = list[tuple[str, str]]
 
 
 def source_rows(record: Record) -> Rows:
-    """Rows on the source of a bundle."""
-    kind = record.source.format
-    return [("Source", record.name)] + ([("Format", kind)] if kind else [])
+    """Rows on the source of a bundle, and what was stated of its rights."""
+    kind, rights = record.source.format, record.rights
+    stated = (("Author", rights.author), ("License", rights.license), ("Found at", rights.source_url))
+    return [("Source", record.name)] + ([("Format", kind)] if kind else []) + [row for row in stated if row[1]]
 
 
 def table_rows(record: BrdfRecord) -> Rows:
@@ -122,7 +123,7 @@ def reflected_rows(albedo: AlbedoRecord) -> Rows:
     """Those of `albedo_rows` that are known of a measurement too."""
     rows = [("Albedo 0°", colour(albedo.directional[0])), ("White sky", colour(albedo.white_sky))]
     if albedo.above_one_deg:
-        rows.append(("Above one", f"{albedo.largest:.4g}, seen from {_span(albedo.above_one_deg)}"))
+        rows.append(("Above one", f"{albedo.largest:.4g}, seen from {degrees(albedo.above_one_deg)}"))
     return rows
 
 
@@ -130,7 +131,7 @@ def _table_albedo_rows(table: AlbedoRecord, measured: AlbedoRecord) -> Rows:
     """A word where interpolation reflects more than the measurement does, and more than arrives."""
     if not table.above_one_deg or table.largest < measured.largest + 0.01:
         return []
-    return [("Table albedo", f"{table.largest:.3g} at {_span(table.above_one_deg)}: raise the resolution")]
+    return [("Table albedo", f"{table.largest:.3g} at {degrees(table.above_one_deg)}: raise the resolution")]
 
 
 def size_rows(record: Record) -> Rows:
@@ -186,8 +187,9 @@ def colour(values: Sequence[float]) -> str:
     return " ".join(f"{value:.3f}" for value in values)
 
 
-def _span(degrees: Sequence[float]) -> str:
-    low, high = min(degrees), max(degrees)
+def degrees(angles: Sequence[float]) -> str:
+    """Angles from the least to the largest."""
+    low, high = min(angles), max(angles)
     return f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...bake.brdf.bake import KIND_OF_STAGE
@@ -77,6 +77,16 @@ def learn_pace(settings: BakeSettings | ArcSettings, seconds: float) -> None:
     if expected > 0 and seconds > 0:
         _ratios.append(seconds / expected)
         del _ratios[:-_MOST]
+
+
+def learned() -> list[float]:
+    """What `recall` takes: how long the last bakes took beside what was expected of them."""
+    return list(_ratios)
+
+
+def recall(ratios: Sequence[float]) -> None:
+    """Expect what was learned in an earlier session."""
+    _ratios[:] = list(ratios)[-_MOST:]
 
 
 def pace() -> float:

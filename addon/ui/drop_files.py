@@ -1,16 +1,20 @@
 """Files dropped together, of any kinds: bundles are loaded, measurements and photographs ask for their settings."""
 
 # No postponed annotations here: Blender reads the properties from them.
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ...bake.bundle.bundle import SUFFIX
+from ...bake.photographs.photograph import IMAGE_SUFFIXES
 from .context import object_under
 from .import_brdf import SUFFIXES
 from .import_operator import DropTarget
 
-# Files with the lights of a folder's photographs. Pictures themselves are left to Blender, which makes nodes of them.
+# Files with the lights of a folder's photographs.
 LIGHTS = (".lp", ".csv")
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 _FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
@@ -40,12 +44,15 @@ class MEASURED_MATERIALS_OT_drop(bpy.types.Operator):
         of_object = {"object_name": target.name if target else ""}
         bundles, lights, measurements = sorted_by_kind(names)
         calls = bpy.ops.measured_materials
+        wanted: list[tuple[Any, dict[str, Any]]] = []
         if bundles:
-            calls.import_bundle("INVOKE_DEFAULT", directory=folder, files=_listed(bundles), **of_object)
-        for name in lights:
-            calls.import_arc("INVOKE_DEFAULT", filepath=str(Path(folder) / name), **of_object)
+            wanted.append((calls.import_bundle, {"directory": folder, "files": _listed(bundles)}))
+        wanted += [(calls.import_arc, {"filepath": str(Path(folder) / name)}) for name in lights]
         if measurements:
-            calls.import_brdf("INVOKE_DEFAULT", directory=folder, files=_listed(measurements), **of_object)
+            wanted.append((calls.import_brdf, {"directory": folder, "files": _listed(measurements)}))
+        problems = problems_of([partial(call, "INVOKE_DEFAULT", **given, **of_object) for call, given in wanted])
+        if problems:
+            self.report({"ERROR"}, "\n".join(problems))
         return {"FINISHED"} if names else {"CANCELLED"}
 
 
@@ -56,6 +63,29 @@ class MEASURED_MATERIALS_FH_all(DropTarget, bpy.types.FileHandler):
     bl_label = "Measured Materials"
     bl_import_operator = "measured_materials.drop"
     bl_file_extensions = ";".join((*SUFFIXES, SUFFIX, *LIGHTS))
+
+
+class MEASURED_MATERIALS_FH_photographs(DropTarget, bpy.types.FileHandler):
+    """Pictures, which Blender makes nodes or empties of: beside those it offers to make a material of them.
+
+    A handler is found by the suffix of what is dropped: a folder, which has none, never comes to any.
+    """
+
+    bl_idname = "MEASURED_MATERIALS_FH_photographs"
+    bl_label = "Measured Material of Photographs"
+    bl_import_operator = "measured_materials.import_arc"
+    bl_file_extensions = ";".join(sorted(IMAGE_SUFFIXES))
+
+
+def problems_of(calls: Iterable[Callable[[], object]]) -> list[str]:
+    """What operators report, a line each: one that fails keeps no other from being called."""
+    problems = []
+    for call in calls:
+        try:
+            call()
+        except RuntimeError as error:
+            problems += [line.removeprefix("Error: ") for line in str(error).strip().splitlines()]
+    return problems
 
 
 def sorted_by_kind(names: list[str]) -> tuple[list[str], list[str], list[str]]:
@@ -69,5 +99,5 @@ def _listed(names: list[str]) -> list[dict[str, str]]:
     return [{"name": name} for name in names]
 
 
-classes = (MEASURED_MATERIALS_OT_drop, MEASURED_MATERIALS_FH_all)
+classes = (MEASURED_MATERIALS_OT_drop, MEASURED_MATERIALS_FH_all, MEASURED_MATERIALS_FH_photographs)
 register, unregister = bpy.utils.register_classes_factory(classes)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator
-from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -15,10 +14,9 @@ from ...nodes.feature_passes import denoise_by_features, drop_feature_passes, st
 from ...nodes.osl_script import is_scripted, require_osl, use_osl
 from ...nodes.portions import Pause, Portions
 from ..lights import light_tables, world_survey
-from ..material.choices import NODES, OSL, show_choices
+from ..material.choices import NODES, OSL
 from ..material.facts import is_measured
-from ..material.kinds import BRDF, kind_of
-from ..material.rebuild import current_choices, rebuild_brdf
+from ..material.kinds import kind_of
 from ..material.together import built_together
 from ..scene_check.check import check_scene, mend
 from ..summary.text import one_line
@@ -87,7 +85,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
 
 
 class MEASURED_MATERIALS_OT_use_osl(bpy.types.Operator):
-    """Build this scene's measured BRDFs as OSL scripts, which sample lights themselves, and render on the CPU"""
+    """Have this scene's measured materials sample lights themselves by OSL scripts, and render on the CPU"""
 
     bl_idname = "measured_materials.use_osl"
     bl_label = "Shade by OSL"
@@ -111,8 +109,7 @@ class MEASURED_MATERIALS_OT_use_osl(bpy.types.Operator):
                 return {"CANCELLED"}
             use_osl(scene)
         learn_the_world(scene)
-        materials = [material for material in materials_in(scene) if kind_of(material) is BRDF]
-        built = _each(self, materials, lambda material: _shade_by(material, shader, scene))
+        built = _each(self, materials_in(scene), lambda material: kind_of(material).shade_by(material, shader, scene))
         if self.nodes and not any(is_scripted(material) for material in bpy.data.materials):
             scene.cycles.shading_system = False
         # Whatever is of nodes, where OSL is on: it would read their files at random.
@@ -149,12 +146,6 @@ class MEASURED_MATERIALS_OT_denoise(bpy.types.Operator):
         else:
             denoise_by_features(context.scene)
         return bpy.ops.measured_materials.fit_to_scene()
-
-
-def _shade_by(material: bpy.types.Material, shader: str, scene: bpy.types.Scene) -> None:
-    choices = replace(current_choices(material), shader=shader)
-    rebuild_brdf(material, choices, scene)
-    show_choices(material.measured_quality, choices)
 
 
 def _each(

@@ -8,7 +8,7 @@ import bpy
 
 from ...bake.brdf.settings import BakeSettings
 from ...bake.errors import BakeError
-from ...bake.sources import READERS, known_formats
+from ...bake.sources import known_formats, known_suffixes, measurements_in
 from ..baking.request import BakeRequest
 from ..material.bake_material import assign, bundle_folder, error_words, import_brdf, told_place
 from ..material.together import built_together
@@ -19,7 +19,7 @@ from .import_operator import ImportProperties, mark_and_tell, registration
 from .properties.bake import BakeProperties, draw_settings, settings_of, show_settings
 from .window_progress import window_progress
 
-SUFFIXES = tuple(dict.fromkeys(suffix for reader in READERS for suffix in reader.suffixes))
+SUFFIXES = known_suffixes()
 
 # Of pictures only one kind is a measurement, so they are browsed for, but left to Blender where they are dropped.
 BROWSED = (*SUFFIXES, ".exr")
@@ -29,13 +29,15 @@ _TOLD = 3
 
 
 class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.types.Operator):
-    """Bake measured BRDFs and make Cycles materials of them"""
+    """Bake measured BRDFs and make Cycles materials of them. Choose files, or none for all in the folder"""
 
     bl_idname = "measured_materials.import_brdf"
     bl_label = "Import BRDF"
     bl_options = {"UNDO", "PRESET"}
 
     filter_glob: _FILTER_GLOB
+
+    usual_settings = BakeSettings()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for files, or, when they were dropped, for settings only."""
@@ -49,9 +51,12 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake every file; a bad one is reported and does not keep the others from being imported."""
-        paths = self._paths()
+        paths, bad = _files_meant(self._paths())
+        for error in bad:
+            self.report({"ERROR"}, one_line(str(error)))
         if not paths:
-            self.report({"ERROR"}, f"No file was chosen; known formats: {known_formats()}")
+            if not bad:
+                self.report({"ERROR"}, f"No file was chosen; known formats: {known_formats()}")
             return {"CANCELLED"}
         try:
             settings = settings_of(self)
@@ -113,6 +118,25 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
         if names and self.directory:
             return [Path(self.directory) / name for name in names]
         return [Path(bpy.path.abspath(self.filepath))] if self.filepath else []
+
+
+def _files_meant(chosen: list[Path]) -> tuple[list[Path], list[BakeError]]:
+    """Measurements that an artist means by these paths, of a folder all in it, each once; and folders without any."""
+    found: dict[Path, None] = {}
+    errors = []
+    for path in chosen:
+        try:
+            found |= dict.fromkeys(measurements_in(path) if _is_folder(path) else [path])
+        except BakeError as error:
+            errors.append(error)
+    return list(found), errors
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 def _others(count: int) -> str:

@@ -6,7 +6,11 @@ from typing import Any
 
 import bpy
 
+from ...bake.brdf.settings import BakeSettings
+from ...bake.shading_maps.bake import ArcSettings
 from ..assets.mark import mark_or_say
+from ..baking import spare
+from .background import warm_worker
 from .context import object_under
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
@@ -43,16 +47,23 @@ class ImportProperties:
 
     # Set where a person was asked: only then is there a window to bake beside; scripts wait for the result.
     asked = False
+    # Of the kind that is baked.
+    usual_settings: BakeSettings | ArcSettings
 
     def ask(self: Any, context: bpy.types.Context, event: bpy.types.Event, title: str) -> set[str]:
         """Ask for files or, where they were dropped and have a title, for settings only."""
         self.asked = True
+        warm_worker.prepare(self.usual_settings)
         if not title:
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
         target = object_under(context, event)
         self.object_name = self.object_name or (target.name if target else "")
         return context.window_manager.invoke_props_dialog(self, title=f"Import {title}", confirm_text="Bake")
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Called by Blender where the dialogue or the file browser was closed without confirming it."""
+        spare.drop()
 
     def draw_results(self: Any) -> None:
         """Draw where the results go."""
@@ -87,7 +98,11 @@ class DropTarget:
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:
         """Whether the area under the mouse takes an import."""
-        return context.area is not None and context.area.type in {"VIEW_3D", "NODE_EDITOR"}
+        area, region = context.area, context.region
+        if area is None or region is None or region.type != "WINDOW":
+            return False
+        shading = area.type == "NODE_EDITOR" and context.space_data.tree_type == "ShaderNodeTree"
+        return area.type == "VIEW_3D" or shading
 
 
 def registration(classes: tuple[type, ...], menu: str, draw: _Draw) -> tuple[Callable[[], None], Callable[[], None]]:

@@ -13,6 +13,7 @@ from ..baking.request import BakeRequest
 from ..material.bake_material import bundle_folder, told_place
 from ..material.bake_photographs import folder_of, import_arc, map_words
 from ..summary.text import one_line
+from .background import warm_worker
 from .background.bake_queue import queue
 from .background.tasks import ImportTask, warnings_of
 from .background.window import window
@@ -46,6 +47,8 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
 
     filter_glob: _FILTER_GLOB
     looked: _LOOKED
+
+    usual_settings = ArcSettings()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for photographs; of those given look at them first, and then ask for settings."""
@@ -122,6 +125,7 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
                 bpy.ops.measured_materials.import_arc("INVOKE_DEFAULT", **given, looked=True)
 
         looking.begin(BakeRequest(_given(source), settings, look=True), come_back)
+        warm_worker.prepare(settings)
         self.report({"INFO"}, f"Looking at {_title(source)}")
         return {"CANCELLED"}
 

@@ -12,6 +12,7 @@ from ..bundle.bundle import MATERIAL, Bundle, Kind
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
 from ..images.storage import IMAGE_STORAGES, Storage
+from ..rights import RIGHTS, Rights
 
 _MOST_ANGLES = 1024
 Colour = tuple[float, float, float]
@@ -43,6 +44,17 @@ class SourceRecord:
         """Read from a bundle's "source". Raises BakeError."""
         about = fields.entries.get("facts")
         return cls(fields.text("name"), about if isinstance(about, dict) else {}, fields.entries)
+
+
+def rights_of(fields: Fields) -> Rights:
+    """A bundle's "rights"; empty where none were stated, as in older ones. Raises BakeError."""
+    if not fields.has("rights"):
+        return Rights()
+    told = fields.part("rights")
+    try:
+        return Rights(**{name: told.text(name) for name in RIGHTS if told.has(name)})
+    except BakeError as error:
+        raise BakeError(fields.where, f"'{error.file}' {error.cause}", "bake it again") from error
 
 
 @dataclass(frozen=True)
@@ -191,6 +203,7 @@ class BundleRecord(ABC):
     Attributes
     ----------
     where : the place that errors name
+    rights : author, licence and source as they were stated
     images : by the names of `bake.bundle.bundle.IMAGES`
     packed, rendering : of a material's own copy: whether its textures lie in the .blend, and how it was built
     document : as it was read, to be written again
@@ -202,6 +215,7 @@ class BundleRecord(ABC):
 
     where: str | Path
     source: SourceRecord
+    rights: Rights
     images: Mapping[str, ImageRecord]
     packed: bool
     rendering: RenderingRecord
@@ -230,6 +244,7 @@ class BundleRecord(ABC):
             **cls._parts(fields, images),
             where=where,
             source=SourceRecord.parse(fields.part("source")),
+            rights=rights_of(fields),
             images=images,
             packed=document.get("packed") is True,
             rendering=RenderingRecord.parse(document.get("rendering")),

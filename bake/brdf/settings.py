@@ -9,6 +9,7 @@ from ..envelope.viewers import MOST_EACH_WAY
 from ..errors import check_choice, check_setting
 from ..images.storage import TABLE_STORAGES, Storage
 from ..reading import Reading
+from ..rights import Rights
 from ..sampling.half_vector_cells import SamplerLayout
 from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.inverse_tables import MOST_CELLS
@@ -22,6 +23,7 @@ AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
 _MOST_VIEWERS = MOST_EACH_WAY // 2
 _USUAL_READING = Reading()
+_NO_RIGHTS = Rights()
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class BakeSettings:
     envelope : also fit native closures under the measurement, and bake what they leave, for modes "exact", "balanced"
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     reading : how what the file leaves open is read; of no matter to a formula
+    rights : author, licence and source, which the bundle keeps
     viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     """
 
@@ -57,6 +60,7 @@ class BakeSettings:
     basis: Basis | Literal["auto"] = "auto"
     viewers: tuple[int, int] = (24, 8)
     reading: Reading = _USUAL_READING
+    rights: Rights = _NO_RIGHTS
 
     def __post_init__(self) -> None:
         check_setting(

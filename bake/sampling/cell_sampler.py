@@ -193,10 +193,12 @@ def cell_moments(
             wi = 2 * wo_half[..., None] * directions - wo
             visible = (wi[..., 2] > 0) & (wo_half > 0)
             weight = np.where(visible, layout.weight(wi[..., 2], half, wo_half), 0)
-            g = np.zeros((*weight.shape, 3))
-            g[visible] = source.evaluate(wi[visible], np.broadcast_to(wo, wi[visible].shape))
-            g *= weight[..., None]
-            material[row] += _cell_mean((g * g).mean(-1), shape, points)
+            lit = np.flatnonzero(visible)
+            seen = wi.reshape(-1, 3).take(lit, 0)
+            value = source.evaluate(seen, np.broadcast_to(wo, seen.shape)) * weight.take(lit)[:, None]
+            squares = np.zeros(weight.shape)
+            squares.reshape(-1)[lit] = xp_numpy.dot(value, value) / 3
+            material[row] += _cell_mean(squares, shape, points)
             matte[row] += _cell_mean((weight / np.pi) ** 2, shape, points)
     count = seen_from.shape[1]
     return np.sqrt(material / count), np.sqrt(matte / count)

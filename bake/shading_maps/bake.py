@@ -20,6 +20,7 @@ from ..bundle.result import BakeResult
 from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from ..rights import Rights
 from ..source import BrdfSource, Facts
 from ..tables.albedo import directional_albedo
 from ..tiling.tileable import TileSettings, make_tileable
@@ -58,6 +59,7 @@ class ArcSettings:
     brdf : bundle of a measured BRDF to use as f_r instead; it is copied into this one
     render : as the material is first built
     stack : how the photographs are read
+    rights : author, licence and source, which the bundle keeps
     """
 
     slices: int = 8
@@ -69,6 +71,7 @@ class ArcSettings:
     brdf: Path | None = None
     render: RenderSettings = field(default_factory=RenderSettings)
     stack: StackSettings = field(default_factory=StackSettings)
+    rights: Rights = field(default_factory=Rights)
 
     def __post_init__(self) -> None:
         for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", IMAGE_STORAGES)):
@@ -152,6 +155,7 @@ def bake_stack(
         "source": {"name": name, **(origin or {}), "facts": {"format": "photographs on a light arc", **stack.facts}},
         "warnings": [*stack.warnings, *_slice_warnings(made), *_tiling_warnings(tiling)],
         "settings": _plain(settings),
+        **settings.rights.entry(),
         "map": {
             **map_facts,
             "slices": settings.slices,
@@ -267,6 +271,7 @@ def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: S
 def _plain(settings: ArcSettings) -> dict[str, Any]:
     plain = asdict(replace(settings, render=RenderSettings()))
     plain.pop("render")
+    plain.pop("rights")
     plain["storage"] = str(settings.storage)
     plain["brdf"] = settings.brdf.name if settings.brdf else None
     plain["stack"] = {key: _json_ready(value) for key, value in plain["stack"].items()}

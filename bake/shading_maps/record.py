@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..brdf.baked_table import BakedTable
-from ..brdf.common import BundleRecord, ImageRecord, check_size, kind_of
+from ..brdf.common import BundleRecord, ImageRecord, check_size, kind_of, rights_of
 from ..brdf.grids import is_anisotropic
 from ..brdf.parts import TableRecord
 from ..brdf.record import BrdfRecord
@@ -94,7 +94,7 @@ class ShadingMapRecord(BundleRecord):
             "tiling": TilingRecord.parse(fields.part("tiling")) if tiling else None,
             "lobe_fit": LobeFitRecord.parse(fields.part("lobe_fit")) if fit else None,
             "f_r": _measured_lobe_of(fields, images),
-            "settings": _settings_of(fields.entries.get("settings"), render_settings_of(fields.part("render"))),
+            "settings": _settings_of(fields, render_settings_of(fields.part("render"))),
         }
 
     def measured_lobe(self) -> MeasuredLobeRecord:
@@ -143,12 +143,14 @@ def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> Meas
 _FILES = ("lights", "flat_field")
 
 
-def _settings_of(told: Any, render: RenderSettings) -> ArcSettings | None:
+def _settings_of(fields: Fields, render: RenderSettings) -> ArcSettings | None:
     """The settings as `bake.shading_maps.bake` writes them; None where they are not those of this version."""
+    told: Any = fields.entries.get("settings")
+    rights = rights_of(fields)
     try:
         read = {key: _hashable(value) for key, value in told["stack"].items() if key not in _FILES}
         kept = {key: value for key, value in told.items() if key not in ("stack", "brdf")}
-        return ArcSettings(**kept, render=render, stack=StackSettings(**read))
+        return ArcSettings(**kept, render=render, stack=StackSettings(**read), rights=rights)
     except (BakeError, TypeError, ValueError, KeyError, AttributeError):
         return None
 

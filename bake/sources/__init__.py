@@ -8,7 +8,7 @@ from ..errors import BakeError
 from ..reading import Reading
 from ..source import BrdfSource, Reader
 from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
-from .exchanged import Exchanged
+from .exchanged import exchanged_source
 from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
 from .mistaken import refuse_mistaken
 from .published import parameters
@@ -66,8 +66,41 @@ def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
     reading = reading or Reading()
     for reader in (*both, *by_content, *by_suffix):
         source = reader.read(path, reading)
-        return source if reading.reciprocity == "measured" else Exchanged(source, reading.reciprocity)
+        return source if reading.reciprocity == "measured" else exchanged_source(source, reading.reciprocity)
     raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
+
+
+# Suffixes that many programs use: such a file in a folder is a measurement only by its content.
+_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".json", ".npy", ".txt", ".xml"})
+
+
+def measurements_in(folder: Path) -> list[Path]:
+    """Files in a folder, not below it, that a reader knows by their content or by a suffix that nothing else has.
+
+    Raises BakeError where there is none, or the folder cannot be read.
+    """
+    remedy = f"choose a folder with files in the known formats: {known_formats()}"
+    try:
+        files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    except (OSError, ValueError) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BakeError(folder, f"cannot be read ({cause})", remedy) from error
+    found = [path for path in files if _is_measurement(path)]
+    if not found:
+        raise BakeError(folder, "holds no measurement", remedy)
+    return found
+
+
+def _is_measurement(path: Path) -> bool:
+    suffix = path.suffix.lower()
+    if suffix in known_suffixes() and suffix not in _OF_ANY_PROGRAM:
+        return True
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(64)
+    except OSError:
+        return False
+    return bool(head) and any(reader.matches(path, head) for reader in READERS)
 
 
 def _first_bytes(path: Path, remedy: str) -> bytes:

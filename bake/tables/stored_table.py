@@ -8,9 +8,10 @@ import numpy as np
 
 from ..bundle.bundle import StoredImage
 from ..images.storage import Storage, as_stored, offset_for, raised, scale_for
-from ..source import Array, Facts
+from ..source import Array, BrdfSource, Facts
 from .accuracy import DirectionPairs
 from .atlas import pack
+from .code_fit import can_be_fitted, fitted_values
 from .log_codes import LogCodes, fit_codes
 from .padding import pad_slices
 from .table import Table
@@ -36,11 +37,15 @@ class StoredTable:
         return {"scale": self.scale, "offset": offset_for(self.storage), **log}
 
 
-def store_table(table: Table, storage: Storage, pairs: DirectionPairs, truth: Array) -> StoredTable:
+def store_table(
+    table: Table, storage: Storage, pairs: DirectionPairs, truth: Array, source: BrdfSource | None = None
+) -> StoredTable:
     """The table as it comes back.
 
     Parameters
     ----------
+    source : what was tabulated, for the codes of storage "log" to be closest to it, and not only its samples at their
+        nodes; without it they are those of the samples
     pairs, truth : what the codes of storage "log" are fitted for, truth (P, 3) the BRDF that was tabulated
 
     Raises ValueError or BakeError for values that the storage cannot hold.
@@ -52,18 +57,25 @@ def store_table(table: Table, storage: Storage, pairs: DirectionPairs, truth: Ar
         return StoredTable(replace(table, values=as_stored(table.values, scale, storage)), storage, scale)
     light = truth * pairs.cosines
 
-    def channel_errors(codes: LogCodes) -> Array:
-        # Of values as they are, for these come to the same codes as rounded ones: the table is decoded once, not at
-        # every trial.
-        found = replace(table, log=codes).evaluate(pairs.wi, pairs.wo) * pairs.cosines
+    def errors_of(kept: Table) -> Array:
+        found = kept.evaluate(pairs.wi, pairs.wo) * pairs.cosines
         # The RMS alone is of highlights: on chrome it would leave a tenth of the energy, all that is dark, in code 0.
         # Roots are about what a display shows.
         shown = pairs.weight @ np.abs(np.sqrt(found) - np.sqrt(light))
         errors: Array = np.sqrt(pairs.weight @ (found - light) ** 2) * shown
         return errors
 
+    def channel_errors(codes: LogCodes) -> Array:
+        # Of values as they are, for these come to the same codes as rounded ones: the table is decoded once, not at
+        # every trial.
+        return errors_of(replace(table, log=codes))
+
     codes = fit_codes(padded.reshape(-1, 3).max(0).astype(np.float64), channel_errors)
-    return StoredTable(with_codes(table, codes), storage)
+    sampled = with_codes(table, codes)
+    if source is None or not can_be_fitted(table):
+        return StoredTable(sampled, storage)
+    fitted = with_codes(replace(table, values=fitted_values(source, table, codes)), codes)
+    return StoredTable(min((sampled, fitted), key=lambda kept: float(errors_of(kept).sum())), storage)
 
 
 def with_codes(table: Table, codes: LogCodes) -> Table:

@@ -75,7 +75,7 @@ class Table:
         above = np.flatnonzero((wi[:, 2] > 0) & (wo[:, 2] > 0))
         for start in range(0, len(above), _CHUNK):
             part = above[start : start + _CHUNK]
-            pair = wi[part], wo[part]
+            pair = wi.take(part, 0), wo.take(part, 0)
             value = self._reconstruct(self.grid.coordinates(xp_numpy, *pair), filter or self.filter)
             out[part] = value / np.reshape(self.grid.factor(xp_numpy, *pair), (-1, 1))
         return out.reshape(shape)
@@ -93,7 +93,8 @@ class Table:
             for r, w_r in row_taps:
                 row = (index * n_rows + (r + GUTTER)) * n_columns + GUTTER
                 for c, w_c in column_taps:
-                    within += flat[row + c] * (w_r * w_c)[:, None]
+                    # Fancy indexing takes eight times as long as `take`.
+                    within += flat.take(row + c, 0) * (w_r * w_c)[:, None]
             out += (self.log.decode(xp_numpy, within) if self.log else within) * weight[:, None]
         return out
 

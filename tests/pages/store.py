@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from commands import baked, commands_of, save
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 from measured_materials.addon.material.build_brdf import build_brdf, usual_choices
 from measured_materials.addon.rendering.contact_sheet import to_display
 from measured_materials.addon.rendering.denoising import denoise_renders
@@ -18,7 +18,9 @@ from PIL import Image
 
 # Of the gallery, from left to right.
 _SHOWN = ("paint", "gold", "steel")
-_APART = 3.1
+_APART = 2.7
+# What lies around them, in parts of their own extent; and the studio's ground, whose end is not to be seen.
+_MARGIN, _GROUND = 1.06, 2.0
 
 
 def make(out: Path, folder: Path) -> None:
@@ -49,9 +51,10 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
             twin.data.materials.append(materials[name])
             twin.matrix_world = Matrix.Translation(((k - 1) * _APART, 0, 0)) @ obj.matrix_world
             scene.collection.objects.link(twin)
-    # Back along its own axis until all three are in the picture.
-    scene.camera.data.lens = 50
-    scene.camera.matrix_world = scene.camera.matrix_world @ Matrix.Translation((0, 0, 5.5))
+    for obj in scene.objects:
+        if obj.type == "MESH" and obj.active_material not in materials.values():
+            obj.scale *= _GROUND
+    _frame(scene, [o for o in scene.objects if o.type == "MESH" and o.active_material in materials.values()])
     denoise_renders(scene)
     for name, record in records.items():
         build_brdf(record, materials[name], choices=usual_choices(record), scene=scene)
@@ -59,6 +62,19 @@ def _featured(records: dict[str, BrdfRecord]) -> object:
         return to_display(render_linear(scene))
     finally:
         remove_studio(scene)
+
+
+def _frame(scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
+    """Move the camera, without turning it, to where all of these are in the picture, with a margin around them."""
+    camera = scene.camera
+    camera.data.lens = 50
+    depsgraph = scene.view_layers[0].depsgraph
+    depsgraph.update()
+    corners = [obj.matrix_world @ Vector(corner) for obj in objects for corner in obj.bound_box]
+    middle = sum(corners, Vector()) / len(corners)
+    wide = [middle + _MARGIN * (corner - middle) for corner in corners]
+    place, _ = camera.camera_fit_coords(depsgraph, [number for corner in wide for number in corner])
+    camera.matrix_world = Matrix.Translation(place) @ camera.matrix_world.to_3x3().to_4x4()
 
 
 def _icon(record: BrdfRecord) -> object:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import lamps_agree
+import leaving
 import numpy as np
 from application import HERE, Blender
 from measured_materials.bake.brdf.preview_sphere import to_srgb
@@ -153,7 +154,7 @@ def main(place: Path) -> None:
         write_merl(share / "flakes.binary", by_name("metallic-paint", flake_alpha=0.3, coat_alpha=0.2))
         (share / "cut.binary").write_bytes((share / "lacquer.binary").read_bytes()[:-8])
         write_felt(share / "felt")
-        for name in (*lamps_agree.PROGRAMS, *INSIDE):
+        for name in {*lamps_agree.PROGRAMS, *leaving.PROGRAMS, *INSIDE}:
             shutil.copy(HERE / f"{name}.py", share)
         blender = Blender(place, share)
         check("install", True, blender.install())
@@ -172,6 +173,8 @@ def main(place: Path) -> None:
         check("undo", inside(blender, "undo"), "lamps added, undone and redone in the background")
         check_files(blender, share)
         check_animation(blender, share)
+        for verdict in leaving.verdicts(blender, share):
+            check(*verdict)
 
 
 main(Path(sys.argv[1]))

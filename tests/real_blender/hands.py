@@ -2,7 +2,7 @@
 
 Nothing here knows where a button is. The mouse goes over a region row by row, as a person's does, and Blender is asked
 what it hovers over: a property or an operator. Headings of panels are clicked where no button is until the panel that
-is wanted draws. Menus are walked with the arrow keys, as many rows as their own drawing makes.
+is wanted draws. Menus and dialogues are in hands_menus.py.
 """
 
 import subprocess
@@ -33,7 +33,7 @@ def check(words, ok):
         raise RuntimeError(words)
 
 
-def soon(words, condition, seconds=30.0):
+def soon(words, condition, seconds=120.0):
     """What must be so before long: a busy machine may take its time."""
     until = time.monotonic() + seconds
     while not condition() and time.monotonic() < until:
@@ -42,7 +42,13 @@ def soon(words, condition, seconds=30.0):
 
 
 def picture(name):
-    """The whole screen."""
+    """The whole screen, once it is drawn."""
+    yield 2 * _DRAWN
+    take(name)
+
+
+def take(name):
+    """The whole screen at once."""
     subprocess.run(["import", "-window", "root", str(HERE / f"{name}.png")], check=True)
 
 
@@ -121,26 +127,26 @@ def hovered(area, region):
         return bpy.context.window_manager.clipboard
 
 
-def _across(region, part):
+def across(region, part):
+    """A place from the left border to the right one, by its part of the width."""
     return region.x + region.width * part
 
 
-def _rows(region):
-    """Heights from the top down, two for a row."""
-    step = unit() / 2
+def rows_in(region):
+    """Heights from the top down, close enough to hit each row."""
+    step = 0.9 * unit()
     count = int(region.height / step)
     return [region.y + region.height - step * (number + 0.5) for number in range(count)]
 
 
 def on_screen(area, region, part, until=None):
-    """What lies where, from the top down: pairs of height and words; ends below what holds the words `until`."""
+    """What lies where, from the top down: pairs of height and words; ends at what holds the words `until`."""
     found = []
-    for y in _rows(region):
-        yield from move(_across(region, part), y)
-        words = hovered(area, region)
-        if until and found and until in found[-1][1] and until not in words:
+    for y in rows_in(region):
+        yield from move(across(region, part), y)
+        found.append((y, hovered(area, region)))
+        if until and until in found[-1][1]:
             break
-        found.append((y, words))
     return found
 
 
@@ -151,16 +157,17 @@ def hover(area, wanted, region="WINDOW", part=0.7):
         return
     for turn in range(12):
         seen = yield from on_screen(area, place, part, wanted)
-        fitting = [y for y, words in seen if wanted in words]
-        if fitting:
-            lately[wanted] = _across(place, part), sum(fitting) / len(fitting)
-            if (yield from _is_at(area, place, lately[wanted], wanted)):
-                return
+        if wanted in seen[-1][1]:
+            # A busy machine may have told late where the mouse was: one row higher.
+            for y in (seen[-1][0], seen[-2][0] if len(seen) > 1 else seen[-1][0]):
+                lately[wanted] = across(place, part), y
+                if (yield from _is_at(area, place, lately[wanted], wanted)):
+                    return
         words = [words for _, words in seen]
         if words == before:
             break
         before = words
-        yield from move(_across(place, 0.5), place.y + place.height / 2)
+        yield from move(across(place, 0.5), place.y + place.height / 2)
         yield from wheel(8 if turn else -60)
     raise RuntimeError(f"no {wanted} in {area.type}, {region}; there are {sorted(set(before or ()))}")
 
@@ -220,17 +227,16 @@ def open_panel(area, name, below):
     if name in (yield from _redrawn(area)):
         return
     yield from hover(area, below)
-    top = next(y for y, words in (yield from on_screen(area, region, 0.7, below)) if below in words)
-    for y in (y for y in _rows(region) if y < top - unit()):
-        yield from move(_across(region, 0.7), y)
+    for y in (y for y in rows_in(region) if y < lately[below][1] - unit()):
+        yield from move(across(region, 0.7), y)
         if hovered(area, region):
             continue
         before = yield from _redrawn(area)
-        yield from move(_across(region, 0.3), y)
+        yield from move(across(region, 0.3), y)
         yield from click()
         opened = (yield from _redrawn(area)) - before
         if name in opened:
-            headings[name] = _across(region, 0.3), y
+            headings[name] = across(region, 0.3), y
             return
         if opened:
             yield from click()  # another panel, closed again
@@ -242,161 +248,3 @@ def close_panel(area, name):
     if name in (yield from _redrawn(area)):
         yield from move(*headings[name])
         yield from click()
-
-
-# --- menus -----------------------------------------------------------------------------------------------
-
-
-class _Counting:
-    """A layout that only notes the rows that are made."""
-
-    def __init__(self):
-        self.rows = []
-
-    def __getattr__(self, name):
-        if name in ("operator", "menu", "operator_menu_enum"):
-            return self._row
-        if name in ("row", "column", "split", "box"):
-            return lambda *_, **__: self
-        return lambda *_, **__: None
-
-    def _row(self, name, *_, **__):
-        self.rows.append(name)
-        return _Counting()
-
-
-def rows_of(menu):
-    """Names of the operators and menus in a menu, in their order."""
-    layout = _Counting()
-    owner = type("Owner", (), {"layout": layout, "bl_idname": menu})()
-    with bpy.context.temp_override(window=window()):
-        for draw in getattr(bpy.types, menu)._dyn_ui_initialize():
-            draw(owner, bpy.context)
-    return layout.rows
-
-
-def file_import(operator):
-    """File > Import > this operator: a click on File, then arrow keys."""
-    shown = []
-    menus = [bpy.types.TOPBAR_MT_file, bpy.types.TOPBAR_MT_file_import]
-    draws = [lambda self, context, name=menu.__name__: shown.append(name) for menu in menus]
-    for menu, draw in zip(menus, draws):
-        menu.append(draw)
-    try:
-        for place in range(3, 12):  # the menu of Blender itself comes before it
-            yield from move(place * unit() / 2, window().height - unit() / 2)
-            shown.clear()
-            yield from click()
-            if menus[0].__name__ in shown:
-                break
-            yield from keys("Escape")
-        else:
-            raise RuntimeError("no menu File")
-        yield from keys(*["Down"] * (rows_of(menus[0].__name__).index(menus[1].__name__) + 1), "Right")
-        check("the menu File > Import is open", menus[1].__name__ in shown)
-        rows = rows_of(menus[1].__name__)
-        yield from keys(*["Up"] * (len(rows) - rows.index(operator)))
-        picture(f"menu_{operator.rpartition('.')[2]}")
-        yield from keys("Return")
-    finally:
-        for menu, draw in zip(menus, draws):
-            menu.remove(draw)
-
-
-def browser_open():
-    """Wait for the file browser."""
-    yield from soon("the file browser is open", lambda: any(a.type == "FILE_BROWSER" for a in window().screen.areas))
-    yield 1.0
-
-
-def choose_file(name):
-    """In the file browser: arrow keys to the file."""
-    yield from browser_open()
-    area = area_of("FILE_BROWSER")
-    region = region_of(area)
-    yield from move(_across(region, 0.5), region.y + region.height / 2)
-    for _ in range(40):
-        if area.spaces.active.params.filename == name:
-            return
-        yield from keys("Down")
-    raise RuntimeError(f"no file {name} in {area.spaces.active.params.directory}")
-
-
-def choose(area, wanted, letter, **where):
-    """Open a list of choices and press the letter that is underlined in one of them."""
-    yield from press(area, wanted, **where)
-    yield from keys(letter)
-
-
-def open_tab(area, context):
-    """Click through the tabs of a properties editor to this one."""
-    region = region_of(area, "NAVIGATION_BAR")
-    for y in _rows(region):
-        if area.spaces.active.context == context:
-            break
-        yield from move(_across(region, 0.5), y)
-        if hovered(area, region).endswith("context"):
-            yield from click()
-    check(f"the tab {context} is open", area.spaces.active.context == context)
-
-
-# --- dialogues -------------------------------------------------------------------------------------------
-
-
-def watch_dialogue(operator):
-    """Keep an operator's dialogue as it draws."""
-    draw = operator.draw
-
-    def noted(self, context):
-        region = getattr(context, "region_popup", None)
-        box = (region.x, region.y, region.width, region.height) if region is not None else (0, 0, 0, 0)
-        dialogues[operator.__name__] = (self, box)
-        draw(self, context)
-
-    operator.draw = noted
-
-
-def _in_dialogue(operator, part):
-    """Places in the dialogue that is open, from the row above its buttons up."""
-    x, y, width, height = dialogues[operator][1]
-    step = unit() / 2
-    return [(x + part * width, y + 2.6 * unit() + step * number) for number in range(int(height / step) - 6)]
-
-
-def switch_in_dialogue(operator, name):
-    """Click at the left of each row, from the lowest up, until this switch of the operator changes."""
-    for place in _in_dialogue(operator, 0.12):
-        before = getattr(dialogues[operator][0], name)
-        yield from move(*place)
-        yield from click()
-        if getattr(dialogues[operator][0], name) != before:
-            yield 0.5
-            return
-    raise RuntimeError(f"no {name} in the dialogue")
-
-
-def hover_in_dialogue(operator, name):
-    """Put the mouse onto a property of the dialogue: what each is, a click with the right button tells."""
-    told = []
-    menu = bpy.types.UI_MT_button_context_menu
-    tell = lambda self, context: told.append(getattr(getattr(context, "button_prop", None), "identifier", ""))  # noqa: E731
-    menu.append(tell)
-    try:
-        for place in _in_dialogue(operator, 0.75):
-            told.clear()
-            yield from move(*place)
-            yield from click(3)
-            if told:
-                yield from keys("Escape")
-            if name in told:
-                yield from move(*place)
-                return
-    finally:
-        menu.remove(tell)
-    raise RuntimeError(f"no {name} in the dialogue")
-
-
-def leave_buttons(operator):
-    """Put the mouse onto the dialogue's title, where the return key confirms all of it."""
-    x, y, width, height = dialogues[operator][1]
-    yield from move(x + width / 2, y + height - 1.5 * unit())

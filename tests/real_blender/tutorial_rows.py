@@ -5,15 +5,15 @@ and 2, every panel open, Adjust with all that can be added.
 """
 
 import importlib
-import json
 
 import bpy
 from hands import HERE, area_of, check, note, picture, region_of, window
+from row_widths import cut_words
 
 PACKAGE = "bl_ext.user_default.measured_materials"
 # Of a properties editor in Blender's own layout on a screen of 1920 pixels.
 _WIDTH = 340
-_TITLE = "Measured Materials"
+_TITLE, _PREFIX = "Measured Materials", "MEASURED_MATERIALS_PT_"
 
 
 def within(area):
@@ -51,17 +51,20 @@ def scene():
 
 def only_ours():
     """Blender's own panels of materials away, ours open from their first drawing on."""
-    for cls in list(bpy.types.Panel.__subclasses__()):
-        if not getattr(cls, "is_registered", False):
-            continue
-        ours = cls.__name__.startswith("MEASURED_MATERIALS_PT_")
-        if ours:
+    known = [cls for cls in bpy.types.Panel.__subclasses__() if getattr(cls, "is_registered", False)]
+    ours = [cls for cls in known if cls.__name__.startswith(_PREFIX)]
+    for cls in reversed(ours):
+        bpy.utils.unregister_class(cls)
+    for cls in ours:
+        cls.bl_options = set(_options(cls)) - {"DEFAULT_CLOSED"}
+        bpy.utils.register_class(cls)
+    for cls in known:
+        if getattr(cls, "bl_context", "") == "material" and cls not in ours and "HIDE_HEADER" not in _options(cls):
             bpy.utils.unregister_class(cls)
-            cls.bl_options = set()
-            bpy.utils.register_class(cls)
-        elif getattr(cls, "bl_context", "") == "material" and cls.__name__ != "EEVEE_MATERIAL_PT_context_material":
-            bpy.utils.unregister_class(cls)
-        yield 0
+
+
+def _options(cls):
+    return getattr(cls, "bl_options", ())
 
 
 def cut(area, pixels):
@@ -77,33 +80,36 @@ def cut(area, pixels):
 def steps():
     """Pictures of each scale."""
     yield from scene()
-    yield from only_ours()
-    cube, ball = bpy.data.objects["Cube"], bpy.data.objects["Cube.001"]
-    rest, places = area_of("VIEW_3D"), []
-    for kind in ("PROPERTIES", "PROPERTIES"):
-        left, rest = yield from cut(rest, 2 * _WIDTH)
-        places.append((left, kind))
+    only_ours()
+    yield 0.5
+    ours = {"material": [], "shader": []}
+    for cls in bpy.types.Panel.__subclasses__():
+        if cls.__name__.startswith(_PREFIX):
+            ours[cls.__name__.removeprefix(_PREFIX).split("_")[0]].append(cls)
+    rest, places, found = area_of("VIEW_3D"), [], {}
+    for scale in (1, 2):
+        left, rest = yield from cut(rest, scale * _WIDTH)
+        left.ui_type = "PROPERTIES"
+        places.append(left)
     rest.ui_type = "ShaderNodeTree"
     rest.spaces.active.show_region_ui = True
     live = importlib.import_module(f"{PACKAGE}.addon.ui.panels.live_check")
-    boxes = {}
-    for scale in (1, 2):
+    for scale, left in zip((1, 2), places):
         bpy.context.preferences.view.ui_scale = scale
         yield 1.0
-        for obj in (cube, ball):
+        for obj in (bpy.data.objects["Cube"], bpy.data.objects["Cube.001"]):
             bpy.context.view_layer.objects.active = obj
-            for left, kind in places:
-                left.ui_type = kind
             yield 0.5
-            for left, _ in places:
-                left.spaces.active.context = "MATERIAL"
+            left.spaces.active.context = "MATERIAL"
             side = region_of(rest, "UI")
             side.active_panel_category = _TITLE
             live.check_now(bpy.context.scene)
             yield 3.0
             name = f"rows_{scale}_{obj.active_material.name}"
-            picture(name)
-            boxes[name] = [(r.x, r.y, r.width, r.height) for r in (region_of(places[0][0]), region_of(rest, "UI"))]
-            note(f"{name} {boxes[name]} scale {bpy.context.preferences.system.ui_scale}")
-    (HERE / "rows.json").write_text(json.dumps(boxes))
-    check("pictures of all rows are taken", len(boxes) == 4)
+            yield from picture(name)
+            for kind, area, region in (("material", left, region_of(left)), ("shader", rest, side)):
+                note(f"{name} {kind}: {region.width} pixels at scale {bpy.context.preferences.system.ui_scale}")
+                found[name, kind] = cut_words(ours[kind], area, region)
+    for place, words in found.items():
+        note(f"{place}: {words}")
+    check("no word is cut", not any(found.values()))

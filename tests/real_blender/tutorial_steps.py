@@ -17,7 +17,7 @@ def steps():
     hands.watch_panels("MEASURED_MATERIALS_PT_")
     for cls in bpy.types.Operator.__subclasses__():
         if cls.__name__.startswith("MEASURED_MATERIALS_OT_") and hasattr(cls, "draw"):
-            hands.watch_dialogue(cls)
+            importlib.import_module("hands_menus").watch_dialogue(cls)
     for part in PARTS:
         hands.note(f"{part} ...")
         bpy.ops.wm.open_mainfile(filepath=str(hands.HERE / "data" / "start.blend"))
@@ -37,7 +37,7 @@ def advance():
         hands.note("ended")
     except BaseException:
         hands.note(traceback.format_exc())
-        hands.picture("failed")
+        hands.take("failed")
     bpy.ops.wm.quit_blender()
     return None
 

@@ -4,25 +4,27 @@ import bpy
 from hands import (
     HERE,
     area_of,
-    browser_open,
     check,
-    choose,
-    choose_file,
     click,
     close_panel,
     dialogues,
-    file_import,
-    hover_in_dialogue,
     keys,
-    leave_buttons,
     open_panel,
-    open_tab,
     picture,
     press,
     soon,
-    switch_in_dialogue,
     type_into,
     write,
+)
+from hands_menus import (
+    browser_open,
+    choose,
+    choose_file,
+    file_import,
+    hover_in_dialogue,
+    leave_buttons,
+    open_tab,
+    switch_in_dialogue,
 )
 from tutorial_measurement import MODE, baked, bakes, facts, measured
 
@@ -36,13 +38,13 @@ def steps():
     yield from browser_open()
     yield from type_into(area_of("FILE_BROWSER"), "directory", f"{FOLDER}/", region="UI", part=0.4)
     yield from choose_file("felt_el05.png")
-    picture("swatch_5_file_browser")
+    yield from picture("swatch_5_file_browser")
     dialogues.clear()
     yield from keys("Return")
     looked = lambda: ARC in dialogues and dialogues[ARC][0].looked  # noqa: E731
-    yield from soon("5 the photographs are shown in the dialogue", looked, 60)
+    yield from soon("5 the photographs are shown in the dialogue", looked)
     yield 1.0
-    picture("swatch_5_dialogue")
+    yield from picture("swatch_5_dialogue")
     yield from leave_buttons(ARC)
     yield from switch_in_dialogue(ARC, "advanced")
     yield from hover_in_dialogue(ARC, "scale_by")
@@ -53,18 +55,18 @@ def steps():
     yield from click(times=2)
     yield from write("0.2")
     yield from soon("5 which is typed", lambda: abs(dialogues[ARC][0].albedo - 0.2) < 1e-6)
-    picture("swatch_5_advanced")
+    yield from picture("swatch_5_advanced")
     yield from leave_buttons(ARC)
     yield from keys("Return")
-    yield from soon("5 the bake goes on beside the window", bakes.queue.is_busy, 5)
-    yield from soon("5 a Preview is on the object", lambda: bool(measured()), 120)
+    yield from soon("5 the bake goes on beside the window", bakes.queue.is_busy)
+    yield from soon("5 a Preview is on the object", lambda: bool(measured()))
     yield from baked()
     check("5 one material, on the object", bpy.data.objects["Cube"].active_material == measured()[0])
     check("5 of ten lights", len(facts()["photographs"]["elevations_deg"]) == 10)
     check("5 its brightness is by the albedo", facts()["photographs"]["calibrated_by"] == "albedo")
     properties = area_of("PROPERTIES")
     yield from open_tab(properties, "MATERIAL")
-    picture("swatch_5_baked")
+    yield from picture("swatch_5_baked")
     yield from lit(properties)
     yield from laid_out(properties)
 
@@ -75,12 +77,12 @@ def lit(properties):
     yield from choose(properties, "measured_lighting.lobe", "s")
     lobe = lambda: facts()["render"]["lobe"]["name"]  # noqa: E731
     yield from soon("6 Base Reflection is Sheen", lambda: lobe() == "sheen")
-    picture("swatch_6_sheen")
+    yield from picture("swatch_6_sheen")
     yield from press(properties, "measured_lighting.sigma_auto")
     yield from type_into(properties, "measured_lighting.sigma", "0.5")
     yield from soon("6 the Strength is the number typed", lambda: abs(facts()["render"]["sigma"] - 0.5) < 1e-6)
     check("6 without a bake", not bakes.queue.is_busy())
-    picture("swatch_6_strength")
+    yield from picture("swatch_6_strength")
     yield from close_panel(properties, "lighting")
 
 
@@ -88,11 +90,11 @@ def laid_out(properties):
     """Heading 6: the pattern's size, by Adjust."""
     yield from open_panel(properties, "adjust", MODE)
     yield from press(properties, "measured_materials.lay_out")
-    picture("swatch_6_width")
+    yield from picture("swatch_6_width")
     yield from keys("Return")
     mapping = next(node for node in measured()[0].node_tree.nodes if node.bl_idname == "ShaderNodeMapping")
     yield from soon("6 the pattern is scaled", lambda: abs(mapping.inputs["Scale"].default_value[0] - 1) > 1e-3)
     yield from press(properties, "measured_materials.random_tiling")
     tiling = lambda: any("Patch Size" in node.inputs for node in measured()[0].node_tree.nodes)  # noqa: E731
     yield from soon("6 the swatch is laid out at random", tiling)
-    picture("swatch_6_adjust")
+    yield from picture("swatch_6_adjust")

@@ -17,7 +17,8 @@ from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from PIL import Image
 
-_SCRIPTS = ("hands.py", "tutorial_steps.py", "tutorial_measurement.py", "tutorial_swatch.py", "tutorial_rows.py")
+_STEPS = ("steps", "measurement", "swatch", "rows")
+_SCRIPTS = ("hands.py", "hands_menus.py", "row_widths.py", *(f"tutorial_{name}.py" for name in _STEPS))
 # A common screen, and one on which every row of the panels has its place.
 _SCREEN, _TALL = (1920, 1080), (2600, 2400)
 _START = """
@@ -25,7 +26,11 @@ import bpy
 preferences = bpy.context.preferences
 preferences.view.show_splash, preferences.view.smooth_view = False, 0
 preferences.view.filebrowser_display_type = "SCREEN"  # there is nothing that manages windows
+preferences.system.viewport_aa = "OFF"
 bpy.ops.wm.save_userpref()
+for area in (area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"):
+    # Most of the time of a window drawn by software.
+    area.spaces.active.overlay.show_overlays = area.spaces.active.show_gizmo = False
 scene = bpy.context.scene
 scene.cycles.samples, scene.cycles.use_denoising = 16, False  # some builds have no denoiser
 scene.render.resolution_percentage = 20

@@ -40,6 +40,12 @@ class Energy:
     node: bpy.types.Node | None = None
 
     @property
+    def brightness(self) -> float:
+        """That is set; 1 where the material has no socket for it."""
+        socket = None if self.node is None else self.node.inputs.get("Brightness")
+        return 1.0 if socket is None else float(socket.default_value)
+
+    @property
     def gains(self) -> bool:
         """Whether more light leaves than arrives."""
         return self.largest is not None and self.largest > 1 + _TOLERANCE

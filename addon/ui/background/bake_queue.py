@@ -25,7 +25,8 @@ from ... import events
 from ...baking.job import DONE, FAILED, NO_HOST
 from ...summary.progress_estimate import ProgressEstimate
 from ...summary.text import one_line
-from .tasks import FRESH, STATE_KEY, Job, Task
+from . import warm_worker
+from .tasks import FRESH, STATE_KEY, BakeTask, Job, Task
 from .window import is_dragging, push, tell, window
 
 _PAUSE = 0.05
@@ -169,6 +170,8 @@ class Queue:
         push(task.label)
         task.shown(self._work.made())
         self._work = Portions()
+        if self.waiting and isinstance(follower := self.waiting[0], BakeTask):
+            warm_worker.prepare(follower.request.settings)
 
     def _finish(self) -> None:
         """Put the bundle in its place and make the material."""

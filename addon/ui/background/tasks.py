@@ -30,6 +30,7 @@ from ...material.together import built_together
 from ...photographs.find_decoder import blender_decoder
 from ...summary.bake_stages import bake_stages
 from ...summary.quality_levels import learn_pace
+from . import kept_pace
 
 # What a material shown while it is baked says of itself: FRESH in the undo step that shows it first, BAKING after that.
 STATE_KEY = "measured_materials_bake"
@@ -122,6 +123,7 @@ class BakeTask(Task):
         """How long bakes take here; the stages of anisotropic ones are others than were expected."""
         if not getattr(record_of(material), "anisotropic", False):
             learn_pace(self.request.settings, result.seconds)
+            kept_pace.keep()
 
     def bake_here(self, job: Job) -> BakeResult:
         assert isinstance(job, BakeJob)

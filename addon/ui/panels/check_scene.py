@@ -105,13 +105,13 @@ def draw_findings(layout: Any, lines: Lines) -> None:
     """The last check: a row for each finding, its reason below it."""
     part = max(1 - _BUTTON / max(lines.width, 1), 0.5)
     for row in shown.rows or ():
-        place = layout.split(factor=part) if row.mendable else layout.row()
-        words = place.column(align=True)
+        whole = layout.column(align=True)
+        place = whole.split(factor=part) if row.mendable else whole.row()
         room = part if row.mendable else 1.0
-        lines.draw(words, capital(row.setting), _ICONS[row.severity], part=room)
-        lines.draw(words, capital(row.why), "BLANK1", faint=True, part=room)
+        lines.draw(place.column(align=True), capital(row.setting), _ICONS[row.severity], part=room)
         if row.mendable:
             place.operator(MEASURED_MATERIALS_OT_mend_setting.bl_idname).key = row.key
+        lines.draw(whole, capital(row.why), "BLANK1", faint=True)
         layout.separator()
 
 

@@ -10,7 +10,7 @@ from ....bake.errors import BakeError
 from ....nodes.feature_passes import asks_for_passes
 from ...material.choices import OSL
 from ...material.facts import is_measured, record_of
-from ...material.kinds import SHADING_MAP, Kind, kind_of
+from ...material.kinds import SHADING_MAP, kind_of
 from ...material.rebuild import effects_of
 from ...material.texture_repair import wrong_textures
 from ...summary.parts import parts_of
@@ -102,7 +102,7 @@ class _EffectsPanel(ForMeasured):
         """What fits the material to the scene, what is kept and left out, and the overrides."""
         material, layout = shown_material(context), self.layout
         lines, kind = Lines(context), kind_of(material)
-        _draw_scene_buttons(layout.column(align=True), context, material, kind)
+        _draw_scene_buttons(layout.column(align=True), context, material)
         for effect in effects_of(material):
             lines.draw(layout, f"{effect.name}: {effect.why}", "CHECKMARK" if effect.kept else "REMOVE")
         properties = material.measured_quality
@@ -165,14 +165,11 @@ def _draw_title(layout: bpy.types.UILayout, material: bpy.types.Material, lines:
         lines.draw(layout, f"Not the files of the bake: {names}; see Scene Check, or bake again", "ERROR")
 
 
-def _draw_scene_buttons(
-    column: bpy.types.UILayout, context: bpy.types.Context, material: bpy.types.Material, kind: Kind
-) -> None:
+def _draw_scene_buttons(column: bpy.types.UILayout, context: bpy.types.Context, material: bpy.types.Material) -> None:
     column.operator(MEASURED_MATERIALS_OT_fit_to_scene.bl_idname, icon="SCENE_DATA")
-    if kind is not SHADING_MAP:
-        scripted = material.measured_quality.shader == OSL
-        words = {"text": "Shade by Nodes"} if scripted else {}
-        column.operator(MEASURED_MATERIALS_OT_use_osl.bl_idname, icon="FILE_SCRIPT", **words).nodes = scripted
+    scripted = material.measured_quality.shader == OSL
+    words = {"text": "Shade by Nodes"} if scripted else {}
+    column.operator(MEASURED_MATERIALS_OT_use_osl.bl_idname, icon="FILE_SCRIPT", **words).nodes = scripted
     denoised = asks_for_passes(context.scene)
     words = {"text": "Stop Denoising"} if denoised else {}
     column.operator(MEASURED_MATERIALS_OT_denoise.bl_idname, icon="SHADERFX", **words).stop = denoised

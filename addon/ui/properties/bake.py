@@ -17,6 +17,7 @@ from .enum_items import enum
 from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
 from .reading import ReadingProperties, draw_reading, reading_of, show_reading
 from .registration import registration
+from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_rights
 
 _USUAL = BakeSettings()
 
@@ -119,6 +120,9 @@ _PACK = bpy.props.BoolProperty(
 class BakeProperties(ReadingProperties):
     """Mixed into a PropertyGroup or an Operator."""
 
+    author: AUTHOR
+    license: LICENSE
+    source_url: SOURCE_URL
     quality: _QUALITY
     advanced: _ADVANCED
     resolution: _RESOLUTION
@@ -156,6 +160,7 @@ def settings_of(properties: Any) -> BakeSettings:
         sampler=isotropic_layout(properties.sampler),
         envelope=properties.envelope,
         reading=reading_of(properties),
+        rights=rights_of(properties),
     )
 
 
@@ -169,6 +174,7 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
     for name in ("resolution", "filter", "spline", "envelope"):
         setattr(properties, name, getattr(settings, name))
     show_reading(properties, settings.reading)
+    show_rights(properties, settings.rights)
     # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
     properties.parameterization = settings.spacing
     properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
@@ -205,6 +211,7 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "storage")
     column.prop(properties, "pack")
     draw_reading(inner, properties)
+    draw_rights(inner, properties)
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_bake, "measured_materials")

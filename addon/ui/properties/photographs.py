@@ -18,6 +18,7 @@ from ...summary.quality_levels import MAP_LEVELS
 from .enum_items import enum
 from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
 from .registration import registration
+from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_rights
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
 _MAP = ("slices", "storage", "compression", "rank", "tileable")
@@ -128,6 +129,9 @@ class ArcProperties:
         "sides": _enum("Sides", "Of the arc that the lights may stand on", SIDES, _STACK.sides),
         "fit_lobe": _flag("Fit Base Reflection", "Choose it by the brightness of the photographs along the arc"),
         "brdf": _path("Measured", "Measured material (.mmat) to use as the base reflection", "DIR_PATH"),
+        "author": AUTHOR,
+        "license": LICENSE,
+        "source_url": SOURCE_URL,
         "pack": _flag("Pack into .blend", "Keep the textures inside the .blend file", True),
     }
 
@@ -144,6 +148,7 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
         lobe_auto=p.fit_lobe,
         brdf=_file(p.brdf) if light.lobe == MEASURED and not p.fit_lobe else None,
         render=lighting_of(light, mode),
+        rights=rights_of(p),
         stack=StackSettings(
             size=p.size or None,
             decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
@@ -171,6 +176,7 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
     p, stack = properties, settings.stack
     for name in _MAP:
         setattr(p, name, str(value) if isinstance(value := getattr(settings, name), Storage) else value)
+    show_rights(p, settings.rights)
     p.size, p.fit_lobe, p.pack = stack.size or 0, settings.lobe_auto, pack
     response = parse_rule(stack.decode)
     p.decode = "auto" if response is None else response.name.partition(":")[0]
@@ -202,6 +208,7 @@ def draw_arc_settings(layout: bpy.types.UILayout, properties: Any, light: Any) -
                 column.prop(p, name, placeholder=_WHERE_EMPTY[name])
             else:
                 column.prop(p, name)
+    draw_rights(inner, p)
 
 
 # What an empty path means.

@@ -1,0 +1,53 @@
+"""What bakes take here outlives the session; a damaged file is as good as none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from measured_materials.addon.summary.quality_levels import expected_seconds, learn_pace, learned, pace, recall
+from measured_materials.addon.ui.background import kept_pace
+from measured_materials.bake.brdf.settings import BakeSettings
+
+
+@pytest.fixture
+def kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    file = tmp_path / "of the extension" / "bakes.json"
+    monkeypatch.setattr(kept_pace, "file", lambda: file)
+    before = learned()
+    recall([])
+    yield file
+    recall(before)
+
+
+def test_the_next_session_expects_what_this_one_has_learned(kept: Path) -> None:
+    usual = expected_seconds(BakeSettings())
+    learn_pace(BakeSettings(), 3 * usual)
+    kept_pace.keep()
+    recall([])
+    assert pace() == 1
+    kept_pace.register()
+    assert pace() == pytest.approx(3) and expected_seconds(BakeSettings()) == pytest.approx(3 * usual)
+    assert [path.name for path in kept.parent.iterdir()] == ["bakes.json"]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"ratios": 1}', '{"ratios": ["x"]}', '{"ratios": [null]}', "\0"])
+def test_a_damaged_file_is_as_good_as_none(kept: Path, text: str) -> None:
+    kept.parent.mkdir()
+    kept.write_text(text)
+    kept_pace.register()
+    assert pace() == 1
+
+
+def test_numbers_that_no_bake_has_taken_are_left_out(kept: Path) -> None:
+    kept.parent.mkdir()
+    kept.write_text('{"ratios": [NaN, -1, 0, 1e9, 2.0]}')
+    kept_pace.register()
+    assert learned() == [2.0]
+
+
+def test_where_nothing_can_be_written_the_bake_goes_on(kept: Path) -> None:
+    kept.parent.write_text("in the way")
+    kept_pace.keep()
+    assert not kept.exists()
