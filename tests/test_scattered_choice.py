@@ -23,7 +23,8 @@ from measured_materials.bake.sources.lookup.scattered_coordinates import (
     AzimuthCover,
     Coordinates,
 )
-from support.format_files import BRUSHED, GLOSSY, error, pairs, write_goniometer
+from support.format_files import BRUSHED, GLOSSY, error, pairs
+from support.format_variants import write_goniometer
 
 TURNS = {
     "whole": np.arange(0.0, 360.0, 30.0),
