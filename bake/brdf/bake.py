@@ -27,6 +27,7 @@ from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
 from .appearance import Together, color_differences
+from .filter_choice import FilterChoice, of_the_rest, unweighed, weighed
 from .preview_sphere import Reflects, preview_sphere
 from .reflection import Reflection, reflection_of
 from .samplers import Layout, kind_of_layout, layout_facts
@@ -105,6 +106,8 @@ def bake_source(
     if settings.envelope:
         fit, residual, extra, further = bake.envelope(made.kept.table, reflection)
         facts, images, shown = facts | extra, images | further, {"exact": Together((fit, residual)), **shown}
+    if bake.weighed is not None:
+        facts["filter_choice"] = bake.weighed.facts()
     facts["color_difference"] = color_differences(bake.source, shown)
     preview = reflection.preview(fit)
     facts["preview"] = preview.facts()
@@ -132,6 +135,7 @@ class _Bake:
     """Steps of one bake.
 
     pairs, truth : directions that no table holds, and the source there: errors are measured at them
+    filter, weighed : that the table is for, and where the settings leave it to the bake the account of the choice
     treatment : what was changed of the source, counted at these directions
     """
 
@@ -140,6 +144,8 @@ class _Bake:
         self.pairs = direction_pairs(pairs, turned=not source.isotropic)
         self.truth = self.source.evaluate(self.pairs.wi, self.pairs.wo)
         self.treatment = self.source.treatment()
+        self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
+        self.weighed: FilterChoice | None = None
         if not self.truth.any():
             raise BakeError(source.name, "reflects nothing", "check the file")
 
@@ -163,9 +169,29 @@ class _Bake:
     def tabulate(self, grid: Grid) -> _Tabulated:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
-        splined = self.settings.filter == "bspline"
-        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth, self.source), "none")
+        if self.settings.filter == "auto":
+            self.weighed = self._weighed(table)
+            self.filter = self.weighed.filter
+        kept, spline = self._kept(table)
         return _Tabulated(kept, spline, table.total_intensity)
+
+    def _weighed(self, table: Table) -> FilterChoice:
+        """Which filter serves the table, where it is read as a whole."""
+        if self.settings.envelope:
+            return unweighed("over Cycles' own shaders")  # `envelope` measures it
+        if self.settings.storage is Storage.LOG or not self.source.isotropic:
+            return unweighed("codes and four dimensions have no B-spline that pays")
+        errors = {}
+        for self.filter in ("trilinear", "bspline"):
+            errors[self.filter] = self._errors(self._kept(table)[0].table, self.filter)
+        rms = {name: found["rms"] for name, found in errors.items()}
+        return weighed(rms, errors["trilinear"]["relative"])
+
+    def _kept(self, table: Table) -> tuple[StoredTable, str]:
+        """As it comes back, with what its values are: see `_Tabulated.spline`."""
+        return (
+            self._spline(table) if self.filter == "bspline" else (self._stored(table, self.truth, self.source), "none")
+        )
 
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
         """The coefficients that are asked for, or those of less error, and which they are."""
@@ -184,7 +210,7 @@ class _Bake:
         return chosen, name
 
     def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
-        filtered = replace(table, filter=self.settings.filter)
+        filtered = replace(table, filter=self.filter)
         return store_table(filtered, self.settings.storage, self.pairs, truth, source)
 
     def sampler(self, table: Table, reflection: Reflection) -> tuple[StoredImage, Layout]:
@@ -198,7 +224,7 @@ class _Bake:
         return {
             **({} if self.source.isotropic else {"anisotropic": True}),
             **made.kept.table.grid.facts(),
-            "filter": self.settings.filter,
+            "filter": self.filter,
             "spline": made.spline,
             "storage": str(self.settings.storage),
             **made.kept.facts(),
@@ -210,7 +236,7 @@ class _Bake:
         self.say("measuring", 0.0)
         table = made.kept.table
         return {
-            "errors": self._errors(table, self.settings.filter),
+            "errors": self._errors(table, self.filter),
             "rms_by_filter": {name: self._errors(table, name)["rms"] for name in _filters_of(table, made.spline)},
             "albedo": reflection.albedo(self.source),
             # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply
@@ -232,10 +258,15 @@ class _Bake:
         residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
         kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo), source)
-        # Reflects and compared with the lamps' light linearly, whatever the filter.
+        # Drawn and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
-        errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.settings.filter)
+        errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.filter)
+        if self.weighed is not None and self.source.isotropic:
+            carried = fit.evaluate(self.pairs.wi, self.pairs.wo) - self.truth
+            kinds: tuple[Filter, ...] = ("trilinear", "bspline")
+            rests = {name: residual.evaluate(self.pairs.wi, self.pairs.wo, name) for name in kinds}
+            self.weighed = of_the_rest({name: self.pairs.rms(carried + rest) for name, rest in rests.items()})
         images = {
             "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
             "residual": kept.image(),

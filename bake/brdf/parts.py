@@ -23,7 +23,7 @@ from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
 from .grids import grid_of, is_anisotropic
 from .samplers import Layout, isotropic_layout_of, layout_of
-from .settings import BakeSettings
+from .settings import FILTER_CHOICES, BakeSettings
 
 _MOST_PREVIEW = 3  # closures of an isotropic preview
 _MOST_CANDIDATES = 100
@@ -35,7 +35,7 @@ def settings_of(fields: Fields) -> BakeSettings:
     given: dict[str, Any] = {
         "resolution": fields.whole("resolution"),
         "storage": Storage(fields.text("storage", choices=TABLE_STORAGES)),
-        "filter": _filter(fields),
+        "filter": fields.text("filter", choices=FILTER_CHOICES),
     }
     given |= {key: fields.text(key) for key in ("basis", "parameterization", "spline") if fields.has(key)}
     if fields.has("alpha"):

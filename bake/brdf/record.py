@@ -24,6 +24,7 @@ from ..tables.table import Table
 from .appearance import ColorDifferenceRecord, color_differences_of
 from .baked_table import SAMPLERS, BakedTable, images_of_table
 from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size, rights_of
+from .filter_choice import filter_why_of
 from .grids import is_anisotropic
 from .modes import TABLE_OF
 from .parts import (
@@ -57,6 +58,7 @@ class BrdfRecord(BundleRecord):
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
     color_differences : from the measurement as a sphere shows them, of "exact" and of the "table"; empty in older
         bundles
+    filter_why : what was weighed where the filter was left to the bake; else empty
     """
 
     kind, kind_words = "brdf", "a BRDF"
@@ -69,6 +71,7 @@ class BrdfRecord(BundleRecord):
     table_albedo: AlbedoRecord | None
     rms_by_filter: Mapping[str, float]
     color_differences: Mapping[str, ColorDifferenceRecord]
+    filter_why: str
     search: AlphaSearchRecord | None
     candidates: tuple[CandidateRecord, ...]
     envelope: EnvelopeRecord | None
@@ -90,6 +93,7 @@ class BrdfRecord(BundleRecord):
             "table_albedo": AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
             "rms_by_filter": _numbers_of(fields, "rms_by_filter"),
             "color_differences": color_differences_of(fields),
+            "filter_why": filter_why_of(fields),
             "search": _search_of(fields),
             "candidates": candidates_of(fields),
             "envelope": EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,
