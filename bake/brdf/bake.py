@@ -181,7 +181,7 @@ class _Bake:
             return unweighed("over Cycles' own shaders")  # `envelope` measures it
         if self.settings.storage is Storage.LOG or not self.source.isotropic:
             return unweighed("codes and four dimensions have no B-spline that pays")
-        errors = {}
+        errors: dict[str, Mapping[str, float]] = {}
         for self.filter in ("trilinear", "bspline"):
             errors[self.filter] = self._errors(self._kept(table)[0].table, self.filter)
         rms = {name: found["rms"] for name, found in errors.items()}
