@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,43 @@ class BrdfSource(Protocol):
         treats them. Directions on or below the horizon give 0.
         """
         ...
+
+
+@runtime_checkable
+class SheetSource(BrdfSource, Protocol):
+    """A thin sheet: a BRDF, its front's, that also lets light through, and reflects at its back.
+
+    All directions are of the front's frame, away from the sheet: those of the back lie below the horizon.
+
+    Attributes
+    ----------
+    alike : front and back are the same, seen each from its own side in the frame turned about the tangent x
+    """
+
+    @property
+    def alike(self) -> bool: ...
+
+    def transmitted(self, wi: Array, wo: Array) -> Array:
+        """BTDF (..., 3) in 1/sr without the cosine, for light and viewer on opposite sides, whichever is above; else 0.
+
+        Finite; values may be negative, as in `evaluate`.
+        """
+        ...
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        """BRDF (..., 3) in 1/sr of the back, for light and viewer below the horizon; else 0."""
+        ...
+
+
+SheetPart = Literal["through", "behind", "through_behind"]
+SHEET_PARTS: tuple[SheetPart, ...] = get_args(SheetPart)
+"""
+What a sheet has beside its front's reflection:
+
+through         light that comes through, seen from the front
+behind          reflection of the back
+through_behind  light that comes through, seen from the back
+"""
 
 
 @dataclass(frozen=True)

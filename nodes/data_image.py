@@ -7,8 +7,9 @@ import functools
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -40,6 +41,12 @@ class LoadedBundle(Bundle):
         if name not in self.textures:
             raise BakeError(self.path, f"the material has lost its texture {name}", "bake again")
         return self.textures[name]
+
+    def part(self, name: str, material: dict[str, Any]) -> LoadedBundle:
+        """See `Bundle.part`."""
+        front = f"{name}_"
+        textures = {key.removeprefix(front): image for key, image in self.textures.items() if key.startswith(front)}
+        return replace(self, material=material, textures=textures)
 
     def load(self, name: str) -> NDArray[np.float32]:
         """Pixels (H, W, C) of a texture of the material, top row first."""

@@ -16,6 +16,7 @@ from .lens_group import lens_group
 from .local_frame_group import to_world, viewer_frame_group
 from .stochastic_mirror_group import mirror_closure, more_random_numbers_group, random_numbers_group
 from .tangent_frame_group import tangent_frame_group
+from .through_closure import through_closure
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class DrawnDirection:
 
     `roulette` is a third one where directions are aimed, and their weights may be as small as lamps are; else None.
     Under a gloss wi and its density are of the table, `wi_world` is where it is seen, and `above` whether that is above
-    the horizon.
+    the horizon. Of light that comes through a sheet wi is mirrored in it: above the horizon as the viewer is, while
+    `wi_world` lies on the far side.
     """
 
     wi: Any
@@ -35,9 +37,12 @@ class DrawnDirection:
     random: tuple[Any, Any]
     roulette: Any = None
     above: Any = 1.0
+    through: bool = False
 
     def mirror(self, weight: Any) -> Any:
         """Closure that sends the path along wi with this weight."""
+        if self.through:
+            return through_closure(self.wi_world, self.incoming, weight, self.roulette)
         return mirror_closure(self.wi_world, self.incoming, weight, self.roulette)
 
     @property
@@ -53,6 +58,7 @@ def drawn_direction(
     lamps: bpy.types.Image | None = None,
     tangent: Any = None,
     gloss: Any = None,
+    through: bool = False,
 ) -> DrawnDirection:
     """Draw a direction.
 
@@ -64,6 +70,7 @@ def drawn_direction(
     lamps : table of lamps to aim at by one-sample MIS with the balance heuristic over all of them
     tangent : of the surface, world, in whose frame wi and wo are local; by default in the viewer's own
     gloss : factor of the half vector's slopes, see `bake.sampling.gloss`; by default none
+    through : of light from the far side of a sheet
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
@@ -72,21 +79,22 @@ def drawn_direction(
     wo, along, across = frame_of(normal, incoming, tangent)
     wi, pdf = sample(wo, *u[:4])
     seen = wi if gloss is None else seen_from_table(wi, wo, gloss)[0]
-    world = to_world(seen, along, across, normal)
+    up = expr.scale(normal, -1.0) if through else normal
+    world = to_world(seen, along, across, up)
     roulette = None
     if lamps is not None:
         position = expr.Vector(geometry.outputs["Position"])
         more = call(more_random_numbers_group())
         # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
-        world, aimed, rest = call(aimed_light_group(lamps), position, normal, world, *more[:2], u[0], u[1])
+        world, aimed, rest = call(aimed_light_group(lamps), position, up, world, *more[:2], u[0], u[1])
         roulette = more[2]
-        wi = seen = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+        wi = seen = expr.vec(*(expr.dot(world, axis) for axis in (along, across, up)))
         if gloss is not None:
             wi, spread = seen_in_table(seen, wo, gloss)
             aimed = expr.divide(aimed, spread)
         pdf = aimed + rest * density(wi, wo)
     above = 1.0 if gloss is None else seen_above(seen, gloss)
-    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6], roulette, above)
+    return DrawnDirection(wi, wo, world, incoming, pdf, u[4:6], roulette, above, through)
 
 
 def frame_of(normal: Any, incoming: Any, tangent: Any = None) -> tuple[Any, Any, Any]:

@@ -9,13 +9,13 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
 from ..bake.errors import BakeError
 from .brdf_group import BrdfParts, brdf_group
-from .checked_pixels import check_closures, check_shares
+from .checked_pixels import check_shares
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .lamp_share_group import LampShares
 from .material_tree import build_from, lit_by_emission
+from .sheet_build import SheetBuild, closures_of
 from .table_groups import table_groups
-from .weighted_closures import WeightedClosures
 from .world_picture import Surroundings
 
 
@@ -36,7 +36,7 @@ def build_material(
     lights: bpy.types.Image | None = None,
     surroundings: Surroundings | None = None,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle. No texture is baked for that.
+    """Build or rebuild a material from a bundle; a sheet's aims at lamps but samples none, and writes no passes.
 
     Parameters
     ----------
@@ -69,14 +69,17 @@ def build_material(
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
+        if record.sheet is not None:
+            build = SheetBuild(mode, filter, stochastic, residual, lamps)
+            return build.group(record, name, textures, normals=normals)
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = TABLE_OF[mode]
             # A residual's ridges lie elsewhere in the next slice, and few samples pay for blending.
             chosen = stochastic and part == "table"
             table = table_groups(record.baked(part), name, textures, filter, chosen, aimed=lamps is not None)
-        envelope = _closures(record, "envelope", textures) if mode in ("exact", "balanced") else None
-        preview = _closures(record, "preview_weights", textures) if record.has("preview_weights") else None
+        envelope = closures_of(record, "envelope", textures) if mode in ("exact", "balanced") else None
+        preview = closures_of(record, "preview_weights", textures) if record.has("preview_weights") else None
         shares = None
         sampled = lights is not None and lamps is not None and envelope is not None and table is not None
         local = lamp_share and not sampled and lamps is not None and envelope is not None and table is not None
@@ -89,7 +92,8 @@ def build_material(
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
     built = build_from(record, material, make)
-    lit_by_emission(built, lights is not None and lamps is not None and mode in ("exact", "balanced") and residual)
+    samples = lights is not None and lamps is not None and record.sheet is None
+    lit_by_emission(built, samples and mode in ("exact", "balanced") and residual)
     return built
 
 
@@ -104,11 +108,3 @@ _NEEDS = {
 def usual_mode(record: BrdfRecord) -> str:
     """The mode of a material of which nothing else was said: "exact" where the bundle holds an envelope."""
     return "exact" if record.has("envelope") else "reference"
-
-
-def _closures(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
-    """The "envelope" or the "preview_weights" of a bundle, checked before Blender loads it. Raises BakeError."""
-    check_closures(record, part)
-    described = record.envelope if part == "envelope" else record.preview
-    assert described is not None
-    return WeightedClosures(described.closures, images(part), described.viewers)

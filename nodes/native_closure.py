@@ -31,6 +31,12 @@ def native_closure(
     return expr.Scalar(made.outputs[0])
 
 
+def translucent_closure(weight: Any, normal: Any) -> Any:
+    """Closure of Lambertian transmission times a colour."""
+    made = expr.node("ShaderNodeBsdfTranslucent", {}, {"Color": weight, "Normal": normal})
+    return expr.Scalar(made.outputs[0])
+
+
 def has_native(lobe: Lobe) -> bool:
     """Whether a closure of Cycles carries the lobe or a part of it."""
     return lobe.native_share > 0

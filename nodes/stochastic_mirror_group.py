@@ -75,13 +75,19 @@ def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None
     if random is None:
         return _mirror(half, weight)
     mean = expr.dot(weight, expr.vec(*[1 / 3] * 3))
-    keep = expr.minimum(mean * (1 / LEAST_WEIGHT), 1.0)
-    raised = expr.divide(random < keep, keep)
+    raised = kept_alive(weight, random)
     # A constant that is 0 takes all that hangs on it out of Cycles' graph.
     raised = raised if isinstance(wanted, float) else expr.where(wanted, raised, 1.0)
     glossy = _mirror(half, expr.scale(weight, raised))
     faint, carries = _faint_mirror(half, incoming, weight)
     return choose_closure(carries * (mean < FAINT_WEIGHT) * wanted, glossy, faint)
+
+
+def kept_alive(weight: Any, random: Any) -> Any:
+    """Factor by which a weight that Cycles might drop is raised to `LEAST_WEIGHT`, as often as keeps its mean; else
+    1."""
+    keep = expr.minimum(expr.dot(weight, expr.vec(*[1 / 3] * 3)) * (1 / LEAST_WEIGHT), 1.0)
+    return expr.divide(random < keep, keep)
 
 
 def _mirror(half: Any, weight: Any) -> Any:

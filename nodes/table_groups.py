@@ -33,6 +33,7 @@ class TableGroups:
     density : None where nothing is aimed
     tangent : of the surface, in world space, in whose frame an anisotropic table lies; None of an isotropic one
     gloss : by which it is seen sharper or softer, see `bake.sampling.gloss`; None as it is
+    through : of a sheet's transmission, mirrored
     """
 
     lookup: bpy.types.ShaderNodeTree
@@ -40,6 +41,7 @@ class TableGroups:
     density: bpy.types.ShaderNodeTree | None = None
     tangent: Any = None
     gloss: Any = None
+    through: bool = False
 
     def draw(self, normal: Any, lamps: bpy.types.Image | None) -> DrawnDirection:
         """A direction from the sampler or, with `density`, towards the lamps of a table."""
@@ -50,6 +52,7 @@ class TableGroups:
             lamps,
             self.tangent,
             self.gloss,
+            self.through,
         )
 
 

@@ -19,7 +19,7 @@ from ..bake.lobes.lobes import Lobe
 from . import expr
 from .adjustments import Adjustments
 from .drawn_direction import frame_of
-from .native_closure import add_closures, native_closure
+from .native_closure import add_closures, native_closure, translucent_closure
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class WeightedClosures:
     viewers : at which weights are known: elevations, or a grid of two angles
     tangent : of the surface, in world space, along which the first of a closure's widths lies; None where there is one
     gloss : divides the widths of GGX closures; None leaves them as fitted
+    through : of a sheet's transmission: what is Lambertian is Translucent BSDF
     """
 
     closures: Sequence[Lobe | AnisotropicLobe]
@@ -38,6 +39,7 @@ class WeightedClosures:
     viewers: Viewers
     tangent: Any = None
     gloss: Any = None
+    through: bool = False
 
     def weights(self, wo: Any) -> list[tuple[Any, Any]]:
         """Colour and alpha of each closure, seen from local wo."""
@@ -51,14 +53,17 @@ class WeightedClosures:
 
     def closure(self, weights: list[tuple[Any, Any]], normal: Any, adjustments: Adjustments, factor: Any = 1.0) -> Any:
         """Sum of the closures, adjusted, times a scalar."""
+        colours = [adjustments.apply(colour, factor) for colour, _ in weights]
+        if self.through:
+            return add_closures([translucent_closure(colour, normal) for colour in colours])
         parts = [
-            native_closure(lobe, adjustments.apply(colour, factor), normal, self.tangent, self.gloss)
-            for lobe, (colour, _) in zip(self.closures, weights, strict=True)
+            native_closure(lobe, colour, normal, self.tangent, self.gloss)
+            for lobe, colour in zip(self.closures, colours, strict=True)
         ]
         return add_closures(parts)
 
-    def alone(self, normal: Any, adjustments: Adjustments) -> Any:
+    def alone(self, normal: Any, adjustments: Adjustments, factor: Any = 1.0) -> Any:
         """The closures by themselves."""
         incoming = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Incoming"])
         wo, _, _ = frame_of(normal, incoming, self.tangent)
-        return self.closure(self.weights(wo), normal, adjustments)
+        return self.closure(self.weights(wo), normal, adjustments, factor)

@@ -102,7 +102,7 @@ def test_no_grid_is_chosen_at_directions_that_fitted_it(
     sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
     settings = BakeSettings(resolution=8, sampler=sampler, envelope=False, basis="half", viewers=(4, 2))
     bake_brdf.bake_source(source, tmp_path / "baked", settings)
-    names = ("tables.search.grid_fit", "tables.search.grid_race", "brdf.bake")
+    names = ("tables.search.grid_fit", "tables.search.grid_race", "brdf.part_bake")
     assert set(found) == {f"bake.{name}" for name in names}
     fitting, ranking, stating = (directions_of(found[f"bake.{name}"]) for name in names)
     assert min(len(fitting), len(ranking), len(stating)) > 1000

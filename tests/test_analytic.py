@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from measured_materials.bake.directions import normalize, spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.lobes.cosine_lobes import COSINE_LOBES
+from measured_materials.bake.lobes.microfacets import conductor, dielectric, ggx_ndf
 from measured_materials.bake.source import BrdfSource
 from measured_materials.bake.sources.analytic import (
     ANALYTIC,
@@ -25,9 +26,6 @@ from measured_materials.bake.sources.analytic import (
     OrenNayar,
     Ward,
     by_name,
-    conductor,
-    dielectric,
-    ggx_ndf,
 )
 from measured_materials.bake.tables.albedo import directional_albedo
 from scipy.integrate import quad
@@ -220,7 +218,7 @@ def test_lobes_keep_their_shape_near_the_peak(exponent: float) -> None:
 
 def test_by_name() -> None:
     lobes = {"phong", "blinn-phong", "ashikhmin-shirley", "ward", "ggx"}
-    assert set(ANALYTIC) == {"lambert", "oren-nayar", "metallic-paint"} | lobes
+    assert set(ANALYTIC) == {"lambert", "oren-nayar", "metallic-paint", "thin-cloth"} | lobes
     source = by_name("Blinn_Phong", specular=0.5, exponent=9)
     assert isinstance(source, BlinnPhong) and source.specular == (0.5, 0.5, 0.5)
     assert by_name("ggx", f0=[0.1, 0.2, 0.3]) == Ggx(f0=(0.1, 0.2, 0.3))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from measured_materials.addon.cli.main import main
-from measured_materials.bake.brdf.filter_choice import LEAST_GAIN, of_the_rest, weighed
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.tables.filter_choice import LEAST_GAIN, of_the_rest, weighed
 
 COARSE = ["--basis", "half", "--sampler", "16"]
 SQUARED = ["--parameterization", "squared"]

@@ -12,6 +12,7 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.envelope import ClosureFit, Elevations
 from measured_materials.bake.envelope.gloss_energy import brightened_by_gloss, ggx_albedo
 from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.lobes.microfacets import ggx_lobe
 from measured_materials.bake.sampling.cell_sampler import build_sampler
 from measured_materials.bake.sampling.gloss import LEAST, MOST, held, stretched
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
@@ -232,7 +233,7 @@ class _Ggx:
     def evaluate(self, wi: Array, wo: Array) -> Array:
         wi, wo = np.broadcast_arrays(wi, wo)
         value, above = np.zeros(wi.shape), wi[..., 2] > 0
-        value[above] = analytic.ggx_lobe(wi[above], wo[above], *self.widths)[:, None]
+        value[above] = ggx_lobe(wi[above], wo[above], *self.widths)[:, None]
         return value
 
 

@@ -21,14 +21,17 @@ from ...bake.photographs.stack import read_stack
 from ...bake.reading import Reading
 from ...bake.shading_maps.record import Record, read_record
 from ...bake.shading_maps.record_parts import PhotographsRecord
+from ...bake.source import SheetSource
 from ...bake.sources import read_source
 from ...bake.tables.albedo import albedo_facts
+from ...bake.tables.sheet import sheet_facts
 from ..photographs.arc_plot import draw_arc
 from ..photographs.find_decoder import blender_decoder
 from ..plots.brdf_plots import draw_brdf
 from ..plots.figure import need_matplotlib
 from ..summary import brdf_rows, shading_map_rows
 from ..summary.parts import parts_of
+from ..summary.sheet_rows import measured_sheet_rows
 from ..summary.survey_rows import survey_rows
 from ..summary.text import columns, one_line
 from .console.progress import Progress
@@ -149,7 +152,7 @@ def inspect_measurement(path: Path, reading: Reading, plots: Path | None = None)
     )
     albedo, surveyed, left_out = albedo_facts(source), survey(source), held_out(by_itself)
     name = str(source.facts.get("format", "unknown"))
-    document = {
+    document: dict[str, Any] = {
         "command": "inspect",
         "kind": "measurement",
         "path": str(path),
@@ -166,6 +169,9 @@ def inspect_measurement(path: Path, reading: Reading, plots: Path | None = None)
     rows = [("File", str(path)), ("Format", name), ("Size", brdf_rows.readable_size(path.stat().st_size))]
     rows += brdf_rows.measurement_rows(source)
     rows += brdf_rows.reflected_rows(AlbedoRecord.parse(Fields({"albedo": albedo}, path), "albedo"))
+    if isinstance(source, SheetSource):
+        document["sheet"] = sheet_facts(source, albedo)
+        rows += measured_sheet_rows(document["sheet"], albedo, path)
     rows += survey_rows(surveyed, left_out, reading)
     shown = {"measurement": source}
     return _with_plots(document, rows, draw_brdf(source, shown, source.name, plots) if plots is not None else [])

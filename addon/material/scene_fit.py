@@ -16,11 +16,11 @@ from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
+# Of sheets, in any scene.
+SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
-# Light that may be left out unasked: as much as the envelope's own stated bias.
-_NEGLIGIBLE = 1e-3
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
 _UNSEEN = 0.5
 _WORTHWHILE = 4
@@ -94,7 +94,7 @@ def plan_brdf(
         effects.append(effect)
     aim = sample = False
     if residual:
-        sampled = plan_sampling(choices, sampling)
+        sampled = plan_sampling(choices, SHEET if record.sheet is not None else sampling)
         sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
         if not sample:
@@ -104,23 +104,32 @@ def plan_brdf(
         elif sampling.beside:
             effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
-    osl = residual and choices.shader == OSL
-    features = passes and residual and not osl
+    sheet = record.sheet is not None
+    osl = residual and choices.shader == OSL and not sheet
+    features = passes and residual and not osl and not sheet
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
         why = "OSL cannot write them; built of nodes they can be had" if passes and osl else why
+        why = "a sheet that lets light through does not write them yet" if passes and sheet else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:
         effects.append(Effect("Normal pass", True, "a view layer shows it"))
-    effects += _language(choices, residual)
+    if sheet:
+        effects.append(
+            Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
+        )
+    effects += _language(choices, residual, sheet)
     return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
 
 
-def _language(choices: Choices, mirror: bool) -> list[Effect]:
+def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effect]:
     """Of a material that is to be a script: whether it is, which takes a mirror."""
     if choices.shader != OSL:
         return []
+    if sheet:
+        why = "scripts do not hold a sheet that lets light through yet; it is built of nodes"
+        return [Effect("Open Shading Language", False, why)]
     why = (
         "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
     )
@@ -171,13 +180,13 @@ def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
     if envelope is None:
         cause = f"mode {choices.mode} needs Cycles' own shaders"
         raise BakeError(record.where, cause, "bake it again with Cycles' Own Shaders")
-    rest = 1 - envelope.share
-    # By viewer too: a residual of the rim only is a small part of all light, and all that is seen there.
-    worst = max(1 - share for _, share in envelope.by_theta_o_deg)
+    parts = record.sheet.parts.values() if record.sheet is not None else ()
+    envelopes = [envelope, *(part.envelope for part in parts if part.envelope is not None)]
+    rest, worst = (max(found) for found in zip(*(one.rest for one in envelopes), strict=True))
     carried = f"it carries {100 * rest:.2g} % of the light"
     if choices.residual == ALWAYS:
         return Effect(name, True, f"asked for; {carried}")
-    if rest <= _NEGLIGIBLE and worst <= 10 * _NEGLIGIBLE:
+    if all(one.suffices for one in envelopes):
         return Effect(name, False, f"{carried}; Cycles' own shaders alone are as good")
     if choices.residual == NEVER:
         raise BakeError(

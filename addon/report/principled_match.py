@@ -19,8 +19,8 @@ import numpy as np
 
 from ...bake.envelope.views import Views, gauss_chords, sample_views
 from ...bake.lobes.lobes import Lobe
+from ...bake.lobes.microfacets import dielectric, schlick
 from ...bake.source import Array, BrdfSource
-from ...bake.sources.analytic import dielectric, schlick
 from ...bake.tables.treated_source import TreatedSource
 from ...nodes import compat
 

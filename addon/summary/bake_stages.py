@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from ...bake.brdf.bake import KIND_OF_STAGE
 from ...bake.brdf.settings import BakeSettings
+from ...bake.brdf.sheet_bake import STAGE
 from ...bake.shading_maps.bake import ArcSettings
 
 # Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds
@@ -40,6 +41,7 @@ def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
         "sampler": 0.9 + 0.3 * size,
         "measuring": 0.4,
         "envelope": 5.0 + 1.2 * size if settings.envelope else 0.0,
+        STAGE: 0.0,  # of sheets alone
         "writing": 0.4 + 0.2 * size,
     }
 
@@ -56,6 +58,7 @@ def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
         "sampler": 4.5,
         "measuring": 2.0,
         "envelope": 22.0 if settings.envelope else 0.0,
+        STAGE: 0.0,
         "writing": 0.3 + 0.5 * size,
     }
 
@@ -80,6 +83,7 @@ _WORDS = {
     "tabulating": "filling the table",
     "sampler": "preparing directions",
     "envelope": "fitting Cycles' shaders",
+    STAGE: "what the sheet lets through",
     "averages and slices": "sorting by light",
 }
 

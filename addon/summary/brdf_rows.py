@@ -124,7 +124,7 @@ def reflected_rows(albedo: AlbedoRecord) -> Rows:
     """Those of `albedo_rows` that are known of a measurement too."""
     rows = [("Albedo 0°", colour(albedo.directional[0])), ("White sky", colour(albedo.white_sky))]
     if albedo.above_one_deg:
-        rows.append(("Above one", f"{albedo.largest:.4g}, seen from {_span(albedo.above_one_deg)}"))
+        rows.append(("Above one", f"{albedo.largest:.4g}, seen from {degrees(albedo.above_one_deg)}"))
     return rows
 
 
@@ -132,7 +132,7 @@ def _table_albedo_rows(table: AlbedoRecord, measured: AlbedoRecord) -> Rows:
     """A word where interpolation reflects more than the measurement does, and more than arrives."""
     if not table.above_one_deg or table.largest < measured.largest + 0.01:
         return []
-    return [("Table albedo", f"{table.largest:.3g} at {_span(table.above_one_deg)}: raise the resolution")]
+    return [("Table albedo", f"{table.largest:.3g} at {degrees(table.above_one_deg)}: raise the resolution")]
 
 
 def size_rows(record: Record) -> Rows:
@@ -188,8 +188,9 @@ def colour(values: Sequence[float]) -> str:
     return " ".join(f"{value:.3f}" for value in values)
 
 
-def _span(degrees: Sequence[float]) -> str:
-    low, high = min(degrees), max(degrees)
+def degrees(angles: Sequence[float]) -> str:
+    """Angles from the least to the largest."""
+    low, high = min(angles), max(angles)
     return f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
 
 

@@ -9,6 +9,7 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.shading_maps.record import Record
 from . import brdf_rows, shading_map_rows
 from .brdf_rows import Rows
+from .sheet_rows import sheet_rows
 
 _BRDF: tuple[Callable[[Any], Rows], ...] = (
     brdf_rows.source_rows,
@@ -16,6 +17,7 @@ _BRDF: tuple[Callable[[Any], Rows], ...] = (
     brdf_rows.envelope_rows,
     brdf_rows.table_rows,
     brdf_rows.albedo_rows,
+    sheet_rows,
     brdf_rows.size_rows,
 )
 _SHADING_MAP: tuple[Callable[[Any], Rows], ...] = (

@@ -25,6 +25,8 @@ from .grids import grid_of, is_anisotropic
 from .samplers import Layout, isotropic_layout_of, layout_of
 from .settings import FILTER_CHOICES, BakeSettings
 
+# Light that native closures may leave out unasked: as much as the envelope's own stated bias.
+NEGLIGIBLE = 1e-3
 _MOST_PREVIEW = 3  # closures of an isotropic preview
 _MOST_CANDIDATES = 100
 _SPLINES = ("none", "plain", "fitted")
@@ -256,6 +258,18 @@ class EnvelopeRecord(ClosuresRecord):
     overshoot: float
     by_theta_o_deg: tuple[tuple[float, ...], ...]
     measured: Mapping[str, Any] = field(repr=False)
+
+    @property
+    def rest(self) -> tuple[float, float]:
+        """Share of all light that is left, and of what the viewer sees to whom most is left: a residual of the rim is a
+        small part of all light, and all that is seen there."""
+        return 1 - self.share, max(1 - share for _, share in self.by_theta_o_deg)
+
+    @property
+    def suffices(self) -> bool:
+        """Whether the closures alone are as good, but for a bias of the order of their own."""
+        rest, worst = self.rest
+        return rest <= NEGLIGIBLE and worst <= 10 * NEGLIGIBLE
 
     @classmethod
     def parse(cls, fields: Fields, anisotropic: bool) -> EnvelopeRecord:

@@ -19,12 +19,13 @@ from ..envelope import (
 from ..errors import BakeError
 from ..images.storage import Storage
 from ..sampling.slope_cells import SlopeLayout
+from ..source import SHEET_PARTS, SheetPart
 from ..tables.atlas import AtlasLayout
+from ..tables.filter_choice import filter_why_of
 from ..tables.table import Table
 from .appearance import ColorDifferenceRecord, color_differences_of
 from .baked_table import SAMPLERS, BakedTable, images_of_table
 from .common import AlbedoRecord, BundleRecord, ImageRecord, check_size, rights_of
-from .filter_choice import filter_why_of
 from .grids import is_anisotropic
 from .modes import TABLE_OF
 from .parts import (
@@ -54,6 +55,7 @@ class BrdfRecord(BundleRecord):
     sampler : kind and sizes of the table's sampler, and of the residual's where that has none of its own
     rms_by_filter : RMS in 1/sr with the filter of the bake and with every simpler one; empty in older bundles
     search : of a Bezier shape, where one was searched for
+    sheet : what else there is of a sheet that lets light through
     candidates : grids that were tried, best first; none in older bundles
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
     color_differences : from the measurement as a sphere shows them, of "exact" and of the "table"; empty in older
@@ -77,6 +79,7 @@ class BrdfRecord(BundleRecord):
     envelope: EnvelopeRecord | None
     residual: ResidualRecord | None
     preview: PreviewRecord | None
+    sheet: SheetRecord | None
 
     @classmethod
     def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
@@ -98,6 +101,7 @@ class BrdfRecord(BundleRecord):
             "candidates": candidates_of(fields),
             "envelope": EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,
             "preview": PreviewRecord.parse(fields.part("preview"), anisotropic) if fields.has("preview") else None,
+            "sheet": SheetRecord.parse(fields) if fields.has("sheet") else None,
         }
 
     @property
@@ -117,7 +121,17 @@ class BrdfRecord(BundleRecord):
             names += images_of_table(TABLE_OF[mode])
         if TABLE_OF.get(mode) == "residual":
             names += "envelope", "residual_share"
-        return tuple(name for name in names if self.has(name))
+        found = [name for name in names if self.has(name)]
+        for part, record in self.sheet.parts.items() if self.sheet is not None else ():
+            found += [f"{part}_{name}" for name in record.images_of(mode)]
+        return tuple(found)
+
+    def part(self, name: SheetPart) -> BrdfRecord | None:
+        """A part of a sheet with its images, as a record of its own; None where there is none, or it is black."""
+        found = self.sheet.parts.get(name) if self.sheet is not None else None
+        if found is None or self.bundle is None:
+            return found
+        return replace(found, bundle=self.bundle.part(name, dict(found.document)))
 
     def check_filter(self, name: str, mode: str) -> None:
         """Raise BakeError where a mode of `bake.brdf.modes.MODES` would interpolate fitted coefficients as if they were
@@ -165,6 +179,37 @@ class BrdfRecord(BundleRecord):
         `share_layout`."""
         bundle = self.files()
         checked_shares(bundle.load("residual_share"), bundle.image_path("residual_share"), self.share_layout)
+
+
+@dataclass(frozen=True)
+class SheetRecord:
+    """What a sheet has beside its front's reflection.
+
+    Attributes
+    ----------
+    alike : the back is as the front, each seen from its own side
+    parts : of `bake.source.SHEET_PARTS` those that are not black; without bundles, which `BrdfRecord.part` adds
+    """
+
+    alike: bool
+    parts: Mapping[SheetPart, BrdfRecord]
+
+    @classmethod
+    def parse(cls, fields: Fields) -> SheetRecord:
+        """Read from a document's "sheet". Raises BakeError."""
+        sheet = fields.part("sheet")
+        names = [name for name in SHEET_PARTS if sheet.has(name)]
+        return cls(sheet.flag("alike"), {name: BrdfRecord.parse(*_part_document(fields, name)) for name in names})
+
+
+def _part_document(fields: Fields, name: SheetPart) -> tuple[dict[str, Any], str]:
+    """Document of a part, as a BRDF of its own would have it, and where it is."""
+    images = fields.part("images").entries
+    front = f"{name}_"
+    own = {key.removeprefix(front): entry for key, entry in images.items() if key.startswith(front)}
+    shared = {key: value for key, value in fields.entries.items() if key in ("kind", "source", "settings", "packed")}
+    part = {key: value for key, value in fields.part("sheet").part(name).entries.items() if key != "sheet"}
+    return {**part, **shared, "images": own}, f"{fields.where}: sheet.{name}"
 
 
 def _stored_as(images: Mapping[str, ImageRecord], name: str) -> Storage | None:

@@ -20,6 +20,9 @@ from ..envelope import (
     fit_preview,
     lamp_shares,
 )
+from ..envelope.anisotropic_lobes import AnisotropicLobe
+from ..envelope.closures import Closure
+from ..lobes.lobes import Lobe
 from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.slope_cells import SlopeLayout
 from ..sampling.slope_warp import SlopeWarp
@@ -52,9 +55,11 @@ class Reflection(ABC):
     Attributes
     ----------
     layout : kind and sizes of the samplers
+    basis : closures to choose from; None for all
     """
 
     layout: Layout
+    basis: tuple[Closure, ...] | None = None
 
     def __init__(self, treated: TreatedSource) -> None:
         self._treated = treated
@@ -66,7 +71,7 @@ class Reflection(ABC):
 
     def fit_envelope(self, progress: Share) -> EnvelopeFit:
         """Native closures under the source."""
-        return fit_envelope(self._treated, EnvelopeSettings(viewers=self.nodes()), progress)
+        return fit_envelope(self._treated, EnvelopeSettings(viewers=self.nodes(), basis=self.basis), progress)
 
     def residual(self, fit: EnvelopeFit) -> BrdfSource:
         """What is left of the source above an envelope."""
@@ -110,7 +115,7 @@ class IsotropicReflection(Reflection):
 
     def preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
         """Closures of their own, fitted to the source."""
-        return fit_preview(self._treated)
+        return fit_preview(self._treated, closures=self.basis)
 
     def albedo(self, source: BrdfSource) -> Facts:
         """By elevation."""
@@ -149,7 +154,7 @@ class AnisotropicReflection(Reflection):
 
     def preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
         """The envelope's closures, with weights of their own."""
-        return fit_preview(self._treated, self.nodes(), envelope.closures if envelope else None)
+        return fit_preview(self._treated, self.nodes(), envelope.closures if envelope else self.basis)
 
     def albedo(self, source: BrdfSource) -> Facts:
         """By elevation the mean over the viewer's azimuth; "largest" and "above_one_deg" are those of any."""
@@ -187,6 +192,13 @@ def reflection_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settin
     if treated.isotropic:
         return IsotropicReflection(treated, settings)
     return AnisotropicReflection(treated, grid, choice, settings)
+
+
+def transmission_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings) -> Reflection:
+    """The same of a transmission, mirrored: of native closures only Translucent BSDF lets light through a sheet."""
+    made = reflection_of(treated, grid, choice, settings)
+    made.basis = (Lobe("lambert"),) if treated.isotropic else (AnisotropicLobe("lambert"),)
+    return made
 
 
 def slope_layout(wanted: IsotropicLayout, widths: tuple[float, float], half_turn: bool) -> SlopeLayout:

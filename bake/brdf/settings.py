@@ -39,7 +39,7 @@ class BakeSettings:
     alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
         are of the normal-vector basis: with them "auto" means a Bezier table in that basis
     storage : of the table's texels
-    filter : that the material reconstructs with; "auto": see `bake.brdf.filter_choice`
+    filter : that the material reconstructs with; "auto": see `bake.tables.filter_choice`
     spline : coefficients for filter "bspline": the samples themselves as in Mallett & Yuksel 2016, fitted >= 0, or
         whichever of the two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : kind and sizes of the samplers: alias tables, or a warp of the unit square

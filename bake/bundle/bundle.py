@@ -2,7 +2,8 @@
 
     NAME_HASH_IMAGE.exr, .hdr or .png
                      images, those that the material has: table, sampler, envelope, residual, residual_sampler,
-                     residual_share, preview_weights, slices, power, coefficients; see `image_names`
+                     residual_share, preview_weights, slices, power, coefficients; of a sheet's other parts the same
+                     behind the part's name, as through_table; see `image_names`
     material.json    all parameters, errors and facts, and the images' names
     preview.png      for people
 
@@ -18,7 +19,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -29,6 +30,7 @@ from ..atomic_write import publish_folder, recover, replacing_folder, staging_fo
 from ..errors import BakeError
 from ..images.image_io import MAX_IMAGE_BYTES, read_header, read_image, write_image, write_png
 from ..images.storage import IMAGE_STORAGES, Storage
+from ..source import SHEET_PARTS
 from .checked_json import dump_json, load_json, require
 from .image_names import common_name, is_unique_name, title_of, unique_name
 
@@ -50,19 +52,17 @@ KINDS: tuple[str, ...] = get_args(Kind)
 # 2: half vectors, four dimensions, codes, raised half floats, all of which readers of 1 would take for plain tables.
 # 3: images are called as no other material's are.
 # 4: samplers may be warps, which readers of 3 would take for alias tables.
-SCHEMA = 4
+# 5: sheets, of which readers of 4 would show the front's reflection alone; everything else is still written as 4.
+SCHEMA = 5
+_SCHEMA_OF_OTHERS = 4
 SUFFIX = ".mmat"
+_OF_TABLES = "table", "sampler", "envelope", "residual", "residual_sampler", "residual_share", "preview_weights"
 IMAGES = (
-    "table",
-    "sampler",
-    "envelope",
-    "residual",
-    "residual_sampler",
-    "residual_share",
-    "preview_weights",
+    *_OF_TABLES,
     "slices",
     "power",
     "coefficients",
+    *(f"{part}_{name}" for part in SHEET_PARTS for name in _OF_TABLES),
 )
 MATERIAL, PREVIEW = "material.json", "preview.png"
 _COMMON = frozenset(common_name(name, storage.suffix) for name in IMAGES for storage in Storage)
@@ -103,6 +103,10 @@ class Bundle:
         if not np.isfinite(pixels).all():
             raise BakeError(file, "holds values that are not finite", "bake it again")
         return pixels
+
+    def part(self, name: str, material: dict[str, Any]) -> Bundle:
+        """A part of a sheet by itself, whose document lists its images of this folder without the part's name."""
+        return replace(self, material=material)
 
     @property
     def preview(self) -> Path | None:
@@ -146,7 +150,7 @@ def write_bundle(
     unknown = sorted(set(images) - set(IMAGES))
     if unknown or kind not in KINDS:
         raise BakeError(target, f"cannot hold {', '.join(unknown) or kind}", f"use {', '.join(IMAGES)}")
-    document = {**material, "schema": SCHEMA, "kind": kind}
+    document = {**material, "schema": SCHEMA if "sheet" in material else _SCHEMA_OF_OTHERS, "kind": kind}
     document.pop("images", None)
     # Without indentation, for the headers; also refuses what JSON cannot hold before anything is written.
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..lobes.microfacets import ggx_lobe
 from ..source import Array, Facts
-from ..sources.analytic import ggx_lobe
 from .closures import NARROWEST
 
 WIDEST = 1.0

@@ -8,7 +8,7 @@ from ..errors import BakeError
 from ..reading import Reading
 from ..source import BrdfSource, Reader
 from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
-from .exchanged import Exchanged
+from .exchanged import exchanged_source
 from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
 from .mistaken import refuse_mistaken
 from .published import parameters
@@ -66,12 +66,12 @@ def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
     reading = reading or Reading()
     for reader in (*both, *by_content, *by_suffix):
         source = reader.read(path, reading)
-        return source if reading.reciprocity == "measured" else Exchanged(source, reading.reciprocity)
+        return source if reading.reciprocity == "measured" else exchanged_source(source, reading.reciprocity)
     raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
 
 
 # Suffixes that many programs use: such a file in a folder is a measurement only by its content.
-_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".npy", ".txt", ".xml"})
+_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".json", ".npy", ".txt", ".xml"})
 
 
 def measurements_in(folder: Path) -> list[Path]:

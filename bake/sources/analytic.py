@@ -21,6 +21,8 @@ from .. import xp_numpy
 from ..errors import BakeError
 from ..lobes.cosine_lobes import COSINE_LOBES, cosine_lobe, half_vector_norm, lobe_norm
 from ..lobes.metallic_paint import metallic_paint
+from ..lobes.microfacets import conductor, dielectric, ggx_lobe, schlick
+from ..lobes.thin_sheet import forward_btdf
 from ..source import Array, Facts
 
 Rgb = tuple[float, float, float]
@@ -56,7 +58,7 @@ class Analytic(ABC):
 
     def _checked(self, key: str, value: Any) -> Any:
         """The parameter as number or colour, within the range of RANGES."""
-        if key not in RANGES or (key in ("alpha_y", "exponent_y") and value is None):
+        if key not in RANGES or (key in _OPTIONAL and value is None):
             choices = CHOICES.get(key)
             if choices and value not in choices:
                 raise _bad(self.LABEL, f"{key} = {value!r}", f"choose one of {', '.join(choices)}")
@@ -90,6 +92,9 @@ class Analytic(ABC):
 # enters.
 RANGES: dict[str, tuple[float, float, bool]] = {
     "diffuse": (0, 1, True),
+    "diffuse_behind": (0, 1, True),
+    "through": (0, 1, True),
+    "forward": (0, 1, True),
     "specular": (0, 1, True),
     "f0": (0, 1, True),
     "flake": (0, 1, True),
@@ -104,6 +109,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "k": (0, 100, True),
     "coat_eta": (1, 10, False),
 }
+_OPTIONAL = ("alpha_y", "exponent_y", "diffuse_behind")
 CHOICES = {
     "lobe": COSINE_LOBES,
     "variant": ("ward", "duer", "bounded"),
@@ -304,47 +310,48 @@ class MetallicPaint(Analytic):
         return metallic_paint(xp_numpy, wi, wo, *colours, self.flake_alpha, self.coat_alpha, self.coat_eta)
 
 
-def ggx_ndf(half: Array, alpha_x: float, alpha_y: float) -> Array:
-    """GGX distribution of normals in 1/sr at unit half vectors (..., 3); integrates to 1 over cos theta_h."""
-    stretched = (half[..., 0] / alpha_x) ** 2 + (half[..., 1] / alpha_y) ** 2 + half[..., 2] ** 2
-    return 1 / (math.pi * alpha_x * alpha_y * stretched**2)
+@dataclass(frozen=True)
+class ThinCloth(Analytic):
+    """A thin sheet: Lambertian on both sides, with Lambertian transmission and a lobe of what goes nearly straight on.
 
+    f = `diffuse` / pi, behind `diffuse_behind` / pi (by default the same), and through it `bake.lobes.thin_sheet`. A
+    reciprocal `SheetSource`.
 
-def ggx_lobe(wi: Array, wo: Array, alpha_x: float, alpha_y: float) -> Array:
-    """D G / (4 cos_i cos_o) of GGX with height-correlated Smith shadowing, (n, 3) directions -> (n,)."""
+    Raises
+    ------
+    BakeError : also where `diffuse` or `diffuse_behind` + `through` + `forward` exceeds 1 in a channel
+    """
 
-    def stretched(w: Array) -> Array:
-        length: Array = np.sqrt((alpha_x * w[:, 0]) ** 2 + (alpha_y * w[:, 1]) ** 2 + w[:, 2] ** 2)
-        return length
+    diffuse: Rgb = (0.4, 0.4, 0.4)
+    diffuse_behind: Rgb | None = None
+    through: Rgb = (0.2, 0.2, 0.2)
+    forward: Rgb = (0.2, 0.2, 0.2)
+    exponent: float = 20.0
+    LABEL = "thin-cloth"
 
-    shadowed = 0.5 / (wo[:, 2] * stretched(wi) + wi[:, 2] * stretched(wo))
-    return ggx_ndf(_half(wi, wo), alpha_x, alpha_y) * shadowed
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        most = max(np.maximum(self.diffuse, self.diffuse_behind or 0) + self.through + self.forward)
+        if most > 1 + 1e-9:
+            cause = f"reflects and lets through {most:.4g} of the light"
+            raise _bad(self.LABEL, cause, "give diffuse (and diffuse_behind), through, forward whose sum is at most 1")
 
+    @property
+    def alike(self) -> bool:
+        """Whether front and back are the same."""
+        return self.diffuse_behind in (None, self.diffuse)
 
-def schlick(cosine: Array, f0: Array) -> Array:
-    """Fresnel reflectance by Schlick 1994, broadcast over `cosine` (..., 1) and `f0` (3,)."""
-    return f0 + (1 - f0) * np.maximum(1 - cosine, 0) ** 5
+    def transmitted(self, wi: Array, wo: Array) -> Array:
+        """BTDF in 1/sr; see `SheetSource.transmitted`."""
+        return forward_btdf(wi, wo, self.through, self.forward, self.exponent)
 
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        """BRDF of the back in 1/sr; see `SheetSource.reflected_behind`."""
+        below = np.maximum(wi[..., 2:], wo[..., 2:]) < -_HORIZON
+        return np.where(below, np.array(self.diffuse_behind or self.diffuse) / math.pi, 0)
 
-def dielectric(cosine: Array, eta: Array) -> Array:
-    """Unpolarised Fresnel reflectance at relative index `eta`; 1 beyond the critical angle."""
-    refracted = np.sqrt(np.maximum(eta**2 - 1 + cosine**2, 0))  # eta cos theta_t
-    perpendicular = (cosine - refracted) / (cosine + refracted)
-    parallel = (eta**2 * cosine - refracted) / (eta**2 * cosine + refracted)
-    reflectance: Array = 0.5 * (perpendicular**2 + parallel**2)
-    return reflectance
-
-
-def conductor(cosine: Array, eta: Array, k: Array) -> Array:
-    """Unpolarised Fresnel reflectance of a metal of index `eta` + i `k` (Born & Wolf, section 14.2)."""
-    sine2 = 1 - cosine**2
-    t = eta**2 - k**2 - sine2
-    modulus = np.sqrt(t**2 + 4 * eta**2 * k**2)
-    a = np.sqrt(np.maximum(0.5 * (modulus + t), 0))
-    perpendicular = (modulus + cosine**2 - 2 * a * cosine) / (modulus + cosine**2 + 2 * a * cosine)
-    along, mixed = cosine**2 * modulus + sine2**2, 2 * a * cosine * sine2
-    reflectance: Array = 0.5 * perpendicular * (1 + (along - mixed) / (along + mixed))
-    return reflectance
+    def _value(self, wi: Array, wo: Array) -> Array:
+        return np.broadcast_to(np.array(self.diffuse) / math.pi, wi.shape)
 
 
 def _cos_difference(wi: Array, wo: Array) -> Array:
@@ -372,7 +379,7 @@ def _bad(model: str, cause: str, remedy: str) -> BakeError:
     return BakeError(f"analytic {model}", cause, remedy)
 
 
-_MODELS = (Lambert, ModifiedPhong, BlinnPhong, AshikhminShirley, Ward, Ggx, OrenNayar, MetallicPaint)
+_MODELS = (Lambert, ModifiedPhong, BlinnPhong, AshikhminShirley, Ward, Ggx, OrenNayar, MetallicPaint, ThinCloth)
 ANALYTIC: dict[str, Callable[..., Analytic]] = {model.LABEL: model for model in _MODELS}
 
 

@@ -1,11 +1,11 @@
-"""NVIDIA's measured BSDF files (`.mbsdf`), isotropic, grey or RGB; the reflection of them.
+"""NVIDIA's measured BSDF files (`.mbsdf`), isotropic, grey or RGB; a sheet where they hold transmission.
 
 Layout, from NVIDIA's MDL SDK (BSD-3-Clause; `bsdf_measurement.cpp`, `ibsdf_isotropic_data.h`): a first line, lines of
 free text, then `MBSDF_DATA=` (older, reflection), `MBSDF_DATA_REFLECTION=` or `MBSDF_DATA_TRANSMISSION=`, each followed
 by three uint32 (0 scalar or 1 RGB; resolution in theta; in phi) and float32 [theta_in, theta_out, phi, channel],
 little-endian. Entries are the centres of equal cells of theta over [0, pi / 2] and of phi over [0, pi], as its two
 evaluators have it. phi lies between the azimuths of the two directions, both away from the surface: its first entry is
-the retro direction, its last the mirror. Values are in 1/sr, without the cosine.
+the retro direction, its last the mirror, or what passes straight through. Values are in 1/sr, without the cosine.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ..directions import polar_angle
 from ..errors import BakeError
 from ..source import Array, Json, Reader
 from .lookup.lookup_source import Axis, LookupSource, azimuth_between, grey, interpolate, negative_facts
+from .lookup.sheet_lookup import Lookup, SheetLookup
 from .lookup.text_file import LARGEST_VALUE, checked_bytes, printable, widened
 
 MAGIC = b"NVIDIA ARC MBSDF V1\n"
@@ -86,7 +87,7 @@ def _table(path: Path, data: bytes, start: int) -> tuple[Array, int]:
 
 
 def read(path: Path) -> LookupSource:
-    """Read the reflection of an `.mbsdf` file.
+    """Read an `.mbsdf` file; of a sheet, whose sides the format does not tell apart, both are taken to be alike.
 
     Raises
     ------
@@ -97,27 +98,33 @@ def read(path: Path) -> LookupSource:
     if table is None:
         cause = "holds transmission only" if parts.transmission is not None else "holds no data"
         _refuse(path, cause, "give a file with the reflection of a surface")
-    n_theta, n_phi = table.shape[1:3]
     colour = "RGB of primaries that the file does not state, read as Rec.709"
     if table.shape[3] == 1:
-        table, colour = grey(table[..., 0]), "grey"
-    axes = _centres(n_theta, np.pi / 2), _centres(n_theta, np.pi / 2), _centres(n_phi, np.pi)
-
-    def lookup(wi: Array, wo: Array) -> Array:
-        return interpolate(axes, table, polar_angle(wi), polar_angle(wo), azimuth_between(wi, wo))
-
+        colour = "grey"
     exchanged = np.abs(table - table.swapaxes(0, 1)).sum() / max(np.abs(table).sum() * 2, 1e-30)
     facts: dict[str, Json] = {
         "format": "NVIDIA MBSDF",
         "comments": parts.notes,
         "colour": colour,
-        "entries": [n_theta, n_theta, n_phi],
+        "entries": list(table.shape[:3]),
         "interpolation": "trilinear between cell centres",
-        "transmission_left_out": parts.transmission is not None,
         "reciprocity_error": float(2 * exchanged),
         **negative_facts(table),
     }
-    return LookupSource(path.stem, lookup, facts, isotropic=True, bilateral=True)
+    lookup = _lookup_of(table)
+    if parts.transmission is None:
+        return LookupSource(path.stem, lookup, facts, isotropic=True, bilateral=True)
+    facts["transmission"] = "both ways alike, and so are the sides: the format knows one"
+    through = _lookup_of(parts.transmission)
+    return SheetLookup(path.stem, lookup, facts, True, True, through, through, lookup, alike=True)
+
+
+def _lookup_of(table: Array) -> Lookup:
+    """Values between the entries of a table (theta_in, theta_out, phi, 1 or 3)."""
+    n_theta, n_phi = table.shape[1:3]
+    colours = grey(table[..., 0]) if table.shape[3] == 1 else table
+    axes = _centres(n_theta, np.pi / 2), _centres(n_theta, np.pi / 2), _centres(n_phi, np.pi)
+    return lambda wi, wo: interpolate(axes, colours, polar_angle(wi), polar_angle(wo), azimuth_between(wi, wo))
 
 
 def _centres(count: int, whole: float) -> Axis:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.lobes.microfacets import ggx_ndf
 from measured_materials.bake.source import Array, BrdfSource
-from measured_materials.bake.sources.analytic import ggx_ndf
 from measured_materials.bake.sources.grid_warp import Grid, WarpInverse
 from measured_materials.bake.sources.tensor_file import write_tensor_file
 

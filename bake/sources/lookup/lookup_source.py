@@ -10,7 +10,7 @@ import numpy as np
 
 from ...source import Array, Facts
 
-_CHUNK = 1 << 15
+CHUNK = 1 << 15
 # cos(pi / 2) is not 0 in floating point, yet such a direction lies on the horizon.
 HORIZON_COS = 1e-7
 
@@ -32,7 +32,7 @@ class LookupSource:
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr without the cosine, 0 on and below the horizon; see `BrdfSource.evaluate`."""
-        return above_horizon(self.lookup, wi, wo, _CHUNK)
+        return above_horizon(self.lookup, wi, wo, CHUNK)
 
 
 def above_horizon(lookup: Callable[[Array, Array], Array], wi: Array, wo: Array, chunk: int) -> Array:

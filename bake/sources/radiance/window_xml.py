@@ -1,7 +1,9 @@
 """The XML around measured window layers, as LBNL's WINDOW and Radiance's genBSDF write it.
 
-`read` takes the reflection of such a file. Sides are named as Radiance loads them, which its own library confirms:
-`Reflection Back` is the front, whose normal is +z. A file that has the other side only is read from that side.
+`read` takes reflection and transmission. Sides are named as Radiance loads them, which its own library confirms:
+`Reflection Back` is the front, whose normal is +z. A file that has the other side only is read from that side. Light
+that `Transmission Front` lets through comes from the back and is seen from the front; where a file has one way only,
+the other is its reciprocal, as in Radiance. Both are addressed as reflection is, by where light travels to.
 
 The blocks `Visible` (Y), `CIE-X` and `CIE-Z` of matrices, `CIE-u` and `CIE-v` (u', v' chromaticities) of trees become
 linear Rec.709 with the white of D65; without them the material is grey. Blocks of the sun's spectrum are not colours
@@ -11,7 +13,6 @@ and are left out. Negative numbers count as 0, as in Radiance.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,16 +24,21 @@ from ...reading import Reading
 from ...source import Array, Reader
 from ...spectrum import xyz_to_rec709
 from ..lookup.lookup_source import LookupSource
+from ..lookup.sheet_lookup import Lookup, SheetLookup, exchanged
 from ..lookup.text_file import beginning, checked_bytes, printable
 from .klems import klems_lookup
 from .tensor_tree import tree_lookup
 
 MAX_BYTES = 256 << 20
 _REMEDY = "give a BSDF file as WINDOW, genBSDF or pabopto2bsdf wrote it"
-_SIDES = {"reflection back": "front", "reflection front": "back"}
+_SIDES = {
+    "reflection back": "front",
+    "reflection front": "back",
+    "transmission front": "through",
+    "transmission back": "through behind",
+}
+_OTHER_WAY = {"through": "through behind", "through behind": "through"}
 _CHANNELS = {"visible": "Y", "cie-x": "X", "cie-z": "Z", "cie-u": "u", "cie-v": "v"}
-
-Lookup = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Layer:
 
 
 def read(path: Path, reading: Reading) -> LookupSource:
-    """Read the reflection of a WINDOW or Radiance XML file.
+    """Read a WINDOW or Radiance XML file; of a layer that lets light through a sheet.
 
     Raises
     ------
@@ -57,9 +63,7 @@ def read(path: Path, reading: Reading) -> LookupSource:
     if side not in layer.blocks:
         what = "reflection" if reading.side == "auto" else f"reflection of its {side}"
         raise BakeError(path, f"holds no {what}", "give a file with a block Reflection Back or Reflection Front")
-    blocks = layer.blocks[side]
     make = tree_lookup if layer.structure.startswith("tensortree") else klems_lookup
-    channels: dict[str, Lookup] = {}
     facts: dict[str, Any] = {
         "format": "Radiance tensor tree" if make is tree_lookup else "Klems matrix",
         "comments": [layer.name],
@@ -68,13 +72,27 @@ def read(path: Path, reading: Reading) -> LookupSource:
         "interpolation": "none: constant within each cell, as in Radiance",
     }
     isotropic = layer.structure == "tensortree3"
-    for channel, block in blocks.items():
-        channels[channel], told = make(path, layer.structure, block)
-        facts |= told if channel == "Y" else {}
-    if "Y" not in channels:
-        raise BakeError(path, f"holds no block Visible for {side}", _REMEDY)
-    facts["colour"] = _colour_of(channels)
-    return LookupSource(path.stem, _rgb_lookup(channels, side == "back"), facts, isotropic, False)
+    lookups: dict[str, Lookup] = {}
+    for name, blocks in layer.blocks.items():
+        channels: dict[str, Lookup] = {}
+        for channel, block in blocks.items():
+            channels[channel], told = make(path, layer.structure, block)
+            facts |= told if (channel, name) == ("Y", side) else {}
+        if "Y" not in channels:
+            raise BakeError(path, f"holds no block Visible for {name}", _REMEDY)
+        if name == side:
+            facts["colour"] = _colour_of(channels)
+        lookups[name] = _rgb_lookup(channels, side == "back")
+    ways = [way for way in _OTHER_WAY if way in lookups]
+    if not ways:
+        return LookupSource(path.stem, lookups[side], facts, isotropic, False)
+    for way in ways:
+        lookups.setdefault(_OTHER_WAY[way], exchanged(lookups[way]))
+    facts["transmission"] = "both ways" if len(ways) == 2 else "one way, the other by reciprocity"
+    behind = lookups.get("back" if side == "front" else "front")
+    facts["behind"] = "reflects" if behind else "black: the file holds no reflection of it"
+    seen, other = ("through", "through behind") if side == "front" else ("through behind", "through")
+    return SheetLookup(path.stem, lookups[side], facts, isotropic, False, lookups[seen], lookups[other], behind)
 
 
 def read_layer(path: Path) -> Layer:

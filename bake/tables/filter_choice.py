@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from ..bundle.checked_json import Fields
 from ..source import Facts
-from ..tables.table import Filter
+from .table import Filter
 
 LEAST_GAIN = 1.6
 # Of the reflected light: less than that is off in no picture.

@@ -1,0 +1,61 @@
+"""Rows on what a thin sheet lets through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...bake.brdf.common import AlbedoRecord
+from ...bake.brdf.record import BrdfRecord
+from ...bake.bundle.checked_json import Fields
+from ...bake.source import SHEET_PARTS, luminance
+from .brdf_rows import Rows, colour, degrees
+
+_ANGLES = (0, 30, 60, 80)
+# Parts of a sheet that a side shows.
+_SIDES = ("", "through"), ("behind", "through_behind")
+
+
+def sheet_rows(record: BrdfRecord) -> Rows:
+    """Rows of a bundle; none where it is no sheet."""
+    if record.sheet is None:
+        return []
+    return _rows({"": record.albedo, **{name: part.albedo for name, part in record.sheet.parts.items()}})
+
+
+def measured_sheet_rows(facts: Mapping[str, Any], albedo: Mapping[str, Any], where: Path) -> Rows:
+    """Rows of what `bake.tables.sheet.sheet_facts` found of a measurement, given the albedo of its front."""
+    fields = Fields({"": albedo, **facts}, where)
+    return _rows({name: AlbedoRecord.parse(fields, name) for name in ("", *SHEET_PARTS) if fields.has(name)})
+
+
+def _rows(seen: Mapping[str, AlbedoRecord]) -> Rows:
+    rows: Rows = []
+    for reflection, transmission in _SIDES:
+        reflected, through = seen.get(reflection), seen.get(transmission)
+        side: Rows = []
+        if through is not None:
+            name = "Transmittance 0°" if not reflection else "Through 0°"
+            side += [(name, colour(through.directional[0])), ("By angle", _by_angle(through))]
+        if reflected is not None and reflection:
+            side.append(("Albedo 0°", colour(reflected.directional[0])))
+        if reflected is not None and through is not None:
+            side += _above_one(reflected, through)
+        rows += [(f"Back: {name[:1].lower()}{name[1:]}", words) for name, words in side] if reflection else side
+    return rows
+
+
+def _above_one(reflected: AlbedoRecord, through: AlbedoRecord) -> Rows:
+    """A word where more light leaves than arrives."""
+    total = (np.array(reflected.directional) + through.directional).max(-1)
+    above = [angle for angle, most in zip(through.theta_o_deg, total) if most > 1.001]
+    told = f"up to {total.max():.4g} reflected and let through, at {degrees(above)}" if above else ""
+    return [("R + T above one", told)] if above else []
+
+
+def _by_angle(found: AlbedoRecord) -> str:
+    shown = dict(zip(found.theta_o_deg, found.directional))
+    return ", ".join(f"{angle}° {float(luminance(np.array(shown[angle]))):.3g}" for angle in _ANGLES if angle in shown)

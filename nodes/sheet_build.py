@@ -1,0 +1,100 @@
+"""The sides of a sheet from its bundle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ..bake.brdf.modes import TABLE_OF
+from ..bake.brdf.record import BrdfRecord
+from ..bake.source import SheetPart, luminance
+from .brdf_group import BrdfParts
+from .checked_pixels import check_closures
+from .data_image import Images
+from .sheet_group import SheetSide, sheet_group
+from .table_groups import table_groups
+from .weighted_closures import WeightedClosures
+
+
+@dataclass(frozen=True)
+class SheetBuild:
+    """How a sheet's group is built; the parameters are those of `nodes.material.build_material`.
+
+    Parameters
+    ----------
+    residual : whether parts get a mirror, of which those do whose native closures leave something
+    """
+
+    mode: str
+    filter: str | None
+    stochastic: bool
+    residual: bool
+    lamps: bpy.types.Image | None
+
+    def group(self, record: BrdfRecord, name: str, images: Images, *, normals: bool) -> bpy.types.ShaderNodeTree:
+        """The group. Raises BakeError where a part does not hold what the mode needs."""
+        assert record.sheet is not None
+        front = self._side(record, record.part("through"), name, images, ("", "through"))
+        back = None
+        if not record.sheet.alike:
+            behind = record.part("behind"), record.part("through_behind")
+            back = self._side(*behind, name, images, ("behind", "through_behind"))
+        return sheet_group(f"Measured {name}", self.mode, front, back, anisotropic=record.anisotropic, normals=normals)
+
+    def _side(
+        self,
+        reflected: BrdfRecord | None,
+        through: BrdfRecord | None,
+        name: str,
+        images: Images,
+        parts: tuple[SheetPart | str, SheetPart],
+    ) -> SheetSide:
+        """What is seen of one side."""
+        both = tuple(0.0 if record is None else _white_sky(record) for record in (reflected, through))
+        made = [
+            None if record is None else self._parts(record, f"{name} {part}".strip(), _of_part(images, part))
+            for record, part in zip((reflected, through), parts, strict=True)
+        ]
+        if made[1] is not None:
+            made[1] = _through(made[1])
+        return SheetSide(made[0], made[1], both[0] / max(sum(both), 1e-9))
+
+    def _parts(self, record: BrdfRecord, name: str, images: Images) -> BrdfParts:
+        table = None
+        needs = record.envelope is None or not record.envelope.suffices
+        if self.mode == "reference" or (self.mode != "preview" and self.residual and needs):
+            part = TABLE_OF[self.mode]
+            chosen = self.stochastic and part == "table"
+            aimed = self.lamps is not None
+            table = table_groups(record.baked(part), name, images, self.filter, chosen, aimed=aimed)
+        envelope = closures_of(record, "envelope", images) if self.mode in ("exact", "balanced") else None
+        preview = closures_of(record, "preview_weights", images)
+        lamps = self.lamps if table is not None else None
+        return BrdfParts(table, envelope, preview, lamps, anisotropic=record.anisotropic)
+
+
+def _white_sky(record: BrdfRecord) -> float:
+    return float(luminance(np.array(record.albedo.white_sky)))
+
+
+def _of_part(images: Images, part: str) -> Images:
+    """Textures of a part, by the names that they have in its own record."""
+    return (lambda name: images(f"{part}_{name}")) if part else images
+
+
+def _through(parts: BrdfParts) -> BrdfParts:
+    """The same for light from the far side."""
+    table, envelope, preview = (
+        None if part is None else replace(part, through=True) for part in (parts.table, parts.envelope, parts.preview)
+    )
+    return replace(parts, table=table, envelope=envelope, preview=preview)
+
+
+def closures_of(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:
+    """The "envelope" or the "preview_weights" of a bundle, checked before Blender loads it. Raises BakeError."""
+    check_closures(record, part)
+    described = record.envelope if part == "envelope" else record.preview
+    assert described is not None
+    return WeightedClosures(described.closures, images(part), described.viewers)
