@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,8 @@ import bpy
 import pytest
 from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
-from measured_materials.addon.ui import import_brdf
 from measured_materials.addon.ui.background.load_bundle import bundles_meant
-from measured_materials.addon.ui.drop_files import sorted_by_kind
+from measured_materials.addon.ui.drop_files import problems_of, sorted_by_kind
 from measured_materials.bake.bundle.bundle import MATERIAL
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
@@ -87,20 +87,14 @@ def test_files_of_several_kinds_can_be_dropped_together(library: Path, plate: An
 
 
 def test_a_bad_one_among_those_dropped_keeps_no_other_away(library: Path, plate: Any, tmp_path: Path) -> None:
-    """All that is wrong comes as one report."""
-    (tmp_path / "bad.mmat").mkdir()
-    (tmp_path / "worse.mmat").mkdir()
-    write_merl(tmp_path / "felt.binary", by_name("lambert"))
-    files = [{"name": name} for name in ("bad.mmat", "worse.mmat", "cut.binary", "felt.binary")]
-    (tmp_path / "cut.binary").write_bytes(b"1")
-    asked = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            import_brdf.MEASURED_MATERIALS_OT_import_brdf, "invoke", lambda self, *_: asked.append(self) or {"FINISHED"}
-        )
-        with pytest.raises(RuntimeError, match=r"bad\.mmat.*\n.*worse\.mmat"):
-            bpy.ops.measured_materials.drop("INVOKE_DEFAULT", directory=str(tmp_path), files=files)
-    assert len(asked) == 1
+    """All that is wrong comes as one list."""
+    for name in ("bad.mmat", "worse.mmat"):
+        (tmp_path / name).mkdir()
+    good = partial(load, filepath=str(library / "gold.mmat"))
+    bad = partial(load, directory=str(tmp_path), files=[{"name": "bad.mmat"}, {"name": "worse.mmat"}])
+    first, second = problems_of([bad, good])
+    assert "bad.mmat: is not a bundle" in first and "worse.mmat: is not a bundle" in second
+    assert not first.startswith("Error") and kind_of(plate.active_material) is BRDF
 
 
 def test_a_folder_of_measurements_is_imported_whole(plate: Any, tmp_path: Path) -> None:

@@ -8,14 +8,18 @@ from typing import Any
 import bpy
 import pytest
 from measured_materials.addon.material.facts import facts_of
+from measured_materials.addon.material.rebuild import current_lighting
 from measured_materials.addon.ui.background import rebuild_later
 from measured_materials.addon.ui.background.load_bundle import load_bundle
 from measured_materials.addon.ui.background.tasks import STATE_KEY
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes import portions
 from support.coarse_bakes import coarse  # noqa: F401
+from support.swatches import map_bundle, rough_map
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +92,21 @@ def test_what_cannot_be_built_is_told_and_set_back(material: Any, monkeypatch: p
     to_the_end()
     assert "has lost its table" in material.measured_quality.problem
     assert material.measured_quality.mode == "exact" == built_as(material) and STATE_KEY not in material
+
+
+def test_a_swatchs_lighting_is_built_step_by_step_too(material: Any, plate: Any, tmp_path: Path) -> None:
+    """And its mode with it, if that changes meanwhile."""
+    swatch = load_bundle(map_bundle(tmp_path / "felt", rough_map(), RenderSettings(Lobe("lambert"))).path, pack=True)
+    swatch.measured_lighting.lobe = "ggx"
+    assert STATE_KEY in swatch and current_lighting(swatch).lobe.name == "lambert"
+    rebuild_later.tick()
+    swatch.measured_quality.mode = "balanced"
+    assert to_the_end() > 1 and STATE_KEY not in swatch and not rebuild_later._lit
+    built = current_lighting(swatch)
+    assert (built.lobe.name, built.mode) == ("ggx", "balanced")
+    swatch.measured_lighting.sigma = 0.5
+    to_the_end()
+    assert current_lighting(swatch).sigma == 0.5 and current_lighting(swatch).mode == "balanced"
 
 
 def test_a_material_that_is_gone_ends_it(material: Any) -> None:

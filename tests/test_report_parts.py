@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.report import lookups, render_timing
 from measured_materials.addon.report import maps as report_maps
+from measured_materials.addon.report import pictures as report_pictures
 from measured_materials.addon.report.lobe_timing import measure_rendered
 from measured_materials.addon.report.render_timing import Effort
 from measured_materials.addon.studio.studio import render_linear
@@ -129,3 +130,32 @@ def test_every_model_is_timed(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "j", {})
     times = report_maps.measure_map_times("p", power_law_photographs(), journal, sizes, TINY, lambda _: None)
     assert set(times) == {(model.name, 4, "half") for model in maps.MODELS}
+
+
+def test_the_closest_picture_is_of_those_that_render_makes_unasked() -> None:
+    """Denoised below 256 samples and not from there on; Principled and Reference are nothing that `render` denoises."""
+    errors = {
+        "Principled BSDF": (0.01, 0.01),
+        "reference": (0.02, 0.02),
+        "preview": (0.1, 0.09),
+        "preview, denoised": (0.06, 0.04),
+        "exact": (0.2, 0.05),
+        "exact, denoised": (0.05, 0.03),
+        report_pictures.SAMPLED: (0.15, 0.07),
+    }
+    rows = [
+        report_pictures.Rendered(variant, samples, 1.0, error)
+        for variant, found in errors.items()
+        for samples, error in zip((64, 256), found)
+    ]
+    usual = report_pictures.as_rendered(rows)
+    shown = {(row.variant, row.samples) for row in usual}
+    of_few = {("preview, denoised", 64), ("exact, denoised", 64), (report_pictures.SAMPLED, 64)}
+    assert shown == of_few | {("preview", 256), ("exact", 256), (report_pictures.SAMPLED, 256)}
+    best = report_pictures.closest(usual)
+    assert {samples: (row.variant, row.error) for samples, row in best.items()} == {
+        64: ("exact, denoised", 0.05),
+        256: ("exact", 0.05),
+    }
+    note = report_pictures.pictures_section("paint", rows, []).notes[-1]
+    assert "at 64 samples exact, denoised (5.00%), at 256 samples exact (5.00%)" in note

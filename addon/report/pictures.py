@@ -28,7 +28,7 @@ from ...nodes.osl_script import use_osl, why_no_osl
 from ..material.build_brdf import build_brdf
 from ..material.choices import ALWAYS, OSL, Choices
 from ..rendering.contact_sheet import to_display
-from ..rendering.denoising import denoise_by_twin, denoise_renders, why_not_possible
+from ..rendering.denoising import ENOUGH, denoise_by_twin, denoise_renders, why_not_possible
 from ..studio.studio import build_studio, remove_studio, render_linear
 from .principled_match import fit_principled
 
@@ -37,6 +37,8 @@ PRINCIPLED = "Principled BSDF"
 SAMPLED, SAMPLED_DENOISED = "exact, OSL, lamps sampled", "exact, OSL, denoised"
 # Denoised by the materials' own albedo and normals.
 DENOISED = {"preview, denoised": "preview", "exact, denoised": "exact"}
+# What `render` makes of a mode by itself where samples are few.
+QUIET = {"preview": "preview, denoised", "exact": "exact, denoised", SAMPLED: SAMPLED_DENOISED}
 _Render = Callable[[int, int, int], Array]  # edge in pixels, samples and seed to the picture
 # What else the machine does takes no part in it, as it would in time by the clock.
 SECONDS = "seconds of processor, all threads together"
@@ -161,6 +163,32 @@ def _picture(linear: Array, caption: str) -> Picture:
     return Picture(png_bytes(to_display(linear.astype(np.float32))), caption)
 
 
+def as_rendered(rendered: list[Rendered]) -> list[Rendered]:
+    """Of the modes that `render` denoises, the pictures that it makes unasked, denoised where samples are few."""
+    there = {row.variant for row in rendered}
+    return [
+        row
+        for row in rendered
+        for plain, quiet in QUIET.items()
+        if row.variant == (quiet if row.samples < ENOUGH and quiet in there else plain)
+    ]
+
+
+def closest(rendered: list[Rendered]) -> dict[int, Rendered]:
+    """By samples, the picture of least error."""
+    return {
+        samples: min((row for row in rendered if row.samples == samples), key=lambda row: row.error)
+        for samples in sorted({row.samples for row in rendered})
+    }
+
+
+def _picked_as_rendered(rendered: list[Rendered]) -> str:
+    """The closest of what a user gets, in words."""
+    usual = as_rendered(rendered)
+    found = [f"at {samples} samples {best.variant} ({best.error:.2%})" for samples, best in closest(usual).items()]
+    return f"As `render` makes pictures unasked, denoised below {ENOUGH} samples, the closest are {', '.join(found)}."
+
+
 def pictures_section(name: str, rendered: list[Rendered], galleries: list[Gallery]) -> Section:
     """The curve, and what it looks like."""
     series: dict[str, list[Point]] = {}
@@ -181,6 +209,7 @@ def pictures_section(name: str, rendered: list[Rendered], galleries: list[Galler
     section.notes = [
         "Exact and Reference differ from the truth by hardly more than noise, which four times the samples halve. A "
         f"pick of another mode holds for pictures of {max(row.samples for row in rendered)} samples or fewer, in which "
-        "noise outweighs its difference from the measurement."
+        "noise outweighs its difference from the measurement.",
+        _picked_as_rendered(rendered),
     ]
     return section

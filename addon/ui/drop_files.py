@@ -1,6 +1,8 @@
 """Files dropped together, of any kinds: bundles are loaded, measurements and photographs ask for their settings."""
 
 # No postponed annotations here: Blender reads the properties from them.
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,18 +43,14 @@ class MEASURED_MATERIALS_OT_drop(bpy.types.Operator):
         target = object_under(context, event)
         of_object = {"object_name": target.name if target else ""}
         bundles, lights, measurements = sorted_by_kind(names)
-        calls, problems = bpy.ops.measured_materials, []
+        calls = bpy.ops.measured_materials
         wanted: list[tuple[Any, dict[str, Any]]] = []
         if bundles:
             wanted.append((calls.import_bundle, {"directory": folder, "files": _listed(bundles)}))
         wanted += [(calls.import_arc, {"filepath": str(Path(folder) / name)}) for name in lights]
         if measurements:
             wanted.append((calls.import_brdf, {"directory": folder, "files": _listed(measurements)}))
-        for call, given in wanted:
-            try:
-                call("INVOKE_DEFAULT", **given, **of_object)
-            except RuntimeError as error:  # what it reports; the others are imported all the same
-                problems += [line.removeprefix("Error: ") for line in str(error).strip().splitlines()]
+        problems = problems_of([partial(call, "INVOKE_DEFAULT", **given, **of_object) for call, given in wanted])
         if problems:
             self.report({"ERROR"}, "\n".join(problems))
         return {"FINISHED"} if names else {"CANCELLED"}
@@ -77,6 +75,17 @@ class MEASURED_MATERIALS_FH_photographs(DropTarget, bpy.types.FileHandler):
     bl_label = "Measured Material of Photographs"
     bl_import_operator = "measured_materials.import_arc"
     bl_file_extensions = ";".join(sorted(IMAGE_SUFFIXES))
+
+
+def problems_of(calls: Iterable[Callable[[], object]]) -> list[str]:
+    """What operators report, a line each: one that fails keeps no other from being called."""
+    problems = []
+    for call in calls:
+        try:
+            call()
+        except RuntimeError as error:
+            problems += [line.removeprefix("Error: ") for line in str(error).strip().splitlines()]
+    return problems
 
 
 def sorted_by_kind(names: list[str]) -> tuple[list[str], list[str], list[str]]:

@@ -16,6 +16,7 @@ from ..tables.accuracy import direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
 from ..tables.grids.grid import Grid
+from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
@@ -112,6 +113,8 @@ class PartBake:
             lambda share: self.say("choosing grid", share),
         )
         grid = best_horizon(self.source, choice.grid, self.pairs, self.truth)
+        if wanted.parameterization == "auto" and wanted.storage is Storage.LOG:
+            grid = coded_grid(self.source, grid, wanted.resolution)
         AtlasLayout.of(grid)
         return choice, grid
 

@@ -71,7 +71,7 @@ def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
 
 
 # Suffixes that many programs use: such a file in a folder is a measurement only by its content.
-_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".npy", ".txt", ".xml"})
+_OF_ANY_PROGRAM = frozenset({".bin", ".csv", ".dat", ".h5", ".json", ".npy", ".txt", ".xml"})
 
 
 def measurements_in(folder: Path) -> list[Path]:

@@ -137,6 +137,14 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
 
     Only the 8 or 16 samples round each pair are evaluated, so that a search over many grids costs little.
     """
+    samples, weights = corner_samples(source, grid, pairs)
+    # To the bit as `np.sum`, which takes three times as long over few samples in the middle.
+    values = sum(np.moveaxis(samples * weights[..., None], 1, 0))
+    return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
+
+
+def corner_samples(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> tuple[Array, Array]:
+    """The source at the samples round each pair, (P, 2^axes, 3), and their weights (P, 2^axes), last axis fastest."""
     position = grid.coordinates(xp_numpy, pairs.wi, pairs.wo)
     corners = np.array(list(itertools.product((0, 1), repeat=len(position))))
     index, weights = [], []
@@ -148,10 +156,8 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
         index.append(whole % n if around else whole)
         weights.append(np.where(corners[:, axis], t, 1 - t))
     wi, wo = grid.directions(*index)
-    weight = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
-    # To the bit as `np.sum`, which takes three times as long over few samples in the middle.
-    values = sum(np.moveaxis(source.evaluate(wi, wo) * weight[..., None], 1, 0))
-    return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
+    weight: Array = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
+    return source.evaluate(wi, wo), weight
 
 
 def estimator_variance(

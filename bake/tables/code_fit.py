@@ -25,8 +25,10 @@ from .log_codes import LogCodes
 from .table import Table, filter_taps
 
 # Of pairs for each texel, and in all: far more than codes, or noise between the pairs would be fitted.
-_PAIRS_EACH, _MOST_PAIRS, _LEAST_PAIRS = 3, 1 << 17, 1 << 14
-_STEPS, _GRADIENTS, _STAY = 5, 16, 1e-4
+_PAIRS_EACH, _MOST_PAIRS, _LEAST_PAIRS = 3, 1 << 17, 1 << 16
+_STEPS, _GRADIENTS, _STAY = 5, 16, 1e-2
+# An exponential goes further than its slope says: a step that makes things worse is shortened.
+_SHORTER = (1.0, 0.4, 0.15, 0.05)
 
 
 @dataclass(frozen=True)
@@ -90,23 +92,28 @@ def _taps(table: Table, wi: Array, wo: Array) -> _Taps:
 
 def _fit(taps: _Taps, truth: Array, root: Array, first: Array, range_: float, gain: float) -> Array:
     """Codes (K,) of one channel, from those of the samples."""
-    size = len(first)
-    scale = float(np.sum((root * truth) ** 2))
     # Of the whole squared signal, shared out: a code that moves by 1 may cost so much.
-    stay = _STAY * scale / size
-    codes, least, best = first, np.inf, first
-    for step in range(_STEPS + 1):
-        exponent = range_ * (taps.weight * codes[taps.index]).sum(1)
-        grown = np.exp(exponent)
+    stay = _STAY * float(np.sum((root * truth) ** 2)) / len(first)
+
+    def measured(codes: Array) -> tuple[float, Array, Array]:
+        """The sum, the weighted differences (P,), and exp(range y_s), (2, P)."""
+        grown = np.exp(range_ * (taps.weight * codes[taps.index]).sum(1))
         rest = root * ((taps.share * gain * (grown - 1)).sum(0) - truth)
-        error = float(rest @ rest + stay * np.sum((codes - first) ** 2))
-        if error < least:
-            least, best = error, codes
-        if step == _STEPS or error > 2 * least:
-            break
+        return float(rest @ rest + stay * np.sum((codes - first) ** 2)), rest, grown
+
+    codes, (least, rest, grown) = first, measured(first)
+    for _ in range(_STEPS):
         slope = (taps.share * grown * (gain * range_) * root)[:, None] * taps.weight
-        codes = np.clip(codes + _solved(slope, taps.index, rest, codes - first, stay), 0, 1)
-    return best
+        step = _solved(slope, taps.index, rest, codes - first, stay)
+        for shortened in _SHORTER:
+            trial = np.clip(codes + shortened * step, 0, 1)
+            found = measured(trial)
+            if found[0] < least:
+                codes, (least, rest, grown) = trial, found
+                break
+        else:
+            break
+    return codes
 
 
 def _solved(slope: Array, index: Array, rest: Array, away: Array, stay: float) -> Array:

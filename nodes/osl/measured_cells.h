@@ -111,11 +111,12 @@ float mm_cell_pdf(MMSampler sampler, float stored, MMHalf h, float wo_half)
 }
 
 // reflect_from_cell; local wi and its density
-vector mm_alias_draw(MMSampler sampler, vector wo, float u_cell, float u_alias, float u, float v, output float pdf)
+vector mm_alias_draw(
+    MMSampler sampler, float bin, vector wo, float u_cell, float u_alias, float u, float v, output float pdf)
 {
   float cell = mm_index(u_cell, sampler.cell_rows * sampler.cell_columns);
   float alias_stored;
-  color texel = mm_sampler_texel(sampler, mm_viewer_bin(sampler, wo), cell, alias_stored);
+  color texel = mm_sampler_texel(sampler, bin, cell, alias_stored);
   int keep = u_alias < texel[0];
   float chosen = keep ? cell : texel[1];
   float row = floor((chosen + 0.5) / sampler.cell_columns);
@@ -173,7 +174,7 @@ float mm_slope_cell(MMSampler sampler, vector wi, vector wo, output MMHalf h)
 }
 
 // The density with which mm_alias_draw gives wi.
-float mm_alias_density(MMSampler sampler, vector wi, vector wo)
+float mm_alias_density(MMSampler sampler, float bin, vector wi, vector wo)
 {
   MMHalf h;
   float cell = 0;
@@ -182,7 +183,7 @@ float mm_alias_density(MMSampler sampler, vector wi, vector wo)
   else
     cell = mm_slope_cell(sampler, wi, wo, h);
   float alias_stored;
-  color texel = mm_sampler_texel(sampler, mm_viewer_bin(sampler, wo), cell, alias_stored);
+  color texel = mm_sampler_texel(sampler, bin, cell, alias_stored);
   return mm_cell_pdf(sampler, texel[2], h, dot(wo, h.direction));
 }
 

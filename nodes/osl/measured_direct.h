@@ -80,8 +80,8 @@ void mm_opposite(float kind, int j, float u1, float u2, output float s, output f
 // Light of the lamps reflected to the viewer, with the balance heuristic against a mirror that is drawn by the sampler
 // and followed as often as `chance` says.
 color mm_lamp_light(
-    MMLamp lamps[MM_MOST_LAMPS], int count, int points, MMSampler sampler, MMTable table, MMGrid grid, MMFrame frame,
-    point position, float chance, float u1, float u2, float slice, float gloss)
+    MMLamp lamps[MM_MOST_LAMPS], int count, int points, MMSampler sampler, MMViewer viewer, MMTable table, MMGrid grid,
+    MMFrame frame, point position, float chance, float u1, float u2, float slice, float gloss)
 {
   color sum = 0;
   for (int k = 0; k < count; ++k) {
@@ -101,7 +101,7 @@ color mm_lamp_light(
       vector stored = mm_in_table(local, frame.wo, gloss, spread);
       if (stored[2] <= 0)
         continue;
-      float shared = points * density + chance * mm_density(sampler, stored, frame.wo) * spread;
+      float shared = points * density + chance * mm_density(sampler, viewer, stored, frame.wo) * spread;
       sum += mm_lookup(table, grid, stored, frame.wo, slice) * color(lamps[k].radiance) *
              (stored[2] * spread * beam / shared);
     }
@@ -137,8 +137,8 @@ int mm_leaves(point position, vector wi)
 // Light that a table reflects from a direction drawn towards the world with this density, with the balance heuristic
 // against a mirror as in mm_lamp_light; nothing where something stands before the world.
 color mm_world_light(
-    MMSampler sampler, MMTable table, MMGrid grid, MMFrame frame, point position, float chance, vector wi,
-    float density, color radiance, float slice, float gloss)
+    MMSampler sampler, MMViewer viewer, MMTable table, MMGrid grid, MMFrame frame, point position, float chance,
+    vector wi, float density, color radiance, float slice, float gloss)
 {
   vector local = mm_to_local(frame, wi);
   if (local[2] <= 0 || density <= 0 || !mm_leaves(position, wi))
@@ -147,7 +147,7 @@ color mm_world_light(
   vector stored = mm_in_table(local, frame.wo, gloss, spread);
   if (stored[2] <= 0)
     return 0;
-  float shared = density + chance * mm_density(sampler, stored, frame.wo) * spread;
+  float shared = density + chance * mm_density(sampler, viewer, stored, frame.wo) * spread;
   return mm_lookup(table, grid, stored, frame.wo, slice) * radiance * (stored[2] * spread / shared);
 }
 

@@ -15,6 +15,7 @@
 #define MM_MARKED_COSINE 0.02
 #define MM_MATTE 1
 #define MM_WORDS 36          // bake/envelope/texture.py: three for each of at most 12 closures
+#define MM_USUAL 3           // how many there mostly are
 
 // The shading normal, the viewer in its local frame, and the tangents.
 struct MMFrame {
@@ -198,29 +199,46 @@ float mm_mean_roughness(MMClosures closures)
   return sum > 0 ? total / sum : MM_MATTE;
 }
 
-// nodes/weighted_closures.py: the sum of the closures, saturated, times a colour
-closure color mm_weighted_closures(MMClosures closures, MMFrame frame, normal n, float saturation, color factor)
+// nodes/weighted_closures.py: one of them, whose weight is `value`, saturated, times a colour
+closure color mm_weighted_closure(
+    MMClosures closures, string name, string along, string across, color value, vector tangent, normal n,
+    float saturation, color factor)
+{
+  color weight = max(mm_saturated(value, saturation) * factor, color(0));
+  return weight * mm_native(name, stof(along), stof(across), tangent, n, closures.gloss);
+}
+
+// Their sum; `first` is the texel of the first closure's weight.
+closure color mm_weighted_closures(
+    MMClosures closures, color first, MMFrame frame, normal n, float saturation, color factor)
 {
   string words[MM_WORDS];
   int count = split(closures.words, words, " ") / 3;
   vector tangent = closures.azimuths > 0 ? frame.tangent : vector(0);
-  closure color sum = 0;
-  for (int k = 0; k < count; ++k) {
-    float alpha;
-    color value = mm_saturated(mm_closure_weight(closures, k, count, frame.wo, alpha), saturation);
-    color weight = max(value * factor, color(0));
-    sum += weight * mm_native(words[3 * k], stof(words[3 * k + 1]), stof(words[3 * k + 2]), tangent, n, closures.gloss);
-  }
+  float alpha;
+  // The usual ones by constant places: OSL then splits and reads the words while it compiles, not for every sample.
+  closure color sum =
+      mm_weighted_closure(closures, words[0], words[1], words[2], first, tangent, n, saturation, factor);
+  if (count > 1)
+    sum += mm_weighted_closure(
+        closures, words[3], words[4], words[5], mm_closure_weight(closures, 1, count, frame.wo, alpha), tangent, n,
+        saturation, factor);
+  if (count > 2)
+    sum += mm_weighted_closure(
+        closures, words[6], words[7], words[8], mm_closure_weight(closures, 2, count, frame.wo, alpha), tangent, n,
+        saturation, factor);
+  for (int k = MM_USUAL; k < count; ++k)
+    sum += mm_weighted_closure(
+        closures, words[3 * k], words[3 * k + 1], words[3 * k + 2],
+        mm_closure_weight(closures, k, count, frame.wo, alpha), tangent, n, saturation, factor);
   return sum;
 }
 
-// The mirror's probability before any lamp is known: alpha of the first closure's weights.
-float mm_usual_probability(MMClosures closures, vector wo)
+// The texel of the first closure's weight, in whose alpha the residual's share stands.
+color mm_first_weight(MMClosures closures, vector wo, output float share)
 {
   string words[MM_WORDS];
-  float share;
-  mm_closure_weight(closures, 0, split(closures.words, words, " ") / 3, wo, share);
-  return mm_mirror_probability(share);
+  return mm_closure_weight(closures, 0, split(closures.words, words, " ") / 3, wo, share);
 }
 
 #endif

@@ -12,6 +12,20 @@ color mm_warp_texel(MMSampler sampler, float bin, float column, output float alp
   return mm_tap(sampler.image, (column + 0.5) / width, (bin + 0.5) / bins, "closest", alpha);
 }
 
+// What every draw and density of one viewer needs: its bin and, of a warp, the share of matte draws there.
+struct MMViewer {
+  float bin;
+  float matte;
+};
+
+MMViewer mm_viewer_of(MMSampler sampler, vector wo)
+{
+  MMViewer viewer = {mm_viewer_bin(sampler, wo), 0};
+  if (sampler.strata > 0)
+    color first = mm_warp_texel(sampler, viewer.bin, 0, viewer.matte);
+  return viewer;
+}
+
 // bake/sampling/inverse_tables.py: inverted
 float mm_inverted(float u, color entry)
 {
@@ -39,11 +53,11 @@ vector mm_slope_half_at(MMSampler sampler, vector wo, float s, float t)
 }
 
 // bake/sampling/warp_sampler.py: draw
-vector mm_warp_draw(MMSampler sampler, vector wo, float u, float v)
+vector mm_warp_draw(MMSampler sampler, MMViewer viewer, vector wo, float u, float v)
 {
-  float bin = mm_viewer_bin(sampler, wo);
-  float matte, unused;
-  color first = mm_warp_texel(sampler, bin, 0, matte);
+  float bin = viewer.bin;
+  float matte = viewer.matte;
+  float unused;
   int is_matte = u < matte;
   float rest = is_matte ? u / matte : (u - matte) / (1 - matte);
   if (is_matte) {
@@ -62,7 +76,7 @@ vector mm_warp_draw(MMSampler sampler, vector wo, float u, float v)
 }
 
 // bake/sampling/warp_sampler.py: density
-float mm_warp_density(MMSampler sampler, vector wi, vector wo)
+float mm_warp_density(MMSampler sampler, MMViewer viewer, vector wi, vector wo)
 {
   MMHalf h;
   float s, t;
@@ -84,35 +98,47 @@ float mm_warp_density(MMSampler sampler, vector wi, vector wo)
     s = 0.5 + 0.5 * across;
     t = 0.5 + 0.5 * along;
   }
-  float bin = mm_viewer_bin(sampler, wo);
   float row = mm_index(s, sampler.cell_rows);
   float column = sampler.strata + row * sampler.cell_columns + mm_index(t, sampler.cell_columns);
-  float of_cell, matte;
-  color entry = mm_warp_texel(sampler, bin, column, of_cell);
-  entry = mm_warp_texel(sampler, bin, 0, matte);
+  float of_cell;
+  color entry = mm_warp_texel(sampler, viewer.bin, column, of_cell);
   float wo_half = dot(wo, h.direction);
   float of_half = 0;
   if (sampler.bins_phi == 0)
     of_half = of_cell / ((m + sampler.linear) * (8 * M_PI * range) * max(wo_half, 1e-6));
   else
     of_half = mm_cell_pdf(sampler, of_cell, h, wo_half);
-  return of_half + matte * (max(wi[2], 0.0) / M_PI);
+  return of_half + viewer.matte * (max(wi[2], 0.0) / M_PI);
 }
 
 // Local wi and its density by the sampler's kind; a warp takes the first two of the numbers.
-vector mm_draw(MMSampler sampler, vector wo, float u1, float u2, float u3, float u4, output float pdf)
+vector mm_draw(
+    MMSampler sampler, MMViewer viewer, vector wo, float u1, float u2, float u3, float u4, output float pdf)
 {
   if (sampler.strata == 0)
-    return mm_alias_draw(sampler, wo, u1, u2, u3, u4, pdf);
-  vector wi = mm_warp_draw(sampler, wo, u1, u2);
-  pdf = mm_warp_density(sampler, wi, wo);
+    return mm_alias_draw(sampler, viewer.bin, wo, u1, u2, u3, u4, pdf);
+  vector wi = mm_warp_draw(sampler, viewer, wo, u1, u2);
+  pdf = mm_warp_density(sampler, viewer, wi, wo);
   return wi;
 }
 
 // The density with which mm_draw gives wi.
+float mm_density(MMSampler sampler, MMViewer viewer, vector wi, vector wo)
+{
+  if (sampler.strata == 0)
+    return mm_alias_density(sampler, viewer.bin, wi, wo);
+  return mm_warp_density(sampler, viewer, wi, wo);
+}
+
+// The same where a viewer asks but once.
+vector mm_draw(MMSampler sampler, vector wo, float u1, float u2, float u3, float u4, output float pdf)
+{
+  return mm_draw(sampler, mm_viewer_of(sampler, wo), wo, u1, u2, u3, u4, pdf);
+}
+
 float mm_density(MMSampler sampler, vector wi, vector wo)
 {
-  return sampler.strata == 0 ? mm_alias_density(sampler, wi, wo) : mm_warp_density(sampler, wi, wo);
+  return mm_density(sampler, mm_viewer_of(sampler, wo), wi, wo);
 }
 
 #endif

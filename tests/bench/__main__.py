@@ -38,6 +38,8 @@ BENCHES = {
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
+    "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",
+    "sample-time": "what the time of a sample is made of: parts of Exact taken away one by one, as OSL and as nodes",
     "readme": "figures of README, hard_cases.md and formats.md beside what their benches wrote last",
     "tolerances": "what numeric assertions of the suite allow beside what they need; --quick without Blender",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
@@ -74,7 +76,7 @@ def main() -> int:
     if arguments.name == "readme" and arguments.record:
         importlib.import_module("bench_readme").fill(out)
     more = {"planted": [arguments.parts], "scale": [arguments.before]}.get(arguments.name, [])
-    status = importlib.import_module(f"bench_{arguments.name}").run(out, arguments.quick, *more)
+    status = importlib.import_module(f"bench_{arguments.name.replace('-', '_')}").run(out, arguments.quick, *more)
     seconds, values = time.perf_counter() - started, record.taken()
     print(f"bench {arguments.name}: {seconds:.0f} s; files in {out}")
     if values:

@@ -33,7 +33,7 @@ def check(words, ok):
         raise RuntimeError(words)
 
 
-def soon(words, condition, seconds=30.0):
+def soon(words, condition, seconds=120.0):
     """What must be so before long: a busy machine may take its time."""
     until = time.monotonic() + seconds
     while not condition() and time.monotonic() < until:
@@ -42,7 +42,13 @@ def soon(words, condition, seconds=30.0):
 
 
 def picture(name):
-    """The whole screen."""
+    """The whole screen, once it is drawn."""
+    yield 2 * _DRAWN
+    take(name)
+
+
+def take(name):
+    """The whole screen at once."""
     subprocess.run(["import", "-window", "root", str(HERE / f"{name}.png")], check=True)
 
 
@@ -127,21 +133,20 @@ def across(region, part):
 
 
 def rows_in(region):
-    """Heights from the top down, two for a row."""
-    step = unit() / 2
+    """Heights from the top down, close enough to hit each row."""
+    step = 0.9 * unit()
     count = int(region.height / step)
     return [region.y + region.height - step * (number + 0.5) for number in range(count)]
 
 
 def on_screen(area, region, part, until=None):
-    """What lies where, from the top down: pairs of height and words; ends below what holds the words `until`."""
+    """What lies where, from the top down: pairs of height and words; ends at what holds the words `until`."""
     found = []
     for y in rows_in(region):
         yield from move(across(region, part), y)
-        words = hovered(area, region)
-        if until and found and until in found[-1][1] and until not in words:
+        found.append((y, hovered(area, region)))
+        if until and until in found[-1][1]:
             break
-        found.append((y, words))
     return found
 
 
@@ -152,11 +157,12 @@ def hover(area, wanted, region="WINDOW", part=0.7):
         return
     for turn in range(12):
         seen = yield from on_screen(area, place, part, wanted)
-        fitting = [y for y, words in seen if wanted in words]
-        if fitting:
-            lately[wanted] = across(place, part), sum(fitting) / len(fitting)
-            if (yield from _is_at(area, place, lately[wanted], wanted)):
-                return
+        if wanted in seen[-1][1]:
+            # A busy machine may have told late where the mouse was: one row higher.
+            for y in (seen[-1][0], seen[-2][0] if len(seen) > 1 else seen[-1][0]):
+                lately[wanted] = across(place, part), y
+                if (yield from _is_at(area, place, lately[wanted], wanted)):
+                    return
         words = [words for _, words in seen]
         if words == before:
             break
@@ -221,8 +227,7 @@ def open_panel(area, name, below):
     if name in (yield from _redrawn(area)):
         return
     yield from hover(area, below)
-    top = next(y for y, words in (yield from on_screen(area, region, 0.7, below)) if below in words)
-    for y in (y for y in rows_in(region) if y < top - unit()):
+    for y in (y for y in rows_in(region) if y < lately[below][1] - unit()):
         yield from move(across(region, 0.7), y)
         if hovered(area, region):
             continue

@@ -71,7 +71,7 @@ def file_import(operator):
         check("the menu File > Import is open", menus[1].__name__ in shown)
         rows = rows_of(menus[1].__name__)
         yield from keys(*["Up"] * (len(rows) - rows.index(operator)))
-        picture(f"menu_{operator.rpartition('.')[2]}")
+        yield from picture(f"menu_{operator.rpartition('.')[2]}")
         yield from keys("Return")
     finally:
         for menu, draw in zip(menus, draws):
@@ -106,7 +106,7 @@ def choose(area, wanted, letter, **where):
 def open_tab(area, context):
     """Click through the tabs of a properties editor to this one."""
     region = region_of(area, "NAVIGATION_BAR")
-    for y in rows_in(region)[::2]:
+    for y in rows_in(region):
         if area.spaces.active.context == context:
             break
         yield from move(across(region, 0.5), y)

@@ -259,6 +259,20 @@ def out_of_focus(scene: bpy.types.Scene) -> Dress:
     return on(ball(scene))
 
 
+def swatch_on_a_ball(name: str) -> Callable[[bpy.types.Scene], Dress]:
+    """Photographs of a rough canvas under two lamps and a sky, above ground that reflects."""
+
+    def build(scene: bpy.types.Scene) -> Dress:
+        add_lamp(scene, "AREA", energy=80, size=0.6)
+        add_lamp(scene, "SUN", (-2, 1, 2), energy=1, angle=0.1, color=(0.5, 0.7, 1))
+        sky(scene, 0.06)
+        plane(scene, 6, (0, 0, -1))
+        card_before(scene)
+        return on(ball(scene), name=name)
+
+    return build
+
+
 _AREA = {"energy": 80, "size": 0.3}
 CASES = {
     "point": Case(lit_by("POINT", energy=60, shadow_soft_size=0.3)),
@@ -277,6 +291,8 @@ CASES = {
     "mixed": Case(mixed),
     "bumpy": Case(bumpy),
     "out of focus": Case(out_of_focus),
+    "swatch": Case(swatch_on_a_ball("swatch_none")),
+    "swatch, measured": Case(swatch_on_a_ball("swatch_measured")),
 }
 
 

@@ -18,13 +18,39 @@ import numpy as np
 from application import HERE, NO_STACK, Blender
 
 sys.path.insert(1, str(HERE.parent))
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.photographs.stack import PhotoStack
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
+from measured_materials.bake.sources import analytic
 from support.monte_carlo import SKEWNESS_LIMIT, compare
+from support.swatches import map_bundle, rough_map
 
 PACKAGE = "bl_ext.user_default.measured_materials"
 FINDS, LEVEL, PLANTED = 0.01, 1e-3, 1.02
 CASES = ("lamp_cases", "world_cases")
 PROGRAMS = ("common", *CASES, "stack", "unbiased")
 _TOGETHER = 3
+
+
+def swatches(share: Path) -> None:
+    """A rough canvas lit beyond its brightest photograph, in each model, and one whose f_r is measured."""
+    render = RenderSettings(Lobe("ggx", 0.4), sigma=0.8, above="scale", a_max=0.3)
+    for compression in ("none", "power", "basis"):
+        map_bundle(share / f"swatch_{compression}", rough_map(), render, compression=compression)
+    measured = bake_source(
+        analytic.Ggx(alpha=0.5, f0=(0.9, 0.6, 0.3)),
+        share / "f_r",
+        BakeSettings(resolution=16, alpha=(0.5, 0.3), envelope=False),
+    )
+    stack = PhotoStack(rough_map().slices[1:], tuple("abcde"), None, False, ())
+    settings = ArcSettings(
+        slices=6, storage=Storage.FLOAT32, brdf=measured.path, render=RenderSettings(None, sigma=1.3)
+    )
+    bake_stack(stack, share / "swatch_measured", settings)
 
 
 def case_names() -> list[str]:
@@ -72,6 +98,7 @@ def main(place: Path, names: list[str]) -> None:
         share.chmod(0o755)
         for name in PROGRAMS:
             shutil.copy(HERE / f"{name}.py", share)
+        swatches(share)
         blender = Blender(place, share)
         print(f"lamps: {blender.install()}", flush=True)
         failed = 0

@@ -6,6 +6,7 @@ own nodes may keep alive beside it are told.
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path.cwd()))
@@ -47,6 +48,27 @@ def largest(source, mode):
     )
 
 
+# Swatches by the model of their map; "measured" is of slices too, each channel at a level of its own.
+_MAPS = ("none", "power", "basis", "measured")
+
+
+def largest_map(model, mode):
+    """A swatch's material that can sample four lamps and a world."""
+    tables, seen_world = ours("addon.lights.light_tables"), ours("addon.lights.seen_world")
+    picture = bpy.data.images.new("around", 8, 4, float_buffer=True, is_data=True)
+    source = ours("bake.bundle.bundle").read_bundle(HERE / f"swatch_{model}.mmat")
+    record = ours("bake.shading_maps.record").ShadingMapRecord.of(source)
+    lobe = None if model == "measured" else ours("bake.lobes.lobes").Lobe("phong", 12.0, 0.4)
+    return ours("nodes.shading_map_material").build_shading_map(
+        record,
+        settings=replace(record.render, lobe=lobe, mode=mode, above="clamp"),
+        features=True,
+        lamps=tables.lamp_image(),
+        lights=tables.lamp_light_image(),
+        surroundings=ours("nodes.world_picture").Surroundings(picture, "Linear", seen_world.world_light_image()),
+    )
+
+
 # Lamps and world that are sampled, and those that are aimed at instead.
 STATES = {
     "the world": ((0, True), (0, False)),
@@ -78,12 +100,12 @@ if not hasattr(bpy.types, "ShaderNodeRaycast"):
 else:
     import svm_stack
 
-    for name in _SOURCES:
-        scene, source = empty_scene(), bundle(name)
+    for name in (*_SOURCES, *_MAPS):
+        scene, source = empty_scene(), bundle(name) if name in _SOURCES else None
         scene["measured_materials_probe"] = True  # no handler switches what is measured
         ours("addon.rendering.renderer").set_unbiased(scene, samples=1, seed=0)
         for mode in ("exact", "balanced"):
-            material = largest(source, mode)
+            material = largest_map(name, mode) if source is None else largest(source, mode)
             # The largest by far is measured in both modes, all others in one.
             for words, (sampled, instead) in STATES.items():
                 if mode == "exact" or words == "four lamps and the world":

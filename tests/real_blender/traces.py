@@ -57,6 +57,7 @@ def installed():
     scene = empty_scene()
     square(scene)
     lamp(scene, (1, 1, 3))
+    (HERE / "kept").mkdir(exist_ok=True)
     lacquer(HERE / "kept")
     save(HERE / "kept.blend")
     kept_pace = ours("addon.ui.background.kept_pace")

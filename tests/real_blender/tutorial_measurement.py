@@ -50,7 +50,7 @@ def facts():
 
 def baked():
     """Wait for the queue."""
-    yield from soon("the bake has ended", lambda: not bakes.queue.is_busy(), 300)
+    yield from soon("the bake has ended", lambda: not bakes.queue.is_busy(), 900)
     yield 0.5
 
 
@@ -92,7 +92,7 @@ def drop(name):
     for part in (0.0, 0.01, 0.02, 0.04, 0.1, 0.3, 0.6, 0.9, 1.0):
         yield from move(*(a + part * (b - a) for a, b in zip(start, end)))
         yield 0.15
-    picture("measurement_1_drag")
+    yield from picture("measurement_1_drag")
     subprocess.run(["xdotool", "mouseup", "1"], check=True)
     yield 1.0
     return area
@@ -104,14 +104,14 @@ def steps():
     yield from file_import("measured_materials.import_brdf")
     yield from choose_file(f"{NAME}.binary")
     yield 0.5
-    picture("measurement_3_file_browser")
+    yield from picture("measurement_3_file_browser")
     yield from keys("Escape")
     yield 0.5
     dialogues.clear()
     browser = yield from drop(f"{NAME}.binary")
     yield from soon("3 the dialogue is open", lambda: bool(dialogues))
     yield 0.5
-    picture("measurement_3_dialogue")
+    yield from picture("measurement_3_dialogue")
     yield from keys("Return")
     check("3 the bake goes on beside the window", bakes.queue.is_busy())
     with bpy.context.temp_override(window=window(), screen=window().screen, area=browser, region=region_of(browser)):
@@ -122,12 +122,12 @@ def steps():
     check("3 in mode Preview", measured()[0].measured_quality.mode == "preview")
     properties = area_of("PROPERTIES")
     yield from open_tab(properties, "MATERIAL")
-    picture("measurement_3_preview")
+    yield from picture("measurement_3_preview")
     yield from baked()
     check("3 it sharpens", measured()[0].measured_quality.mode == "exact" and len(measured()) == 1)
     check("3 the files lie beside the .blend", (HERE / "data" / f"{NAME}.mmat" / "material.json").exists())
     check("3 the textures are packed", all(i.packed_file for i in bpy.data.images if i.name.startswith("lacquer")))
-    picture("measurement_3_baked")
+    yield from picture("measurement_3_baked")
     yield from suits(properties)
     yield from rendered()
     yield from adjusted(properties)
@@ -141,19 +141,19 @@ def suits(properties):
     yield from soon("4 the engine is Cycles", lambda: bpy.context.scene.render.engine == "CYCLES")
     yield from open_tab(properties, "MATERIAL")
     yield from soon("4 the panel says that settings spoil it", lambda: live.shown.harmful > 0)
-    picture("measurement_4_spoilt")
+    yield from picture("measurement_4_spoilt")
     before = live.shown.harmful
     yield from press(properties, "measured_materials.check_scene(mend=True)")
     yield from soon("4 Fix has fixed them", lambda: live.shown.harmful < before)
     note(f"{before} settings spoilt it, now {live.shown.harmful}")
     yield from open_panel(properties, "check", MODE)
     yield 1.0
-    picture("measurement_4_check")
+    yield from picture("measurement_4_check")
     for letter, mode in (("b", "balanced"), ("p", "preview"), ("e", "exact")):
         yield from choose(properties, MODE, letter)
         built = lambda mode=mode: facts()["rendering"]["choices"]["mode"] == mode  # noqa: E731
         yield from soon(f"5 mode {mode}", built)
-        picture(f"measurement_5_{mode}")
+        yield from picture(f"measurement_5_{mode}")
 
 
 def rendered():
@@ -162,10 +162,10 @@ def rendered():
     bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
     yield from move(*on_object())
     yield from keys("F12")
-    yield from soon("5 the picture is rendered", lambda: bool(done), 120)
+    yield from soon("5 the picture is rendered", lambda: bool(done))
     bpy.app.handlers.render_complete.clear()
     yield 1.0
-    picture("measurement_5_rendered")
+    yield from picture("measurement_5_rendered")
     yield from keys("Escape")
     yield 1.0
 
@@ -177,7 +177,7 @@ def adjusted(properties):
     yield from type_into(properties, f"inputs[{node.inputs.find('Brightness')}]", "0.5")
     value = lambda: next(iter(tree.measured_nodes(measured()[0].node_tree)))[1].inputs["Brightness"].default_value  # noqa: E731
     yield from soon("Adjust: the number typed is set", lambda: abs(value() - 0.5) < 1e-6)
-    picture("measurement_adjust")
+    yield from picture("measurement_adjust")
     yield from move(*on_object())
     yield from keys("ctrl+z")
     yield from soon("Adjust: undone", lambda: abs(value() - 1) < 1e-6)
@@ -187,10 +187,10 @@ def kept(properties):
     """Heading 6."""
     yield from open_panel(properties, "asset", MODE)
     yield from press(properties, "measured_materials.mark_asset")
-    picture("measurement_6_mark")
+    yield from picture("measurement_6_mark")
     yield from keys("Return")
     yield from soon("6 it is an asset", lambda: measured()[0].asset_data is not None)
     yield from move(*on_object())
     yield from keys("ctrl+s")
     yield from soon("6 the file is saved", lambda: not bpy.data.is_dirty)
-    picture("measurement_6_kept")
+    yield from picture("measurement_6_kept")

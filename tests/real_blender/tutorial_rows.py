@@ -106,7 +106,7 @@ def steps():
             live.check_now(bpy.context.scene)
             yield 3.0
             name = f"rows_{scale}_{obj.active_material.name}"
-            picture(name)
+            yield from picture(name)
             for kind, area, region in (("material", left, region_of(left)), ("shader", rest, side)):
                 note(f"{name} {kind}: {region.width} pixels at scale {bpy.context.preferences.system.ui_scale}")
                 found[name, kind] = cut_words(ours[kind], area, region)

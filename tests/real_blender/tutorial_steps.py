@@ -37,7 +37,7 @@ def advance():
         hands.note("ended")
     except BaseException:
         hands.note(traceback.format_exc())
-        hands.picture("failed")
+        hands.take("failed")
     bpy.ops.wm.quit_blender()
     return None
 

@@ -43,7 +43,18 @@ def materials(scene, sample):
     """Of mode Exact, by name; refused where lamps cannot be sampled."""
     choices = ours("addon.material.choices").Choices(mode="exact", sample=sample)
     build = ours("addon.material.build_brdf").build_brdf
-    return {name: build(bundle, choices=choices, scene=scene)[0] for name, bundle in bundles().items()}
+    found = {name: build(bundle, choices=choices, scene=scene)[0] for name, bundle in bundles().items()}
+    return found | {name: swatch(scene, name, choices) for name in ("swatch_none", "swatch_measured")}
+
+
+def swatch(scene, name, choices):
+    """Of photographs, as the extension builds it for a scene."""
+    bundle = ours("bake.bundle.bundle").read_bundle(HERE / f"{name}.mmat")
+    material = ours("nodes.shading_map_material").build_shading_map(bundle)
+    ours("addon.material.choices").show_choices(material.measured_quality, choices)
+    record = ours("bake.shading_maps.record").ShadingMapRecord.of(bundle)
+    ours("addon.material.build_shading_map").build_map(record, material, record.render, pack=False, scene=scene)
+    return material
 
 
 def pictures(scene, first, samples):

@@ -1,4 +1,4 @@
-"""A change of mode or of an effect, made in a panel: what cannot be built at once is built by a timer, in portions.
+"""A change of mode, effect or lighting made in a panel: what cannot be built at once is built by a timer, in portions.
 
 The panel's own step of undo holds the new setting and the old groups; it is marked as the quick bake of an import is,
 so that undo and redo go over it, and another follows when the groups are there.
@@ -25,19 +25,23 @@ _PANELS = {"PROPERTIES", "NODE_EDITOR", "VIEW_3D"}
 
 # Materials that are being rebuilt, by their session_uid.
 _pending: dict[int, Portions] = {}
+# Those of which the lighting has changed, and perhaps the quality as well; of all others only that has.
+_lit: set[int] = set()
 
 
 def build(changed: Any, context: bpy.types.Context | None) -> bool:
-    """Rebuild the material of these quality properties, or begin to; whether it is left to the timer.
+    """Rebuild the material of these properties, or begin to; whether it is left to the timer.
 
     Raises BakeError.
     """
     material = changed.id_data
-    if not _is_panel(context) or changed != material.measured_quality:
-        _pending.pop(material.session_uid, None)
+    if not _is_panel(context):
+        _forget_work(material.session_uid)
         kinds.kind_of(material).rebuild_as_set(material, changed)
         return False
     work = _pending.setdefault(material.session_uid, Portions())
+    if changed == material.measured_lighting:
+        _lit.add(material.session_uid)
     if _went_on(material, work):
         return False
     material[STATE_KEY] = FRESH
@@ -55,7 +59,7 @@ def _went_on(material: bpy.types.Material, work: Portions) -> bool:
     """One portion; whether it was the last. Raises BakeError; then nothing is left of the others."""
     try:
         with work.portion(), built_together():
-            kinds.kind_of(material).rebuild_as_set(material, material.measured_quality)
+            kinds.kind_of(material).rebuild_as_set(material, _changed(material))
     except Pause:
         return False
     except BaseException:
@@ -65,9 +69,19 @@ def _went_on(material: bpy.types.Material, work: Portions) -> bool:
     return True
 
 
+def _changed(material: bpy.types.Material) -> Any:
+    """The properties that it is rebuilt as."""
+    return material.measured_lighting if material.session_uid in _lit else material.measured_quality
+
+
 def _end(uid: int) -> None:
-    if work := _pending.pop(uid, None):
+    if work := _forget_work(uid):
         work.drop()
+
+
+def _forget_work(uid: int) -> Portions | None:
+    _lit.discard(uid)
+    return _pending.pop(uid, None)
 
 
 def tick() -> float | None:
@@ -82,7 +96,7 @@ def tick() -> float | None:
         _end(uid)
     else:
         with window(), kinds.without_rebuilding():
-            kinds.saying_why_not(material.measured_quality, lambda: _finish(material, work))
+            kinds.saying_why_not(_changed(material), lambda: _finish(material, work))
     return _BREATH if _pending else None
 
 
@@ -112,12 +126,13 @@ def _after_undo(*_: Any) -> None:
     _forget()
     # Where undo has gone behind the change, nothing is to be built; a handler removes no datablock.
     for uid in [uid for uid in _pending if STATE_KEY not in (found("materials", uid) or {})]:
-        del _pending[uid]
+        _forget_work(uid)
 
 
 @persistent
 def _before_load(*_: Any) -> None:
     _pending.clear()
+    _lit.clear()
 
 
 _HANDLERS = {"load_pre": _before_load, "undo_post": _after_undo, "redo_post": _after_undo}
@@ -134,5 +149,6 @@ def unregister() -> None:
     kinds.builders.remove(build)
     events.stop_listening(_HANDLERS)
     _pending.clear()
+    _lit.clear()
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)

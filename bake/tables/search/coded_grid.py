@@ -1,0 +1,83 @@
+"""Where the samples of a table lie that is kept as logarithms: by the error of codes, not of values, between them.
+
+A highlight bends less in its logarithm than in its value. So a table of codes wants fewer samples across the peak and
+more where the codes bend than the grid that serves values best; on coarse tables that is up to half of the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...source import Array, BrdfSource
+from ..accuracy import DirectionPairs, corner_samples, direction_pairs
+from ..grids.grid import Grid
+from ..grids.half_vector_grid import HalfVectorGrid
+from ..log_codes import LEAST_PEAK
+from .grid_fit import fit_warps
+from .isotropic_search import half_sizes
+
+_PAIRS = 6144
+_RANGES = (6.0, 8.0, 10.0, 12.0, 14.0)
+
+
+@dataclass
+class CodedErrors:
+    """Cosine-weighted RMS of tables of codes, unrounded, at one set of directions; each grid measured once.
+
+    Parameters
+    ----------
+    truth : the source's values (P, 3) at the pairs
+    range_ : of the codes of all channels
+    """
+
+    source: BrdfSource
+    pairs: DirectionPairs
+    truth: Array
+    range_: float
+    found: dict[Grid, float] = field(default_factory=dict)
+
+    def __call__(self, grid: Grid) -> float:
+        """RMS in 1/sr."""
+        if grid not in self.found:
+            self.found[grid] = self.pairs.rms(coded_estimate(self.source, grid, self.pairs, self.range_) - self.truth)
+        return self.found[grid]
+
+
+def coded_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs, range_: float) -> Array:
+    """What an isotropic table of codes of this range would return at the pairs, (P, 3), but for their rounding.
+
+    Only the eight samples around each pair are evaluated. Codes are interpolated within a slice and decoded, then the
+    two slices are blended, as `table.Table` does it.
+    """
+    values, weights = corner_samples(source, grid, pairs)
+    peak = values.max((0, 1))
+    gain = np.maximum(peak, LEAST_PEAK) / np.expm1(range_)
+    codes = np.log1p(values / gain) * weights[..., None]
+    # Corners come slice by slice; a slice's weights sum to its own part of 1.
+    share = weights.reshape(len(weights), 2, 4).sum(-1)[..., None]
+    within = codes.reshape(len(codes), 2, 4, 3).sum(2) / np.maximum(share, 1e-30)
+    estimate: Array = (share * gain * np.expm1(np.minimum(within, range_))).sum(1)
+    return estimate
+
+
+def coded_grid(source: BrdfSource, grid: Any, n: int) -> Any:
+    """The grid with the sizes and the spacing that serve codes best; unchanged where its spacing is not a fitted one.
+
+    Parameters
+    ----------
+    n : resolution, as of an N x N x 2N table
+    """
+    if not source.isotropic or grid.parameterization != "fitted":
+        return grid
+    pairs = direction_pairs(_PAIRS, 0.25)
+    truth = source.evaluate(pairs.wi, pairs.wo)
+    kinds = [CodedErrors(source, pairs, truth, range_) for range_ in _RANGES]
+    measure = min(kinds, key=lambda errors: errors(grid))
+    fitted = fit_warps(grid, measure)
+    if isinstance(grid, HalfVectorGrid):
+        sizes = [replace(fitted, sizes=sizes) for sizes in half_sizes(n, grid.reciprocal)]
+        fitted = fit_warps(min(sizes, key=measure), measure)
+    return min((grid, fitted), key=measure)

@@ -1,0 +1,97 @@
+"""Codes of tables as logarithms: fitted to many directions, on grids whose samples lie where codes need them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.sources.analytic import Ggx
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.code_fit import can_be_fitted, fitted_values
+from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
+from measured_materials.bake.tables.log_codes import LogCodes
+from measured_materials.bake.tables.search.coded_grid import CodedErrors, coded_estimate, coded_grid
+from measured_materials.bake.tables.stored_table import StoredTable, store_table
+from measured_materials.bake.tables.table import Table, tabulate
+
+PAIRS = direction_pairs(8192)
+GGX = Ggx(alpha=0.15, f0=(0.9, 0.6, 0.0), diffuse=(0.2, 0.1, 0.0))
+TRUTH = GGX.evaluate(PAIRS.wi, PAIRS.wo)
+GRID = HalfVectorGrid((9, 12, 4), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp()))
+
+
+def rms(table: Table) -> float:
+    return PAIRS.rms(table.evaluate(PAIRS.wi, PAIRS.wo) - TRUTH)
+
+
+@cache
+def kept(fitted: bool) -> StoredTable:
+    return store_table(tabulate(GGX, GRID), Storage.LOG, PAIRS, TRUTH, GGX if fitted else None)
+
+
+def test_fitted_codes_are_closer_at_directions_that_fitted_none() -> None:
+    """At least a fifth less of the RMS, with the same ranges, and codes are of 8 bits."""
+    sampled, fitted = kept(False).table, kept(True).table
+    assert rms(fitted) < 0.8 * rms(sampled)
+    assert fitted.log is not None and fitted.log == sampled.log
+    np.testing.assert_array_equal(fitted.log.rounded(fitted.values), fitted.values)
+
+
+def test_poles_stay_one_value() -> None:
+    """At theta_h = 0 and theta_d = 0 an azimuth means nothing: else there would be a star in the picture."""
+    values = kept(True).table.values
+    np.testing.assert_array_equal(values[:, -1], np.broadcast_to(values[:, -1, :1], values[:, -1].shape))
+    np.testing.assert_array_equal(values[-1], np.broadcast_to(values[-1, :, :1], values[-1].shape))
+
+
+def test_samples_that_are_right_stay() -> None:
+    """A material that is a table itself has nothing to gain."""
+    codes = LogCodes((6.0, 6.0, 6.0), (0.01, 0.01, 0.01))
+    values = np.repeat(np.random.default_rng(4).uniform(0, 1, (6, 6, 1, 3)), 12, 2).astype(np.float32)
+    grid = NormalVectorGrid(6, "uniform")
+    grid.settle_poles(values)
+    itself = Table(grid, codes.rounded(values), codes)
+    found = fitted_values(itself, itself, codes)
+    np.testing.assert_allclose(codes.encode(found), codes.encode(itself.values), atol=1.01 / 255)
+
+
+def test_what_cannot_be_fitted_is_left_as_sampled() -> None:
+    table = tabulate(GGX, GRID)
+    assert can_be_fitted(table) and not can_be_fitted(replace(table, filter="bspline"))
+    assert not can_be_fitted(Table(NormalVectorGrid(40, "uniform"), np.zeros((40, 40, 80, 3), np.float32)))
+    assert not can_be_fitted(Table(AnisotropicHalfGrid((4, 4, 8, 8)), np.zeros((4, 4, 8, 8, 3), np.float32)))
+    same = store_table(replace(table, filter="bspline"), Storage.LOG, PAIRS, TRUTH, GGX).table
+    assert same.log is not None
+    np.testing.assert_array_equal(same.values, same.log.rounded(table.values))
+
+
+@pytest.mark.parametrize("grid", [GRID, NormalVectorGrid(12, "fitted")], ids=["half", "normal"])
+def test_the_estimate_is_the_table_but_for_rounding(grid: HalfVectorGrid | NormalVectorGrid) -> None:
+    """Whose gain is of the largest sample anywhere, and not near the pairs only: they are all over the grid."""
+    pairs, table = direction_pairs(4096, 0.25), tabulate(GGX, grid)
+    peaks = table.values.reshape(-1, 3).max(0).astype(float)
+    codes = LogCodes.reaching(np.maximum(peaks, 1e-20), np.full(3, 8.0))
+    built = Table(grid, table.values, codes).evaluate(pairs.wi, pairs.wo)
+    estimate = coded_estimate(GGX, grid, pairs, 8.0)
+    # Half a step of a logarithm of range 8 in 255, and what is below the largest code 0.
+    np.testing.assert_allclose(estimate, built, rtol=0.05, atol=2e-3)
+
+
+def test_a_grid_for_codes_is_better_for_codes() -> None:
+    """The grid that values are best on was fitted to values; the other kinds of spacing are left as they are."""
+    pairs = direction_pairs(4096, 0.75)
+    truth = GGX.evaluate(pairs.wi, pairs.wo)
+    found = coded_grid(GGX, GRID, 8)
+    assert isinstance(found, HalfVectorGrid) and found.reciprocal == GRID.reciprocal
+    errors = [min(CodedErrors(GGX, pairs, truth, r)(g) for r in (6.0, 8.0, 10.0, 12.0)) for g in (found, GRID)]
+    assert errors[0] < 0.9 * errors[1]
+    plain = NormalVectorGrid(8, "uniform")
+    assert coded_grid(GGX, plain, 8) is plain
+    brushed = AnisotropicHalfGrid((4, 4, 8, 8))
+    assert coded_grid(Ggx(alpha=0.1, alpha_y=0.4), brushed, 8) is brushed
