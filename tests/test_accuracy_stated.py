@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.bake.brdf import bake as bake_brdf
+from measured_materials.bake.brdf import part_bake
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
@@ -97,7 +98,7 @@ def test_no_grid_is_chosen_at_directions_that_fitted_it(
     source: analytic.Analytic, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 ) -> None:
     """Nor is its stated error measured at either."""
-    modules = (grid_fit, grid_race, alpha_search, bake_brdf)
+    modules = (grid_fit, grid_race, alpha_search, part_bake)
     found = record(monkeypatch, modules, "direction_pairs")
     sampler = SamplerLayout(n_o=8, n_h=8, n_phi=4)
     settings = BakeSettings(resolution=8, sampler=sampler, envelope=False, basis="half", viewers=(4, 2))

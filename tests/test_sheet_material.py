@@ -89,6 +89,9 @@ def sheet_scene(material: bpy.types.Material, theta: float) -> Iterator[TestScen
     scene = bpy.data.scenes.new("sheet")
     mesh = bpy.data.meshes.new("sheet")
     mesh.from_pydata([(-20, -20, 0), (20, -20, 0), (20, 20, 0), (-20, 20, 0)], [], [(0, 1, 2, 3)])
+    layer = mesh.uv_layers.new()
+    for loop, corner in zip(layer.data, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
+        loop.uv = corner
     mesh.materials.append(material)
     plane = bpy.data.objects.new("sheet", mesh)
     scene.collection.objects.link(plane)
@@ -204,7 +207,46 @@ def test_a_lamp_behind_and_before(
     with sheet_scene(build_material(record, mode="exact", lamps=lamps), theta) as scene:
         lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
         lamp.visible_camera = True
-        assert_shows(scene, lit_by(record, "exact", theta, lamp), samples=128)
+        assert_shows(scene, lit_by(record, "exact", theta, lamp), samples=128 if aimed else 384)
+
+
+class Woven:
+    """A sheet whose light straight on is spread less along x than across, grey."""
+
+    name, isotropic, bilateral, alike = "woven", False, False, False
+    facts: dict[str, Any] = {}
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return self._grey(np.full(np.broadcast_shapes(wi.shape, wo.shape)[:-1], 0.06), wi, wo, 1, 1)
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        return self._grey(np.full(np.broadcast_shapes(wi.shape, wo.shape)[:-1], 0.1), wi, wo, -1, -1)
+
+    def transmitted(self, wi: Array, wo: Array) -> Array:
+        away = wi + wo
+        lobe = 0.03 + 0.4 * np.exp(-((away[..., 0] / 0.3) ** 2) - (away[..., 1] / 0.8) ** 2)
+        return self._grey(lobe, wi, wo, -1, 1) + self._grey(lobe, wi, wo, 1, -1)
+
+    def _grey(self, value: Array, wi: Array, wo: Array, lit: int, seen: int) -> Array:
+        there = (wi[..., 2] * lit > 0) & (wo[..., 2] * seen > 0)
+        return np.repeat(np.where(there, value, 0)[..., None], 3, -1)
+
+
+@pytest.mark.slow
+def test_an_anisotropic_sheet_lies_along_the_tangent_on_both_sides(tmp_path: Path) -> None:
+    settings = BakeSettings(8, basis="normal", parameterization="uniform", sampler=SETTINGS.sampler, viewers=(6, 3))
+    record = record_of(bake_source(Woven(), tmp_path / "woven", settings))
+    assert record.anisotropic
+    material = build_material(record, mode="exact", lamps=lamp_image())
+    for theta, height in ((40.0, -3), (140.0, 3)):
+        with sheet_scene(material, theta) as scene:
+            lamp = add_lamp(scene, "AREA", (2, -0.5, height), energy=300, size=2.0)
+            lamp.visible_camera = True
+            truth = lit_by(record, "exact", theta, lamp)
+            lamp.matrix_world = Matrix.Rotation(math.pi / 2, 4, "Z") @ lamp.matrix_world
+            assert abs(lit_by(record, "exact", theta, lamp)[1] / truth[1] - 1) > 0.05  # what another tangent would show
+            lamp.matrix_world = Matrix.Rotation(-math.pi / 2, 4, "Z") @ lamp.matrix_world
+            assert_shows(scene, truth, samples=256)
 
 
 @pytest.mark.parametrize("mode", ["exact", "reference"])

@@ -17,7 +17,8 @@ from measured_materials.bake.sources import read_source
 from measured_materials.bake.sources.analytic import ThinCloth
 from measured_materials.bake.tables.albedo import albedo_facts, directional_albedo
 from measured_materials.bake.tables.sheet import SheetView, sheet_facts, sheet_views
-from support import format_files as files
+from support.format_files import klems_centres
+from support.sheet_files import write_klems_sheet, write_mbsdf_sheet
 
 BELOW = np.array([1.0, 1.0, -1.0])
 KLEMS = ("Reflection Back", "Reflection Front", "Transmission Front", "Transmission Back")
@@ -46,7 +47,7 @@ class OneWay:
 
 def centres(count: int = 200) -> tuple[Array, Array]:
     """Pairs of middles of Klems' bins, above the horizon."""
-    bins, rng = files.klems_centres(), np.random.default_rng(5)
+    bins, rng = klems_centres(), np.random.default_rng(5)
     # A middle may lie on either side of an edge by rounding: azimuths of the first ring and of the pole are left out.
     wi, wo = bins[rng.integers(9, 145, count)], bins[rng.integers(9, 145, count)]
     return wi * [-1.0, -1.0, 1.0], wo
@@ -54,7 +55,7 @@ def centres(count: int = 200) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("structure", ["Columns", "Rows"])
 def test_a_klems_file_keeps_all_four_parts(structure: str, tmp_path: Path) -> None:
-    source = read_source(files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS, structure))
+    source = read_source(write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS, structure))
     assert isinstance(source, SheetSource) and source.facts["transmission"] == "both ways"
     wi, wo = centres()
     for lit, seen in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
@@ -68,7 +69,7 @@ def test_a_klems_file_keeps_all_four_parts(structure: str, tmp_path: Path) -> No
 
 
 def test_a_klems_file_read_from_its_back_is_turned_about_y(tmp_path: Path) -> None:
-    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     front, back = read_source(path), read_source(path, Reading(side="back"))
     assert isinstance(front, SheetSource) and isinstance(back, SheetSource)
     (wi, wo), turned = centres(), np.array([-1.0, 1.0, -1.0])
@@ -80,7 +81,7 @@ def test_a_klems_file_read_from_its_back_is_turned_about_y(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("given", ["Transmission Front", "Transmission Back"])
 def test_what_one_way_lets_through_the_other_does_by_reciprocity(given: str, tmp_path: Path) -> None:
-    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), (KLEMS[0], given))
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), (KLEMS[0], given))
     source = read_source(path)
     assert isinstance(source, SheetSource) and "reciprocity" in str(source.facts["transmission"])
     wi, wo = centres()
@@ -113,7 +114,7 @@ def test_a_genuine_layer_lets_through_what_radiance_says(shared_data: Path) -> N
 
 def test_an_mbsdf_file_keeps_its_transmission(tmp_path: Path) -> None:
     cloth = ThinCloth((0.3, 0.2, 0.1), None, (0.1, 0.2, 0.3), (0.4, 0.3, 0.2), 6.0)
-    source = read_source(files.write_mbsdf_sheet(tmp_path / "a.mbsdf", cloth))
+    source = read_source(write_mbsdf_sheet(tmp_path / "a.mbsdf", cloth))
     assert isinstance(source, SheetSource) and source.alike
     wi, wo = spherical(np.radians(30.0), 0.4), spherical(np.radians(40.0), np.linspace(0, 6, 20))
     for pair in ((wi * BELOW, wo), (wi, wo * BELOW)):
@@ -122,7 +123,7 @@ def test_an_mbsdf_file_keeps_its_transmission(tmp_path: Path) -> None:
 
 
 def test_light_and_viewer_of_a_transmission_are_exchanged_by_choice(tmp_path: Path) -> None:
-    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     plain, turned, mean = (read_source(path, Reading(reciprocity=how)) for how in ("measured", "exchanged", "mean"))
     assert isinstance(plain, SheetSource) and isinstance(turned, SheetSource) and isinstance(mean, SheetSource)
     wi, wo = centres()
@@ -168,7 +169,7 @@ def test_views_put_what_goes_straight_on_in_the_mirrors_place() -> None:
 
 
 def test_inspect_tells_what_comes_through_and_where_it_is_too_much(tmp_path: Path, capsys: Any) -> None:
-    path = files.write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS)
     assert main(["inspect", str(path)]) == 0
     words = capsys.readouterr().out
     assert "Transmittance 0°" in words and "Back: through 0°" in words and "Back: albedo 0°" in words

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.source import Array, BrdfSource, SheetSource
+from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.goniometer.specular_frame import direction_around
@@ -43,19 +43,6 @@ def write_mbsdf(path: Path, source: BrdfSource, n_theta: int = 45, n_phi: int = 
     values = above(source, spherical(theta[:, None, None], 0.0), spherical(theta[:, None], phi))
     head = b"NVIDIA ARC MBSDF V1\nmade by a test\nMBSDF_DATA_REFLECTION=\n"
     path.write_bytes(head + np.array([1, n_theta, n_phi], "<u4").tobytes() + values.astype("<f4").tobytes())
-    return path
-
-
-def write_mbsdf_sheet(path: Path, sheet: SheetSource, n_theta: int = 45, n_phi: int = 90) -> Path:
-    """The same of both hemispheres: transmission follows without a line's end, phi 180 degrees straight on."""
-    write_mbsdf(path, sheet, n_theta, n_phi)
-    theta = (np.arange(n_theta) + 0.5) * (np.pi / 2 / n_theta)
-    phi = (np.arange(n_phi) + 0.5) * (np.pi / n_phi)
-    lit = spherical(theta[:, None, None], 0.0) * np.array([1.0, 1.0, -1.0])
-    values = sheet.transmitted(lit, spherical(theta[:, None], phi))
-    sizes = np.array([1, n_theta, n_phi], "<u4").tobytes()
-    head = b"MBSDF_DATA_TRANSMISSION=\n" + sizes
-    path.write_bytes(path.read_bytes() + head + values.astype("<f4").tobytes())
     return path
 
 
@@ -221,26 +208,15 @@ def write_klems(
     path: Path, source: BrdfSource, side: str = "Reflection Back", structure: str = "Columns", basis: str = "Full"
 ) -> Path:
     """A Klems matrix of what is seen above the horizon, whatever the block is called."""
-    return _klems_file(path, {side: (source.evaluate, 1.0, 1.0)}, structure, basis)
-
-
-def write_klems_sheet(path: Path, sheet: SheetSource, sides: Sequence[str], structure: str = "Columns") -> Path:
-    """Klems matrices of these blocks of a sheet, light and viewer above or below the horizon of Radiance's front."""
-    blocks: dict[str, Block] = {
-        "Reflection Back": (sheet.evaluate, 1.0, 1.0),
-        "Reflection Front": (sheet.reflected_behind, -1.0, -1.0),
-        "Transmission Front": (sheet.transmitted, -1.0, 1.0),
-        "Transmission Back": (sheet.transmitted, 1.0, -1.0),
-    }
-    return _klems_file(path, {side: blocks[side] for side in sides}, structure)
+    return klems_file(path, {side: (source.evaluate, 1.0, 1.0)}, structure, basis)
 
 
 # Values of (wi, wo), and the signs of the heights of both.
 Block = tuple[Callable[[Array, Array], Array], float, float]
 
 
-def _klems_file(path: Path, blocks: Mapping[str, Block], structure: str, basis: str = "Full") -> Path:
-    """Rows are outgoing, and incident bins are named by where the light travels to."""
+def klems_file(path: Path, blocks: Mapping[str, Block], structure: str, basis: str = "Full") -> Path:
+    """Matrices of these blocks: rows are outgoing, and incident bins are named by where the light travels to."""
     bins, texts = klems_centres(basis), []
     for side, (evaluate, lit, seen) in blocks.items():
         values = np.asarray(evaluate((bins * [-1.0, -1.0, lit])[None], (bins * [1.0, 1.0, seen])[:, None]))[..., 1]
