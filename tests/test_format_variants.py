@@ -12,7 +12,8 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import READERS, read_source
-from support.format_files import BRUSHED, GLOSSY, error, pairs, write_alta_stream, write_utia, write_utia_picture
+from support.format_files import BRUSHED, GLOSSY, error, pairs, write_utia
+from support.format_variants import write_alta_stream, write_utia_picture
 
 
 class _Leaning:

@@ -63,6 +63,17 @@ def test_a_place_named_by_its_kind_is_said_once() -> None:
     assert told == {where: f"{said}: x is on, should be off" for where, said in _PLACES_SAID.items()}
 
 
+def test_one_slow_check_does_not_end_following_but_two_do() -> None:
+    scene, follows = bpy.context.scene, []
+    for seconds in (0.01, 9.0, 9.0):
+        live_check.keep(scene, [], seconds)
+        follows.append(live_check.follows(scene))
+    live_check.loaded()
+    live_check.keep(scene, [], 9.0)
+    assert follows == [True, True, False] and not live_check.follows(scene)
+    live_check.loaded()
+
+
 def test_notes_spoil_nothing() -> None:
     live_check.keep(bpy.context.scene, _found(WRONG, NOTE))
     assert live_check.shown.harmful == 1 and not live_check.shown.fixable

@@ -16,6 +16,7 @@ import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.addon.material.build_shading_map import build_map
+from measured_materials.addon.material.choices import Choices, show_choices
 from measured_materials.addon.material.facts import keep_facts
 from measured_materials.addon.material.kinds import SHADING_MAP
 from measured_materials.addon.material.lighting import show_lighting
@@ -104,7 +105,7 @@ def rough(tmp_path: Path) -> Bundle:
     "lobe, above, name",
     [
         (Lobe("lambert"), "clamp", "three lamps"),
-        (Lobe("ggx", 0.3), "scale", "small lamp"),
+        pytest.param(Lobe("ggx", 0.3), "scale", "small lamp", marks=pytest.mark.slow),
         pytest.param(Lobe("phong", 12.0, 0.4), "clamp", "hard point", marks=pytest.mark.slow),
         pytest.param(Lobe("ggx", 0.3), "clamp", "room", marks=pytest.mark.slow),
         pytest.param(Lobe("oren_nayar", 0.5), "scale", "disk", marks=pytest.mark.slow),
@@ -175,6 +176,7 @@ def worn(scene: TestScene, bundle: Bundle, **choices: str) -> bpy.types.Material
     material, record = build_shading_map(bundle), ShadingMapRecord.of(bundle)
     scene.show(material)
     show_lighting(material, record.render)
+    show_choices(material.measured_quality, Choices(**choices))
     account = build_map(bundle, material, record.render, pack=False, scene=scene.scene)
     means = {**bundle.material["map"], "means": rough_map().slices.mean((1, 2)).tolist()}
     keep_facts(material, {**bundle.material, "map": means, "rendering": account})
@@ -195,8 +197,6 @@ def test_one_switch_for_swatches_too(registered: None, rough: Bundle) -> None:  
         assert kept[name] and kept["Open Shading Language"] and "Aimed light" not in kept
         assert is_scripted(material) and not is_one_script(material)
         assert material.cycles.emission_sampling == "NONE" and material.measured_quality.shader == "osl"
-        images = {n.image for tree in trees_below(material.node_tree) for n in tree.nodes if getattr(n, "image", None)}
-        assert not [image for image in images if image.source == "FILE" and image.packed_file is None]
         update_scene(scene.scene)
         assert {finding.rule for finding in check_scene(scene.scene) or ()} <= {"lamp_table"}
         assert {"sample", "shader"} <= set(SHADING_MAP.effective(material))
@@ -210,6 +210,17 @@ def test_one_switch_for_swatches_too(registered: None, rough: Bundle) -> None:  
         with bpy.context.temp_override(scene=scene.scene):
             assert bpy.ops.measured_materials.use_osl(nodes=True) == {"FINISHED"}
         assert not is_scripted(material) and not scene.scene.cycles.shading_system
+
+
+def test_textures_are_packed_for_the_language(registered: None, rough: Bundle) -> None:  # noqa: F811
+    """Of nodes they may stay files."""
+    with lit_sphere(None, 24, resolution=16) as scene:
+        scene.leave_terminator()
+        for shader in ("nodes", "osl"):
+            trees = trees_below(worn(scene, rough, shader=shader).node_tree)
+            images = {n.image for tree in trees for n in tree.nodes if getattr(n, "image", None)}
+            files = [image for image in images if image.source == "FILE" and image.packed_file is None]
+            assert len(files) == (2 if shader == "nodes" else 0)
 
 
 def test_what_cannot_be_sampled_any_more_is_aimed_at(rough: Bundle) -> None:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 from ...bake.brdf.bake import bake_file, bake_source
 from ...bake.brdf.record import BrdfRecord
 from ...bake.brdf.samplers import KINDS, USUAL_SIZE, isotropic_layout, kind_of_layout
-from ...bake.brdf.settings import BakeSettings, SplineFit
+from ...bake.brdf.settings import FILTER_CHOICES, BakeSettings, SplineFit
 from ...bake.bundle.bundle import SUFFIX, read_bundle
 from ...bake.bundle.origin import Origin, file_origin, model_origin
 from ...bake.errors import BakeError
@@ -20,7 +20,6 @@ from ...bake.sources import known_formats
 from ...bake.sources.analytic import ANALYTIC, by_name
 from ...bake.tables.grids.parameterization import PARAMETERIZATIONS
 from ...bake.tables.search.grid_search import BASES
-from ...bake.tables.table import FILTERS
 from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
 from ..summary.quality_levels import BRDF_LEVELS
@@ -108,7 +107,12 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         default=str(usual.storage),
         help="of the texels; log, 8 bits of the logarithm, is best for files below 100 KiB (%(default)s)",
     )
-    parser.add_argument("--filter", choices=FILTERS, default=usual.filter, help="(%(default)s)")
+    parser.add_argument(
+        "--filter",
+        choices=FILTER_CHOICES,
+        default=usual.filter,
+        help="auto: bspline where it errs so much less that it is worth a tenth of the time (%(default)s)",
+    )
     parser.add_argument(
         "--spline",
         choices=get_args(SplineFit),

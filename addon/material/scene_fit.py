@@ -210,6 +210,8 @@ def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str, Effect]:
         if baked in errors and errors.get(name, float("inf")) <= _AS_GOOD * errors[baked]:
             why = f"{name} instead of {baked}: its error is no more than 10 % larger"
             return name, Effect("Interpolation", False, why)
+    if record.filter_why:
+        return baked, Effect("Interpolation", True, record.filter_why)
     if choices.mode == "reference" and record.table.spline == "fitted":
         return baked, Effect("Interpolation", True, f"{baked}, whose fitted coefficients no simpler filter can read")
     simpler = FILTERS[max(FILTERS.index(baked) - 1, 0)]

@@ -164,7 +164,7 @@ def _picture(linear: Array, caption: str) -> Picture:
 
 
 def as_rendered(rendered: list[Rendered]) -> list[Rendered]:
-    """Of the modes that `render` denoises, the pictures that it makes unasked, denoised where samples are few."""
+    """Of modes that `render` denoises, its pictures, of nodes or of OSL: denoised where samples are few."""
     there = {row.variant for row in rendered}
     return [
         row
@@ -186,7 +186,10 @@ def _picked_as_rendered(rendered: list[Rendered]) -> str:
     """The closest of what a user gets, in words."""
     usual = as_rendered(rendered)
     found = [f"at {samples} samples {best.variant} ({best.error:.2%})" for samples, best in closest(usual).items()]
-    return f"As `render` makes pictures unasked, denoised below {ENOUGH} samples, the closest are {', '.join(found)}."
+    return (
+        f"As `render` makes pictures, with or without --osl, denoised unasked below {ENOUGH} samples, the closest are "
+        f"{', '.join(found)}."
+    )
 
 
 def pictures_section(name: str, rendered: list[Rendered], galleries: list[Gallery]) -> Section:

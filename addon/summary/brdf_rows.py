@@ -28,10 +28,11 @@ def table_rows(record: BrdfRecord) -> Rows:
     table, grid = record.table, record.table.grid
     sizes, basis = " x ".join(map(str, grid.shape)), grid.basis
     texels = ("Texels", f"{table.filter}, {table.storage}")
+    weighed = [("Filter weighed", record.filter_why)] if record.filter_why else []
     if record.anisotropic:
-        rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), texels, *_spacing_rows(grid)]
+        rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), texels, *weighed, *_spacing_rows(grid)]
     else:
-        rows = [("Table", f"{sizes}, {basis} basis, {grid.parameterization}"), texels]
+        rows = [("Table", f"{sizes}, {basis} basis, {grid.parameterization}"), texels, *weighed]
         if grid.parameterization == "bezier" and isinstance(grid, NormalVectorGrid):
             rows += [_alpha_row(grid), *_search_rows(record)]
         elif grid.parameterization == "bezier":

@@ -144,7 +144,9 @@ def _draw(layout: bpy.types.UILayout, look: Look) -> None:
         cell = strip.column(align=True)
         cell.template_icon(icon_value=looking.icon(f"picture {k}", lambda k=k: _as_pixels(look.pictures[k])), scale=2.4)
         if known:
-            cell.label(text=f"{known[k]:.0f}°")
+            below = cell.row()
+            below.alignment = "CENTER"  # as the picture is
+            below.label(text=f"{known[k]:.0f}°")
     if known:
         split = layout.split(factor=0.42)
         split.template_icon(icon_value=looking.icon("plot", lambda: plot(known, look.brightness)), scale=5.5)

@@ -84,7 +84,8 @@ def bake_source(
     }
     images = part.images
     if isinstance(source, SheetSource):
-        facts["sheet"], further = sheet_parts(source, part.facts, settings, say, pairs or _ERROR_PAIRS)
+        same = replace(settings, filter=bake.filter)
+        facts["sheet"], further = sheet_parts(source, part.facts, same, say, pairs or _ERROR_PAIRS)
         images = images | further
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(part.table), kind=KIND)

@@ -15,6 +15,7 @@ from ..source import Array, BrdfSource, Facts, Json
 from ..tables.accuracy import direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
+from ..tables.filter_choice import FilterChoice, of_the_rest, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
@@ -55,6 +56,7 @@ class PartBake:
 
     pairs, truth : directions that no table holds, and the source there: errors are measured at them
     treatment : what was changed of the source, counted at these directions
+    filter, weighed : that the table is for, and where the settings leave it to the bake the account of the choice
     """
 
     def __init__(self, source: BrdfSource, settings: BakeSettings, say: Progress, pairs: int) -> None:
@@ -62,6 +64,8 @@ class PartBake:
         self.pairs = direction_pairs(pairs, turned=not source.isotropic)
         self.truth = self.source.evaluate(self.pairs.wi, self.pairs.wo)
         self.treatment = self.source.treatment()
+        self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
+        self.weighed: FilterChoice | None = None
         if not self.truth.any():
             raise BakeError(source.name, "reflects nothing", "check the file")
 
@@ -94,6 +98,8 @@ class PartBake:
         if self.settings.envelope:
             fit, residual, extra, further = self.envelope(made.kept.table, seen, front)
             facts, images, shown = facts | extra, images | further, {"exact": Together((fit, residual)), **shown}
+        if self.weighed is not None:
+            facts["filter_choice"] = self.weighed.facts()
         if front:
             facts["color_difference"] = color_differences(self.source, shown)
         preview = seen.preview(fit)
@@ -121,9 +127,29 @@ class PartBake:
     def tabulate(self, grid: Grid) -> _Tabulated:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
-        splined = self.settings.filter == "bspline"
-        kept, spline = self._spline(table) if splined else (self._stored(table, self.truth, self.source), "none")
+        if self.settings.filter == "auto":
+            self.weighed = self._weighed(table)
+            self.filter = self.weighed.filter
+        kept, spline = self._kept(table)
         return _Tabulated(kept, spline, table.total_intensity)
+
+    def _weighed(self, table: Table) -> FilterChoice:
+        """Which filter serves the table, where it is read as a whole."""
+        if self.settings.envelope:
+            return unweighed("over Cycles' own shaders")  # `envelope` measures it
+        if self.settings.storage is Storage.LOG or not self.source.isotropic:
+            return unweighed("codes and four dimensions have no B-spline that pays")
+        errors: dict[str, Mapping[str, float]] = {}
+        for self.filter in ("trilinear", "bspline"):
+            errors[self.filter] = self._errors(self._kept(table)[0].table, self.filter)
+        rms: dict[str, float] = {name: found["rms"] for name, found in errors.items()}
+        return weighed(rms, errors["trilinear"]["relative"])
+
+    def _kept(self, table: Table) -> tuple[StoredTable, str]:
+        """As it comes back, with what its values are: see `_Tabulated.spline`."""
+        if self.filter == "bspline":
+            return self._spline(table)
+        return self._stored(table, self.truth, self.source), "none"
 
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
         """The coefficients that are asked for, or those of less error, and which they are."""
@@ -142,7 +168,7 @@ class PartBake:
         return chosen, name
 
     def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
-        filtered = replace(table, filter=self.settings.filter)
+        filtered = replace(table, filter=self.filter)
         return store_table(filtered, self.settings.storage, self.pairs, truth, source)
 
     def sampler(self, table: Table, reflection: Reflection) -> tuple[StoredImage, Layout]:
@@ -156,7 +182,7 @@ class PartBake:
         return {
             **({} if self.source.isotropic else {"anisotropic": True}),
             **made.kept.table.grid.facts(),
-            "filter": self.settings.filter,
+            "filter": self.filter,
             "spline": made.spline,
             "storage": str(self.settings.storage),
             **made.kept.facts(),
@@ -168,7 +194,7 @@ class PartBake:
         self.say("measuring", 0.0)
         table = made.kept.table
         return {
-            "errors": self._errors(table, self.settings.filter),
+            "errors": self._errors(table, self.filter),
             "rms_by_filter": {name: self._errors(table, name)["rms"] for name in _filters_of(table, made.spline)},
             "albedo": reflection.albedo(self.source),
             # A coarse table can reflect more light than arrives where the measurement does not; bounces then multiply
@@ -193,7 +219,9 @@ class PartBake:
         # Drawn and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
-        errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.settings.filter)
+        errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.filter)
+        if self.weighed is not None and self.source.isotropic:
+            self.weighed = self._of_the_rest(fit, residual)
         images = {
             "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
             "residual": kept.image(),
@@ -206,6 +234,13 @@ class PartBake:
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
         return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
+
+    def _of_the_rest(self, fit: EnvelopeFit, residual: Table) -> FilterChoice:
+        """Both together with either filter of the residual."""
+        carried = fit.evaluate(self.pairs.wi, self.pairs.wo) - self.truth
+        kinds: tuple[Filter, ...] = ("trilinear", "bspline")
+        rests = {str(name): residual.evaluate(self.pairs.wi, self.pairs.wo, name) for name in kinds}
+        return of_the_rest({name: self.pairs.rms(carried + rest) for name, rest in rests.items()})
 
 
 def _sampled(table: Table) -> Table:

@@ -23,7 +23,7 @@ from ..tables.table import FILTERS, Filter
 from .closures import anisotropic_closures_of, closures_of
 from .grids import grid_of, is_anisotropic
 from .samplers import Layout, isotropic_layout_of, layout_of
-from .settings import BakeSettings
+from .settings import FILTER_CHOICES, BakeSettings
 
 # Light that native closures may leave out unasked: as much as the envelope's own stated bias.
 NEGLIGIBLE = 1e-3
@@ -37,7 +37,7 @@ def settings_of(fields: Fields) -> BakeSettings:
     given: dict[str, Any] = {
         "resolution": fields.whole("resolution"),
         "storage": Storage(fields.text("storage", choices=TABLE_STORAGES)),
-        "filter": _filter(fields),
+        "filter": fields.text("filter", choices=FILTER_CHOICES),
     }
     given |= {key: fields.text(key) for key in ("basis", "parameterization", "spline") if fields.has(key)}
     if fields.has("alpha"):

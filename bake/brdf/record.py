@@ -21,6 +21,7 @@ from ..images.storage import Storage
 from ..sampling.slope_cells import SlopeLayout
 from ..source import SHEET_PARTS, SheetPart
 from ..tables.atlas import AtlasLayout
+from ..tables.filter_choice import filter_why_of
 from ..tables.table import Table
 from .appearance import ColorDifferenceRecord, color_differences_of
 from .baked_table import SAMPLERS, BakedTable, images_of_table
@@ -59,6 +60,7 @@ class BrdfRecord(BundleRecord):
     table_albedo : of the table rather than of the measurement; None in older and in anisotropic bundles
     color_differences : from the measurement as a sphere shows them, of "exact" and of the "table"; empty in older
         bundles
+    filter_why : what was weighed where the filter was left to the bake; else empty
     """
 
     kind, kind_words = "brdf", "a BRDF"
@@ -71,6 +73,7 @@ class BrdfRecord(BundleRecord):
     table_albedo: AlbedoRecord | None
     rms_by_filter: Mapping[str, float]
     color_differences: Mapping[str, ColorDifferenceRecord]
+    filter_why: str
     search: AlphaSearchRecord | None
     candidates: tuple[CandidateRecord, ...]
     envelope: EnvelopeRecord | None
@@ -93,6 +96,7 @@ class BrdfRecord(BundleRecord):
             "table_albedo": AlbedoRecord.parse(fields, "table_albedo") if fields.has("table_albedo") else None,
             "rms_by_filter": _numbers_of(fields, "rms_by_filter"),
             "color_differences": color_differences_of(fields),
+            "filter_why": filter_why_of(fields),
             "search": _search_of(fields),
             "candidates": candidates_of(fields),
             "envelope": EnvelopeRecord.parse(fields.part("envelope"), anisotropic) if fields.has("envelope") else None,

@@ -21,6 +21,7 @@ from .samplers import IsotropicLayout
 
 AlphaChoice = Literal["error", "intensity"]
 SplineFit = Literal["auto", "plain", "fitted"]
+FILTER_CHOICES = ("auto", *FILTERS)
 _MOST_VIEWERS = MOST_EACH_WAY // 2
 _USUAL_READING = Reading()
 _NO_RIGHTS = Rights()
@@ -38,7 +39,7 @@ class BakeSettings:
     alpha : how the Bezier shape is chosen, "error", "intensity", or a given (alpha_theta, alpha_phi). The latter two
         are of the normal-vector basis: with them "auto" means a Bezier table in that basis
     storage : of the table's texels
-    filter : that the material reconstructs with
+    filter : that the material reconstructs with; "auto": see `bake.tables.filter_choice`
     spline : coefficients for filter "bspline": the samples themselves as in Mallett & Yuksel 2016, fitted >= 0, or
         whichever of the two has the smaller measured error (a peak between two samples is better left smooth)
     sampler : kind and sizes of the samplers: alias tables, or a warp of the unit square
@@ -53,7 +54,7 @@ class BakeSettings:
     parameterization: Parameterization | Literal["auto"] = "auto"
     alpha: AlphaChoice | tuple[float, float] = "error"
     storage: Storage = Storage.HALF
-    filter: Filter = "trilinear"
+    filter: Filter | Literal["auto"] = "trilinear"
     spline: SplineFit = "auto"
     sampler: IsotropicLayout = field(default_factory=SamplerLayout)
     envelope: bool = True
@@ -71,7 +72,7 @@ class BakeSettings:
         )
         check_choice("basis", self.basis, (*BASES, "auto"))
         check_choice("parameterization", self.parameterization, (*PARAMETERIZATIONS, "auto"))
-        check_choice("filter", self.filter, FILTERS)
+        check_choice("filter", self.filter, FILTER_CHOICES)
         check_choice("spline", self.spline, get_args(SplineFit))
         check_choice("storage", str(self.storage), TABLE_STORAGES)
         object.__setattr__(self, "storage", Storage(self.storage))

@@ -104,3 +104,6 @@ def _print(rows: list[dict[str, object]]) -> None:
         cells = (row["adjusted"], row["nodes"], f"{row['more_nodes']:+d}", row["stack_left"], f"{row['time']:.2f}")
         table.add_row(*map(str, cells))
     Console(width=100).print(table)
+    print(
+        "Nodes of Adjust are in every graph; Cycles folds away what is neutral. A linked socket adds four of its mask."
+    )

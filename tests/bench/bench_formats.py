@@ -19,10 +19,8 @@ from support.format_files import (
     GREY,
     WRITERS,
     error,
-    write_alta_stream,
-    write_goniometer,
-    write_utia_picture,
 )
+from support.format_variants import write_alta_stream, write_goniometer, write_utia_picture
 
 
 def run(out: Path, quick: bool) -> None:

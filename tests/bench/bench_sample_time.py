@@ -75,7 +75,7 @@ def cut(steps: int) -> str:
 
 def run(out: Path, quick: bool) -> None:
     """A table for every light, and sample_time.csv; --quick takes one material in one light."""
-    samples, turns = (32, 8) if quick else (48, 16)
+    samples, turns = (32, 6) if quick else (48, 16)
     rows: list[dict[str, object]] = []
     with TemporaryDirectory() as name:
         for kind, bundle, source in _materials(Path(name), quick):

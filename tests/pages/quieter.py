@@ -23,7 +23,9 @@ from PIL import Image
 
 # The last commit whose shaders could not sample light.
 BEFORE = "aad2a70"
-_EDGE, _SAMPLES, _TRUTH, _WIDTH = 96, (16, 64, 256), 512, 1100
+_EDGE, _SAMPLES, _TRUTH = 96, (16, 64, 256), 512
+# Pixels are shown this many times as large.
+_LARGER = 2
 ROWS = {"Principled": ("now", "principled"), "Exact before": ("before", "nodes"), "Exact now": ("now", "osl")}
 
 
@@ -41,10 +43,11 @@ def make(out: Path, folder: Path) -> None:
             for samples in _SAMPLES:
                 error = float(np.sqrt(((found[samples] - truth) ** 2).mean()) / truth.mean())
                 print(f"  {name}{words}, {samples} samples: error {error:.1%}", flush=True)
-                cells.append(Cell(found[samples], f"{name}{words}", f"{samples} samples, error {error:.1%}"))
+                shown = found[samples].repeat(_LARGER, 0).repeat(_LARGER, 1)
+                cells.append(Cell(shown, f"{name}{words}", f"{samples} samples, error {error:.1%}"))
     # Noisy and denoised side by side: six in a row.
     write_sheet(folder / "quieter.png", cells, 2 * len(_SAMPLES))
-    save(Image.open(folder / "quieter.png"), out / "quieter.jpg", _WIDTH)
+    save(Image.open(folder / "quieter.png"), out / "quieter.jpg")
 
 
 def _pictures(package: Path, folder: Path, when: str, built: str, samples: list[int], name: str) -> dict[int, Array]:

@@ -108,15 +108,13 @@ def steps():
     around.view_rotation = Euler((1.25, 0, 0.25)).to_quaternion()
     bpy.context.scene.cycles.preview_samples = 48
     space.shading.type = "RENDERED"
-    yield 2.0
-    yield from scrolled(panel, 9)
-    yield 40.0
+    yield 42.0
     take("window_panel", view, panel)
     space.shading.type = "SOLID"
     check = importlib.import_module(f"{PACKAGE}.addon.ui.panels.live_check")
     check.check_now(bpy.context.scene)
     yield 0.5
-    yield from scrolled(panel, 14)
+    yield from scrolled(panel, 8)
     yield 1.0
     take("window_check", panel)
     with within(panel):

@@ -258,7 +258,7 @@ def steps():
         yield random.uniform(0.0, 6.0)
         press("ESC")
         yield 0.5
-        check(f"cancel {number}: not busy", not bakes.queue.is_busy())
+        yield from soon(f"cancel {number}: not busy", lambda: not bakes.queue.is_busy())
         check(f"cancel {number}: no process", not children())
         check(f"cancel {number}: no file", bundles() == lying)
         check(f"cancel {number}: no material, the old one back", not measured())
@@ -271,8 +271,8 @@ def steps():
     while not measured():
         yield 0.02
     press("Z", ctrl=True)
-    yield 1.0
-    check("undo during a bake ends it", not bakes.queue.is_busy() and not children() and not measured())
+    over = lambda: not bakes.queue.is_busy() and not children() and not measured()  # noqa: E731
+    yield from soon("undo during a bake ends it", over)
     # Several at once.
     yield from drop((SOURCE.name, SOURCE.name), quality="draft")
     note(f"{bakes.queue.waiting}, {bakes.queue.task}")

@@ -5,6 +5,7 @@ what it hovers over: a property or an operator. Headings of panels are clicked w
 is wanted draws. Menus and dialogues are in hands_menus.py.
 """
 
+import ctypes
 import subprocess
 import time
 from pathlib import Path
@@ -92,6 +93,16 @@ def keys(*names):
     """One after the other."""
     _send("key", "--delay", 40, *names)
     yield _DRAWN + 0.02 * len(names)
+
+
+def function_key(number):
+    """F1 to F12 by its code: of its name xdotool makes the one with Alt on some layouts."""
+    server = ctypes.CDLL("libX11.so.6")
+    server.XOpenDisplay.restype = ctypes.c_void_p
+    display = ctypes.c_void_p(server.XOpenDisplay(None))
+    code = server.XKeysymToKeycode(display, ctypes.c_ulong(0xFFBD + number))
+    server.XCloseDisplay(display)
+    yield from keys(str(code))
 
 
 def write(text):

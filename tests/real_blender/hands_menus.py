@@ -10,6 +10,7 @@ from hands import (
     hovered,
     keys,
     move,
+    note,
     picture,
     press,
     region_of,
@@ -123,17 +124,22 @@ def watch_dialogue(operator):
     draw = operator.draw
 
     def noted(self, context):
-        region = getattr(context, "region_popup", None)
-        box = (region.x, region.y, region.width, region.height) if region is not None else (0, 0, 0, 0)
-        dialogues[operator.__name__] = (self, box)
+        dialogues[operator.__name__] = (self, getattr(context, "region_popup", None) or context.region)
         draw(self, context)
 
     operator.draw = noted
 
 
+def _box(operator):
+    """Where the dialogue is, which it learns only after its first drawing; while it is open."""
+    region = dialogues[operator][1]
+    note(f"dialogue at {region.x}, {region.y}, {region.width} by {region.height}")
+    return region.x, region.y, region.width, region.height
+
+
 def _in_dialogue(operator, part):
     """Places in the dialogue that is open, from the row above its buttons up."""
-    x, y, width, height = dialogues[operator][1]
+    x, y, width, height = _box(operator)
     step = unit() / 2
     return [(x + part * width, y + 2.6 * unit() + step * number) for number in range(int(height / step) - 6)]
 
@@ -173,5 +179,5 @@ def hover_in_dialogue(operator, name):
 
 def leave_buttons(operator):
     """Put the mouse onto the dialogue's title, where the return key confirms all of it."""
-    x, y, width, height = dialogues[operator][1]
+    x, y, width, height = _box(operator)
     yield from move(x + width / 2, y + height - 1.5 * unit())

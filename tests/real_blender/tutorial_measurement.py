@@ -11,6 +11,7 @@ from hands import (
     check,
     click,
     dialogues,
+    function_key,
     keys,
     move,
     note,
@@ -161,7 +162,7 @@ def rendered():
     done = []
     bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
     yield from move(*on_object())
-    yield from keys("F12")
+    yield from function_key(12)
     yield from soon("5 the picture is rendered", lambda: bool(done))
     bpy.app.handlers.render_complete.clear()
     yield 1.0

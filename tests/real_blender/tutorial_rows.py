@@ -110,6 +110,7 @@ def steps():
             for kind, area, region in (("material", left, region_of(left)), ("shader", rest, side)):
                 note(f"{name} {kind}: {region.width} pixels at scale {bpy.context.preferences.system.ui_scale}")
                 found[name, kind] = cut_words(ours[kind], area, region)
+    bpy.context.preferences.view.ui_scale = 1
     for place, words in found.items():
         note(f"{place}: {words}")
     check("no word is cut", not any(found.values()))

@@ -26,7 +26,7 @@ import bpy
 preferences = bpy.context.preferences
 preferences.view.show_splash, preferences.view.smooth_view = False, 0
 preferences.view.filebrowser_display_type = "SCREEN"  # there is nothing that manages windows
-preferences.system.viewport_aa = "OFF"
+preferences.view.ui_scale, preferences.system.viewport_aa = 1, "OFF"
 bpy.ops.wm.save_userpref()
 for area in (area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"):
     # Most of the time of a window drawn by software.

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
-from measured_materials.bake.images.image_io import write_image
-from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
@@ -26,23 +24,23 @@ def _text(values: Array) -> str:
     return " ".join(f"{v:.9g}" for v in np.asarray(values).reshape(-1))
 
 
-def _above(source: BrdfSource, wi: Array, wo: Array) -> Array:
+def above(source: BrdfSource, wi: Array, wo: Array) -> Array:
     """Values, 0 below the horizon."""
     return np.asarray(source.evaluate(wi, wo))
 
 
-def _scattered(source: BrdfSource) -> tuple[Array, Array, Array, Array, Array]:
+def scattered_round(source: BrdfSource) -> tuple[Array, Array, Array, Array, Array]:
     """theta_i, theta_o, phi_o (degrees, light at phi 0), and the values, of a goniometer's round."""
     ti, to, po = np.meshgrid(THETAS, _OUT_THETAS, _OUT_PHIS, indexing="ij")
     wi, wo = spherical(np.radians(ti), 0.0), spherical(np.radians(to), np.radians(po))
-    return ti.ravel(), to.ravel(), po.ravel(), _above(source, wi, wo).reshape(-1, 3), wo.reshape(-1, 3)
+    return ti.ravel(), to.ravel(), po.ravel(), above(source, wi, wo).reshape(-1, 3), wo.reshape(-1, 3)
 
 
 def write_mbsdf(path: Path, source: BrdfSource, n_theta: int = 45, n_phi: int = 90) -> Path:
     """NVIDIA's MBSDF: cell centres, phi 180 degrees at the mirror."""
     theta = (np.arange(n_theta) + 0.5) * (np.pi / 2 / n_theta)
     phi = (np.arange(n_phi) + 0.5) * (np.pi / n_phi)
-    values = _above(source, spherical(theta[:, None, None], 0.0), spherical(theta[:, None], phi))
+    values = above(source, spherical(theta[:, None, None], 0.0), spherical(theta[:, None], phi))
     head = b"NVIDIA ARC MBSDF V1\nmade by a test\nMBSDF_DATA_REFLECTION=\n"
     path.write_bytes(head + np.array([1, n_theta, n_phi], "<u4").tobytes() + values.astype("<f4").tobytes())
     return path
@@ -67,7 +65,7 @@ def write_zemax(path: Path, source: BrdfSource, rotations: Array | None = None, 
             for theta in np.radians(THETAS):
                 wo = direction_around(theta, np.radians(radials), np.radians(azimuths)[:, None])
                 wo = _turned(wo, turn)
-                lines += ["TIS 0.5", *map(_text, _above(source, spherical(theta, turn), wo)[..., c])]
+                lines += ["TIS 0.5", *map(_text, above(source, spherical(theta, turn), wo)[..., c])]
         lines += ["DataEnd"]
     path.write_text("\n".join(lines))
     return path
@@ -87,7 +85,7 @@ def write_integra(path: Path, source: BrdfSource) -> Path:
     lines += [f"phi {len(phi)}", _text(phi), f"theta {len(theta)}", _text(theta)]
     sigma = np.radians(THETAS)[:, None, None]
     wo = direction_around(sigma, np.radians(theta), np.radians(phi)[:, None])
-    values = _above(source, spherical(sigma, 0.0), wo) * np.pi
+    values = above(source, spherical(sigma, 0.0), wo) * np.pi
     for c, name in enumerate(("red", "gre", "blu")):
         lines += [name, "kbdf", _text(np.full(len(THETAS), 2.0)), "def", _text(values[..., c] / 2), "enddef"]
     path.write_text("\n".join(lines))
@@ -102,7 +100,7 @@ def write_lighttools(path: Path, source: BrdfSource) -> Path:
     wo = spherical(np.radians(radials), np.radians(azimuths)[:, None])
     for theta in THETAS:
         for side, scale in (("Front", 1), ("Back", 7)):
-            values = _above(source, spherical(np.radians(theta), np.pi / 2), wo)[..., 1] * scale
+            values = above(source, spherical(np.radians(theta), np.pi / 2), wo)[..., 1] * scale
             lines += [f"AOI {theta}", "POI 0", f"Side {side}", "Wavelength 550", "ScatterType BRDF", "TIS 0.4"]
             lines += [_text(row) for row in values]
     path.write_text("\n".join([*lines, "DataEnd"]))
@@ -111,7 +109,7 @@ def write_lighttools(path: Path, source: BrdfSource) -> Path:
 
 def write_fred(path: Path, source: BrdfSource) -> Path:
     """FRED's text: the mirror at the theta and phi of the line of incidence."""
-    ti, to, po, values, _ = _scattered(source)
+    ti, to, po, values, _ = scattered_round(source)
     lines = ["type bsdf_data", "format angles=deg bsdf=value scale=0.5"]
     for theta in THETAS:
         lines.append(f"{theta} 0")
@@ -123,7 +121,7 @@ def write_fred(path: Path, source: BrdfSource) -> Path:
 
 def write_astm(path: Path, source: BrdfSource) -> Path:
     """ASTM E2387 in radians, R, G, B."""
-    ti, to, po, values, _ = _scattered(source)
+    ti, to, po, values, _ = scattered_round(source)
     lines = ["LAB_NAME a test", "MEAS_NAME BRDF", f"NUM_POINTS {len(ti)}", "VARS theta_i,phi_i,theta_s,phi_s,R,G,B", ""]
     for a, b, p, v in zip(np.radians(ti), np.radians(to), np.radians(po), values):
         lines.append(f"{a:.9g}, 1.5, {b:.9g}, {p + 1.5:.9g}, " + ", ".join(f"{x:.9g}" for x in v))
@@ -133,7 +131,7 @@ def write_astm(path: Path, source: BrdfSource) -> Path:
 
 def write_alta(path: Path, source: BrdfSource) -> Path:
     """ALTA: the light at +x, the viewer projected, values with the viewer's cosine."""
-    ti, to, po, values, wo = _scattered(source)
+    ti, to, po, values, wo = scattered_round(source)
     lines = ["#DIM 3 1", "#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI", "#PARAM_OUT INV_STERADIAN_COSINE_FACTOR", "#VS 0"]
     for a, b, p, v, z in zip(np.radians(ti), np.radians(to), np.radians(po), values[:, 1], wo[:, 2]):
         lines.append(f"{a:.9g} {b * np.cos(p):.9g} {b * np.sin(p):.9g} {v * z:.9g}")
@@ -141,20 +139,9 @@ def write_alta(path: Path, source: BrdfSource) -> Path:
     return path
 
 
-def write_alta_stream(path: Path, source: BrdfSource, endian: str = "little") -> Path:
-    """ALTA's binary variant of `write_alta`, both directions in spherical angles, in 1/sr."""
-    ti, to, po, values, _ = _scattered(source)
-    rows = np.column_stack([np.radians(ti), 0 * ti + 0.7, np.radians(to), np.radians(po) + 0.7, values[:, 1]])
-    head = f"#DIM 4 1\n#PARAM_IN SPHERICAL_TL_PL_TV_PV\n#PARAM_OUT INV_STERADIAN\n#FORMAT binary\n#ENDIAN {endian}\n"
-    head += f"#PRECISION ieee754-double\n#SAMPLE_COUNT {len(rows)}\n#BEGIN_STREAM\n"
-    stream = rows.astype("<f8" if endian == "little" else ">f8").tobytes()
-    path.write_bytes(head.encode() + stream + b"\n#END_STREAM\n")
-    return path
-
-
 def write_table(path: Path, source: BrdfSource) -> Path:
     """A plain table in degrees, R, G, B."""
-    ti, to, po, values, _ = _scattered(source)
+    ti, to, po, values, _ = scattered_round(source)
     lines = ["# any comment", "theta_i [deg], phi_i [deg], theta_o [deg], phi_o [deg], R, G, B"]
     for a, b, p, v in zip(ti, to, po, values):
         lines.append(f"{a}, 40, {b}, {p + 40}, " + ", ".join(f"{x:.9g}" for x in v))
@@ -162,24 +149,9 @@ def write_table(path: Path, source: BrdfSource) -> Path:
     return path
 
 
-def write_goniometer(path: Path, source: BrdfSource, azimuths: Array) -> Path:
-    """A round of a goniometer for each azimuth of the light in degrees: a table in degrees, or by its suffix ASTM."""
-    grid = np.meshgrid(np.arange(5.0, 80.0, 15.0), azimuths, np.arange(0.0, 80.0, 15.0), np.arange(0.0, 360.0, 30.0))
-    ti, pi, to, po = (angle.ravel() for angle in grid)
-    values = _above(source, spherical(*np.radians([ti, pi])), spherical(*np.radians([to, pi + po])))
-    if path.suffix == ".astm":
-        angles = np.radians([ti, pi, to, pi + po]).T
-        lines = [f"NUM_POINTS {len(ti)}", "VARS theta_i,phi_i,theta_s,phi_s,R,G,B"]
-    else:
-        angles, lines = np.stack([ti, pi, to, pi + po], -1), ["theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,r,g,b"]
-    lines += [",".join(f"{x:.9g}" for x in (*a, *v)) for a, v in zip(angles, values, strict=True)]
-    path.write_text("\n".join(lines))
-    return path
-
-
 def write_pab_opto(path: Path, source: BrdfSource) -> Path:
     """pab-opto: a file per direction of the light, values with the cosine (DSF); the first one's path."""
-    ti, to, po, values, wo = _scattered(source)
+    ti, to, po, values, wo = scattered_round(source)
     first = path
     for number, theta in enumerate(THETAS):
         at = ti == theta
@@ -200,17 +172,8 @@ def write_utia(path: Path, source: BrdfSource) -> Path:
     """UTIA's 6 x 48 directions, linear numbers."""
     theta, phi = np.radians(15.0 * np.arange(utia.THETAS)), np.radians(7.5 * np.arange(utia.PHIS))
     out = spherical(theta[:, None], phi)
-    values = _above(source, out[:, :, None, None], out)
+    values = above(source, out[:, :, None, None], out)
     np.moveaxis(values, -1, 0).astype("<f8").tofile(path)
-    return path
-
-
-def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) -> Path:
-    """The same as 288 x 288 pixels, rows the light; or upside down, as ALTA writes it."""
-    theta, phi = np.radians(15.0 * np.arange(utia.THETAS)), np.radians(7.5 * np.arange(utia.PHIS))
-    out = spherical(theta[:, None], phi).reshape(-1, 3)
-    values = _above(source, out[:, None], out)
-    write_image(path, values[::-1] if flipped else values, Storage.FLOAT32)
     return path
 
 
@@ -274,7 +237,7 @@ def write_tree(path: Path, source: BrdfSource, depth: int = 3, side: str = "Refl
     up = np.sqrt(np.maximum(1 - (disk**2).sum(-1), 0))
     out = np.column_stack([disk, up])
     wi = out * np.array([-1.0, -1.0, 1.0])
-    values = _above(source, wi[:, None], out[None])[..., 1].reshape(n, n, n, n)
+    values = above(source, wi[:, None], out[None])[..., 1].reshape(n, n, n, n)
     half = n // 2
     children = []
     for child in range(16):
@@ -303,11 +266,11 @@ def write_npy(path: Path, source: BrdfSource) -> Path:
     """Our own order of axes: four of them for an isotropic BRDF, else five."""
     if source.isotropic:
         theta, phi = np.linspace(0, np.pi / 2, 46), np.linspace(0, np.pi, 46)
-        values = _above(source, spherical(theta[None, :, None], phi), spherical(theta[:, None, None], 0.0))
+        values = above(source, spherical(theta[None, :, None], phi), spherical(theta[:, None, None], 0.0))
     else:
         theta, phi = np.linspace(0, np.pi / 2, 16), np.arange(32) * (2 * np.pi / 32)
         out = spherical(theta[:, None], phi)
-        values = _above(source, out, out[:, :, None, None])
+        values = above(source, out, out[:, :, None, None])
     np.save(path, values)
     return path
 

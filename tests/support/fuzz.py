@@ -29,6 +29,7 @@ from measured_materials.bake.sources.lookup.scattered import MIN_SAMPLES
 from measured_materials.bake.sources.lookup.scattered_coordinates import Coordinates
 
 from . import format_files as files
+from . import format_variants
 from .format_files import GLOSSY
 
 # Of one file's reading, whatever it holds: far more than any of these takes, far less than a hang.
@@ -118,9 +119,9 @@ def small_files(folder: Path) -> dict[str, Path]:
                 made[name] = files.write_klems(target, GLOSSY, basis="Quarter")
             elif name != "UTIA":  # its size alone makes it one
                 made[name] = write(target, GLOSSY)
-        made["ALTA stream"] = files.write_alta_stream(place("ALTA stream", "sample.alta"), GLOSSY)
+        made["ALTA stream"] = format_variants.write_alta_stream(place("ALTA stream", "sample.alta"), GLOSSY)
     made["tensor tree"] = files.write_tree(place("tensor tree", "tree.xml"), GLOSSY, 1)
-    made["UTIA picture"] = files.write_utia_picture(place("UTIA picture", "m.exr"), files.by_name("lambert"))
+    made["UTIA picture"] = format_variants.write_utia_picture(place("UTIA picture", "m.exr"), files.by_name("lambert"))
     made["published SGD"] = files.write_published(place("published SGD", "sgd.json"), entries=files.SGD_SET)
     return made
 

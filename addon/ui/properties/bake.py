@@ -6,12 +6,11 @@ from typing import Any, get_args
 import bpy
 
 from ....bake.brdf.samplers import KINDS, isotropic_layout, kind_of_layout
-from ....bake.brdf.settings import AlphaChoice, BakeSettings, SplineFit
+from ....bake.brdf.settings import FILTER_CHOICES, AlphaChoice, BakeSettings, SplineFit
 from ....bake.images.storage import TABLE_STORAGES, Storage
 from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ....bake.tables.grids.parameterization import Parameterization
 from ....bake.tables.search.grid_search import BASES
-from ....bake.tables.table import Filter
 from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
 from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
@@ -91,7 +90,7 @@ _ALPHA_PHI = bpy.props.FloatProperty(
     max=1,
 )
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
-_FILTER = _enum("Filter", "How the material reconstructs between samples", get_args(Filter), _USUAL.filter)
+_FILTER = _enum("Filter", "How the material reconstructs between samples", FILTER_CHOICES, _USUAL.filter)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _SAMPLER_WORDS = {
     "alias": ("Tables", "Four random numbers: less noise, and a little quicker to render"),

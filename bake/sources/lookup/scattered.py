@@ -131,10 +131,11 @@ class ScatteredBrdf:
         above = np.flatnonzero((wi[:, 2] > 0) & (wo[:, 2] > 0))
         for start in range(0, len(above), _CHUNK):
             part = above[start : start + _CHUNK]
-            result[part] = self._above_horizon(wi[part], wo[part])
+            result[part] = self.scale * np.sinh(self.level(wi[part], wo[part]))
         return result.reshape(*shape, -1)
 
-    def _above_horizon(self, wi: Array, wo: Array) -> Array:
+    def level(self, wi: Array, wo: Array) -> Array:
+        """asinh(f / scale), (n, C), of unit vectors (n, 3); below the horizon as at its edge."""
         pair = invariants(wi, wo, self.least_cosine)
         level: Array | float = 0.0
         if self.lobes is not None:
@@ -142,8 +143,7 @@ class ScatteredBrdf:
         if self.interpolant is not None:
             level = level + self.interpolant(self.coordinates(wi, wo, pair))
         # Between samples a spline may overshoot, so no measured value is exceeded.
-        level = np.minimum(level, self.ceiling)
-        return self.scale * np.sinh(np.maximum(level, 0.0))
+        return np.maximum(np.minimum(level, self.ceiling), 0.0)
 
 
 def fit_scattered(wi: Array, wo: Array, values: Array, method: str | None = None) -> ScatteredBrdf:

@@ -26,6 +26,7 @@ from .scattered import (
     sample_noise,
 )
 from .scattered_coordinates import ANY_TURN, WHOLE, AzimuthCover, Coordinates
+from .scattered_grid import GriddedBrdf, gridded
 from .scattered_interpolants import Interpolant, kernel_fit, spline_fit, spline_inverse, spread_subset
 from .scattered_invariants import invariants
 from .scattered_lobes import fit_lobes
@@ -43,7 +44,7 @@ BETTER = 0.9
 _CHECKED = 2000
 
 
-def fit_samples(wi: Array, wo: Array, values: Array) -> ScatteredBrdf:
+def fit_samples(wi: Array, wo: Array, values: Array) -> ScatteredBrdf | GriddedBrdf:
     """The interpolant of least error at samples left out, isotropic or not; parameters and errors as `fit_scattered`.
 
     Raises
@@ -75,7 +76,10 @@ def fit_samples(wi: Array, wo: Array, values: Array) -> ScatteredBrdf:
         "symmetry": best.coordinates.symmetry,
         "symmetry_errors": errors,
     }
-    return replace(fit, facts={**fit.facts, **told}) if symmetries else fit
+    if not symmetries:
+        return fit
+    fit = replace(fit, facts={**fit.facts, **told})
+    return fit if fit.coordinates.isotropic else gridded(fit)
 
 
 @dataclass(frozen=True)

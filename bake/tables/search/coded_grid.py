@@ -19,7 +19,7 @@ from ..log_codes import LEAST_PEAK
 from .grid_fit import fit_warps
 from .isotropic_search import half_sizes
 
-_PAIRS = 6144
+_PAIRS = 4096
 _RANGES = (6.0, 8.0, 10.0, 12.0, 14.0)
 
 

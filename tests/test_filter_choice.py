@@ -1,0 +1,71 @@
+"""The filter where it is left to the bake: error, bytes and time weighed, and told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from measured_materials.addon.cli.main import main
+from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.tables.filter_choice import LEAST_GAIN, of_the_rest, weighed
+
+COARSE = ["--basis", "half", "--sampler", "16"]
+SQUARED = ["--parameterization", "squared"]
+
+
+@pytest.mark.parametrize(
+    ("trilinear", "bspline", "relative", "taken"),
+    [
+        (1.0, 0.9 / LEAST_GAIN, 0.05, "bspline"),
+        (1.0, 1.1 / LEAST_GAIN, 0.05, "trilinear"),
+        (1.0, 0.01, 0.0009, "trilinear"),
+        (1.0, 2.0, 0.05, "trilinear"),
+        (0.0, 0.0, 0.0, "trilinear"),
+    ],
+)
+def test_the_rule(trilinear: float, bspline: float, relative: float, taken: str) -> None:
+    """Half of the bytes for a tenth of the time, where the error can be seen."""
+    rms = {"trilinear": trilinear, "bspline": bspline}
+    found = weighed(rms, relative)
+    assert found.filter == taken and found.why.endswith({"bspline": "B-spline", "trilinear": "trilinear"}[taken])
+    assert found.facts()["rms"] == rms
+    assert of_the_rest(rms).filter == "trilinear"
+
+
+def baked(folder: Path, *options: str) -> BrdfRecord:
+    """Metallic paint, coarse."""
+    settings = ["--analytic", "metallic-paint", *COARSE, "--out", str(folder), "--replace", *options]
+    assert main(["bake", "brdf", *settings]) == 0
+    (path,) = folder.glob("*.mmat")
+    return BrdfRecord.read(read_bundle(path))
+
+
+def test_a_paint_alone_is_worth_a_spline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As named; "auto" stays the setting, for the next bake."""
+    fitted = ["--resolution", "24", "--parameterization", "fitted", "--no-envelope"]
+    found = baked(tmp_path / "auto", "--filter", "auto", *fitted)
+    named = baked(tmp_path / "named", "--filter", "bspline", *fitted)
+    assert (found.settings.filter, found.table.filter, named.filter_why) == ("auto", "bspline", "")
+    assert found.errors.rms == pytest.approx(named.errors.rms, rel=1e-3) and found.table.spline == named.table.spline
+    rms = json.loads((found.files().path / "material.json").read_text())["filter_choice"]["rms"]
+    assert rms["bspline"] == pytest.approx(found.errors.rms) and rms["bspline"] * LEAST_GAIN < rms["trilinear"]
+    capsys.readouterr()
+    assert main(["inspect", str(found.files().path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("Filter weighed") and line.endswith(found.filter_why) for line in lines)
+
+
+def test_the_rest_over_shaders_and_codes_stay_linear(tmp_path: Path) -> None:
+    """A B-spline through samples smooths the rest; both errors are told."""
+    over = baked(tmp_path / "over", "--resolution", "12", "--filter", "auto", *SQUARED)
+    usual = baked(tmp_path / "usual", "--resolution", "12", *SQUARED)
+    assert over.table.filter == "trilinear" and over.errors.rms == pytest.approx(usual.errors.rms, rel=1e-3)
+    assert "Cycles' own shaders" in over.filter_why and usual.filter_why == ""
+    found = json.loads((over.files().path / "material.json").read_text())
+    errors = found["residual"]["errors"]["envelope_and_residual"]
+    rms = found["filter_choice"]["rms"]
+    assert rms["trilinear"] == pytest.approx(errors["rms"]) and rms["bspline"] > rms["trilinear"]
+    codes = baked(tmp_path / "codes", "--resolution", "8", "--filter", "auto", "--no-envelope", "--storage", "log")
+    assert codes.table.filter == "trilinear" and "codes" in codes.filter_why
