@@ -263,7 +263,7 @@ def test_fields_of_a_document_are_made_where_records_are() -> None:
         "bake/brdf/parts.py",
     }
     # What `inspect` shows of measurements and photographs that are not baked.
-    assert found == records | {"addon/cli/inspect.py", "addon/summary/sheet_rows.py"}
+    assert found == records | {"addon/cli/inspect.py"}
 
 
 def test_names_in_texts_are_those_of_the_code() -> None:

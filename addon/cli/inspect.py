@@ -168,10 +168,11 @@ def inspect_measurement(path: Path, reading: Reading, plots: Path | None = None)
     }
     rows = [("File", str(path)), ("Format", name), ("Size", brdf_rows.readable_size(path.stat().st_size))]
     rows += brdf_rows.measurement_rows(source)
-    rows += brdf_rows.reflected_rows(AlbedoRecord.parse(Fields({"albedo": albedo}, path), "albedo"))
+    reflected = AlbedoRecord.parse(Fields({"albedo": albedo}, path), "albedo")
+    rows += brdf_rows.reflected_rows(reflected)
     if isinstance(source, SheetSource):
         document["sheet"] = sheet_facts(source, albedo)
-        rows += measured_sheet_rows(document["sheet"], albedo, path)
+        rows += measured_sheet_rows(reflected, Fields(document["sheet"], path))
     rows += survey_rows(surveyed, left_out, reading)
     shown = {"measurement": source}
     return _with_plots(document, rows, draw_brdf(source, shown, source.name, plots) if plots is not None else [])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,10 +24,9 @@ def sheet_rows(record: BrdfRecord) -> Rows:
     return _rows({"": record.albedo, **{name: part.albedo for name, part in record.sheet.parts.items()}})
 
 
-def measured_sheet_rows(facts: Mapping[str, Any], albedo: Mapping[str, Any], where: Path) -> Rows:
+def measured_sheet_rows(albedo: AlbedoRecord, sheet: Fields) -> Rows:
     """Rows of what `bake.tables.sheet.sheet_facts` found of a measurement, given the albedo of its front."""
-    fields = Fields({"": albedo, **facts}, where)
-    return _rows({name: AlbedoRecord.parse(fields, name) for name in ("", *SHEET_PARTS) if fields.has(name)})
+    return _rows({"": albedo, **{name: AlbedoRecord.parse(sheet, name) for name in SHEET_PARTS if sheet.has(name)}})
 
 
 def _rows(seen: Mapping[str, AlbedoRecord]) -> Rows:
