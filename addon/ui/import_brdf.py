@@ -121,15 +121,15 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
 
 
 def _files_meant(chosen: list[Path]) -> tuple[list[Path], list[BakeError]]:
-    """Measurements that an artist means by these paths, of a folder all in it, each once; and folders without any."""
-    found: dict[Path, None] = {}
+    """Measurements that an artist means by these paths, of a folder all in it; and folders without any."""
+    found: list[Path] = []
     errors = []
     for path in chosen:
         try:
-            found |= dict.fromkeys(measurements_in(path) if _is_folder(path) else [path])
+            found += measurements_in(path) if _is_folder(path) else [path]
         except BakeError as error:
             errors.append(error)
-    return list(found), errors
+    return found, errors
 
 
 def _is_folder(path: Path) -> bool:
