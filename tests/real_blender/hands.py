@@ -107,6 +107,7 @@ def function_key(number):
 
 def write(text):
     """In a field whose text is edited, in place of what it holds."""
+    yield 1.0  # until a busy machine has made a field to write in of the double click
     yield from keys("ctrl+a")
     _send("type", "--delay", 25, text)
     yield _DRAWN
@@ -134,7 +135,10 @@ def hovered(area, region):
             return f"{found[0].name}: {found[1]}"
         if not bpy.ops.ui.copy_python_command_button.poll():
             return ""
-        bpy.ops.ui.copy_python_command_button()
+        try:
+            bpy.ops.ui.copy_python_command_button()
+        except RuntimeError:  # a preview is being rendered: the next look will tell
+            return ""
         return bpy.context.window_manager.clipboard
 
 
