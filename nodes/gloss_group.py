@@ -1,4 +1,4 @@
-"""Node group: a direction carried along by a change of gloss (addon/docs/method.md, section 17)."""
+"""Node group: a direction carried along by a change of gloss (addon/docs/method.md, section 9)."""
 
 from __future__ import annotations
 

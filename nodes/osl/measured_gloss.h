@@ -1,4 +1,4 @@
-// A change of gloss: twin of bake/sampling/gloss.py and nodes/gloss_group.py (addon/docs/method.md, section 17).
+// A change of gloss: twin of bake/sampling/gloss.py and nodes/gloss_group.py (addon/docs/method.md, section 9).
 
 #ifndef MEASURED_GLOSS_H
 #define MEASURED_GLOSS_H
