@@ -16,7 +16,7 @@ import pytest
 from measured_materials.addon.lights import light_tables
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.lights.seen_world import surroundings_of
-from measured_materials.addon.material.build_shading_map import build_map
+from measured_materials.addon.material.build_shading_map import build_map, pack_textures
 from measured_materials.addon.material.choices import Choices, show_choices
 from measured_materials.addon.material.facts import keep_facts
 from measured_materials.addon.material.kinds import SHADING_MAP
@@ -222,6 +222,23 @@ def test_textures_are_packed_for_the_language(registered: None, rough: Bundle) -
             images = {n.image for tree in trees for n in tree.nodes if getattr(n, "image", None)}
             files = [image for image in images if image.source == "FILE" and image.packed_file is None]
             assert len(files) == (2 if shader == "nodes" else 0)
+
+
+def test_pictures_of_the_artist_stay_files(registered: None, rough: Bundle, tmp_path: Path) -> None:  # noqa: F811
+    """The world's, which the swatch samples, and one among its own nodes."""
+    with stage("room") as seen:
+        around = next(n for n in seen.scene.scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment")
+        around.image.filepath_raw, around.image.file_format = str(tmp_path / "room.exr"), "OPEN_EXR"
+        around.image.save()
+        around.image = bpy.data.images.load(str(tmp_path / "room.exr"))
+        material = worn(seen.scene, rough, shader="osl")
+        beside = material.node_tree.nodes.new("ShaderNodeTexImage")
+        beside.image = bpy.data.images.load(str(tmp_path / "room.exr"))
+        pack_textures(material)
+        nodes = [n for tree in trees_below(material.node_tree) for n in tree.nodes if getattr(n, "image", None)]
+        assert {around.image, beside.image} < {node.image for node in nodes}
+        files = {node.image for node in nodes if node.image.source == "FILE" and node.image.packed_file is None}
+        assert files == {around.image, beside.image}
 
 
 def test_what_cannot_be_sampled_any_more_is_aimed_at(rough: Bundle) -> None:
