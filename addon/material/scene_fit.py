@@ -18,7 +18,7 @@ from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
 # Of sheets, in any scene.
-SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
+_SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
@@ -96,7 +96,8 @@ def plan_brdf(
         effects.append(effect)
     aim = sample = False
     if residual:
-        sampled = plan_sampling(choices, SHEET if record.sheet is not None else sampling)
+        sampling = sampling_for(record, sampling)
+        sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
         if not sample:
@@ -141,6 +142,11 @@ def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effec
 def is_ready(choices: Choices, ready: bool) -> bool:
     """Whether a graph that has nothing to aim at is built so that it will aim as soon as there is."""
     return ready and choices.aim == AUTO
+
+
+def sampling_for(record: BrdfRecord, sampling: Sampling) -> Sampling:
+    """What a material can sample in a scene where others can what is given."""
+    return _SHEET if record.sheet is not None else sampling
 
 
 def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
