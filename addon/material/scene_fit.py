@@ -165,7 +165,7 @@ def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
         return Effect(name, False, f"Aim at Lights is {choices.aim.capitalize()}")
     if why_not := sampling.impossible or sampling.needless:
         return Effect(name, False, why_not)
-    return Effect(name, True, f"{sampling.gain}, for two to four times the time of a sample")
+    return Effect(name, True, sampling.gain)
 
 
 def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:

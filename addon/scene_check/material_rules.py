@@ -273,12 +273,15 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
             mend = editable(material, partial(kind_of(material).refit, material, subject.scene))
         found = f"lamps are no longer sampled: {sampling.impossible or sampling.needless}"
         why = "its mirror is not aimed at them, and meets a small one by chance only"
+        swatch = kind_of(material) is SHADING_MAP
         if sampled and stale:
             found = "the world's picture is not sampled, though it can be"
-            why = "the world was another when it was fitted; a mirror that is aimed has about twice the noise"
+            noise = "more noise" if swatch else "about twice the noise"
+            why = f"the world was another when it was fitted; a mirror that is aimed has {noise}"
         if not sampled:
             found = "lamps are not sampled, though they can be"
-            why = "it was fitted when they could not; a mirror that is aimed has about three times the noise"
+            times = "five" if swatch else "three"
+            why = f"it was fitted when they could not; a mirror that is aimed has about {times} times the noise"
         yield Finding("not_sampled", SLOW, _name(material), found, "fitted to the scene", why, mend)
 
 
