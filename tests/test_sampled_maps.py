@@ -196,6 +196,8 @@ def test_one_switch_for_swatches_too(registered: None, rough: Bundle) -> None:  
             assert bpy.ops.measured_materials.use_osl() == {"FINISHED"}
         kept = {effect.name: effect.kept for effect in effects_of(material)}
         assert kept[name] and kept["Open Shading Language"] and "Aimed light" not in kept
+        (worth,) = (effect.why for effect in effects_of(material) if effect.name == name)
+        assert worth == "about a fifth of the noise under a small lamp, for about twice the time of a sample"
         assert is_scripted(material) and not is_one_script(material)
         assert material.cycles.emission_sampling == "NONE" and material.measured_quality.shader == "osl"
         update_scene(scene.scene)

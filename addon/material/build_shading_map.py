@@ -15,7 +15,7 @@ from ...nodes.feature_passes import asks_for_passes
 from ...nodes.group import HASH_KEY, trees_below
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import sampling_of, what_to_aim_at
+from ..lights.aim_targets import GAIN_OF_SWATCH, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -97,7 +97,7 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
     script = choices.shader == OSL
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = sampling_of(report, scripted=script)
+        sampling = sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
