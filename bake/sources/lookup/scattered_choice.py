@@ -1,4 +1,5 @@
-"""Scattered samples whose coordinates have to be found: more than one solve takes, or from several azimuths.
+"""Scattered samples whose coordinates have to be found: more than one solve takes, or from several azimuths,
+or of a surface that shines back to the lamp.
 
 `scattered` interpolates up to `MAX_CENTRES` samples in the four coordinates of an isotropic BRDF. Here it is also found
 whether the azimuth matters, which symmetry the surface has, and whether it shines back to the lamp, all by the error
@@ -9,7 +10,6 @@ as one solve takes. Where more are left, their error is told too.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from ...source import Array, Json
 from .scattered import (
     LINEAR_SHARE,
     MAX_CENTRES,
+    MIN_SAMPLES,
     PEAK_WIDTHS,
     SMOOTHINGS,
     ScatteredBrdf,
@@ -25,7 +26,7 @@ from .scattered import (
     sample_errors,
     sample_noise,
 )
-from .scattered_coordinates import ANY_TURN, WHOLE, AzimuthCover, Coordinates
+from .scattered_coordinates import ANY_TURN, MIRROR, TWO_MIRRORS, WHOLE, AzimuthCover, Coordinates
 from .scattered_grid import GriddedBrdf, gridded
 from .scattered_interpolants import Interpolant, kernel_fit, spline_fit, spline_inverse, spread_subset
 from .scattered_invariants import invariants
@@ -39,7 +40,7 @@ MOST_SPREAD = 20_000
 
 WEIGHTS = (0.3, 1.0)
 BETTER = 0.9
-"""Of an isotropic interpolant's error: below this the azimuth is said to matter."""
+"""Of the error without: below this the azimuth, or a peak towards the lamp, is said to matter."""
 
 _CHECKED = 2000
 
@@ -51,21 +52,23 @@ def fit_samples(wi: Array, wo: Array, values: Array) -> ScatteredBrdf | GriddedB
     ------
     ValueError : too few samples, or none that differ
     """
+    if len(values) < MIN_SAMPLES:
+        raise ValueError(f"{len(values)} samples are too few for a fit; {MIN_SAMPLES} are needed")
     cover = AzimuthCover.of(wi)
     symmetries = cover.symmetries()
-    if len(values) <= MAX_CENTRES and not symmetries:
-        return fit_scattered(wi, wo, values)
     try:
         search = _Search(wi, wo, values, anisotropic=bool(symmetries))
         best = search.isotropic()
         errors = {"isotropic": best.errors}
         for symmetry in symmetries:
-            turned = search.turned(best.coordinates, symmetry, float(np.radians(cover.start)))
+            turned = search.turned(best.coordinates, symmetry, cover.axes())
             errors[f"symmetry: {symmetry}"] = turned.errors
             if turned.overall < BETTER * errors["isotropic"]["overall"] and turned.overall < best.overall:
                 best = turned
-        if best.coordinates.isotropic and len(values) <= MAX_CENTRES:
+        if best.coordinates == Coordinates(best.coordinates.peak_width) and len(values) <= MAX_CENTRES:
+            # Its four coordinates are enough: it tries more interpolants in them, each at all the samples.
             fit = fit_scattered(wi, wo, values)
+            errors["isotropic"] = fit.facts["left_out_errors"][fit.method]
         else:
             fit = search.final(search.smoothed(best))
     except np.linalg.LinAlgError as error:
@@ -78,6 +81,8 @@ def fit_samples(wi: Array, wo: Array, values: Array) -> ScatteredBrdf | GriddedB
     }
     if not symmetries:
         return fit
+    if best.coordinates.symmetry in (MIRROR, TWO_MIRRORS):
+        told["symmetry_axis_deg"] = float(np.degrees(best.coordinates.axis))
     fit = replace(fit, facts={**fit.facts, **told})
     return fit if fit.coordinates.isotropic else gridded(fit)
 
@@ -123,14 +128,20 @@ class _Search:
         return every[spread_subset(x, count)]
 
     def isotropic(self) -> _Trial:
-        """The best peak width, with and without a coordinate for retroreflection."""
-        trials = [self._trial(Coordinates(w, retro), SMOOTHINGS[0]) for retro, w in product((False, True), PEAK_WIDTHS)]
-        return min(trials, key=lambda trial: trial.overall)
+        """The best peak width, with a coordinate for retroreflection where that serves."""
+        plain, retro = (
+            min(
+                (self._trial(Coordinates(w, back), SMOOTHINGS[0]) for w in PEAK_WIDTHS), key=lambda trial: trial.overall
+            )
+            for back in (False, True)
+        )
+        return retro if retro.overall < BETTER * plain.overall else plain
 
-    def turned(self, start: Coordinates, symmetry: str, axis: float) -> _Trial:
-        """The best weight of the azimuth."""
+    def turned(self, start: Coordinates, symmetry: str, axes: tuple[float, ...]) -> _Trial:
+        """The best weight of the azimuth and, of these in degrees, the best axis where there is a mirror plane."""
         trials = [
-            self._trial(replace(start, symmetry=symmetry, axis=axis, weight=weight), SMOOTHINGS[0])
+            self._trial(replace(start, symmetry=symmetry, axis=float(np.radians(axis)), weight=weight), SMOOTHINGS[0])
+            for axis in (axes if symmetry in (MIRROR, TWO_MIRRORS) else axes[:1])
             for weight in WEIGHTS
         ]
         return min(trials, key=lambda trial: trial.overall)

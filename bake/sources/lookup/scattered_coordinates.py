@@ -18,6 +18,7 @@ _RETRO_WIDTH = 0.01
 _BIN_DEG, _STEEP = 0.5, np.sin(np.radians(1.0))
 # How far measured azimuths may miss a quarter, a half or a whole turn, and how many there must be.
 _SLACK_DEG, _LEAST_AZIMUTHS = 1.0, 3
+_SYMMETRIES = {90: (TWO_MIRRORS,), 180: (MIRROR, HALF, TWO_MIRRORS), 360: (WHOLE, HALF)}
 
 
 def coordinates(pair: Invariants, peak_width: float) -> Array:
@@ -151,9 +152,24 @@ class AzimuthCover:
         A quarter or a half of a turn was measured because the rest is its mirror image (as pabopto2bsdf of Radiance
         takes it); a half turn may also repeat itself.
         """
+        turn = self._turn()
+        return _SYMMETRIES[turn] if turn else ()
+
+    def axes(self) -> tuple[float, ...]:
+        """Azimuths in degrees where a mirror plane may lie.
+
+        One, the first azimuth, where the cover reaches from plane to plane. Where it falls short of that, azimuths may
+        be the centres of cells, half the shortfall off the planes at both ends, or one end was left out as the other's
+        image; only samples tell which.
+        """
+        short = (self._turn() or self.covered) - self.covered
+        return (self.start,) if short <= _SLACK_DEG else (self.start - short / 2, self.start, self.start - short)
+
+    def _turn(self) -> int | None:
+        """Degrees of the part of a turn that was measured; None where too few azimuths say anything."""
         if self.count < _LEAST_AZIMUTHS:
-            return ()
-        for turn, found in ((90, (TWO_MIRRORS,)), (180, (MIRROR, HALF, TWO_MIRRORS)), (360, (WHOLE, HALF))):
+            return None
+        for turn in _SYMMETRIES:
             if self.covered <= turn + _SLACK_DEG and self.covered + self.step >= turn - _SLACK_DEG:
-                return found
-        return ()
+                return turn
+        return None
