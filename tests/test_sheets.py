@@ -91,6 +91,36 @@ def test_what_one_way_lets_through_the_other_does_by_reciprocity(given: str, tmp
     assert "black" in str(source.facts["behind"]) and not source.reflected_behind(-wi, -wo).any()
 
 
+@pytest.mark.parametrize(
+    ("find", "replace", "cause"),
+    [
+        ("<RowAngleBasis>LBNL/Klems Full", "<RowAngleBasis>LBNL/Klems Fuller", "uses the directions"),
+        ('unit="Integral">Visible<', 'unit="Integral">CIE-X<', "no block Visible"),
+        ("<ScatteringData>", "<ScatteringData>1 2 ", "numbers instead of"),
+    ],
+)
+def test_a_part_that_cannot_be_read_is_left_out_and_told(tmp_path: Path, find: str, replace: str, cause: str) -> None:
+    """The file's reflection is what was always read: what lets light through beside it must not take it away."""
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), (KLEMS[0], *KLEMS[2:]))
+    whole, text = read_source(path), path.read_text()
+    reflection, *others = text.split("<WavelengthData>")[1:]
+    assert find in others[0] and find in reflection
+    damaged = [other.replace(find, replace) for other in others]
+    path.write_text(text.split("<WavelengthData>")[0] + "<WavelengthData>".join(["", reflection, *damaged]))
+    source = read_source(path)
+    assert not isinstance(source, SheetSource) and "through: " in str(source.facts["left_out"])
+    assert cause in str(source.facts["left_out"]) and "through behind: " in str(source.facts["left_out"])
+    wi, wo = centres()
+    np.testing.assert_array_equal(source.evaluate(wi, wo), whole.evaluate(wi, wo))
+    one_way = "<WavelengthData>".join(["", reflection, damaged[0], others[1]])
+    path.write_text(text.split("<WavelengthData>")[0] + one_way)
+    assert "reciprocity" in str(read_source(path).facts["transmission"])
+    broken = "<WavelengthData>".join(["", reflection.replace(find, replace), *others])
+    path.write_text(text.split("<WavelengthData>")[0] + broken)
+    with pytest.raises(BakeError, match=cause):
+        read_source(path)
+
+
 # What Radiance's rtrace 6.0 shows of 2011-SA1.XML between two directions, its viewing ray being what it calls incident:
 # where the lamp is, where the viewer is, and the value.
 RADIANCE = np.array(
