@@ -15,7 +15,7 @@ from ..source import Array, BrdfSource, Facts, Json
 from ..tables.accuracy import direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.filter_choice import FilterChoice, of_the_rest, unweighed, weighed
+from ..tables.filter_choice import FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
@@ -136,7 +136,7 @@ class PartBake:
     def _weighed(self, table: Table) -> FilterChoice:
         """Which filter serves the table, where it is read as a whole."""
         if self.settings.envelope:
-            return unweighed("over Cycles' own shaders")  # `envelope` measures it
+            return unweighed("over Cycles' own shaders a B-spline only smooths the rest")
         if self.settings.storage is Storage.LOG or not self.source.isotropic:
             return unweighed("codes and four dimensions have no B-spline that pays")
         errors: dict[str, Mapping[str, float]] = {}
@@ -220,8 +220,6 @@ class PartBake:
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
         errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.filter)
-        if self.weighed is not None and self.source.isotropic:
-            self.weighed = self._of_the_rest(fit, residual)
         images = {
             "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
             "residual": kept.image(),
@@ -234,13 +232,6 @@ class PartBake:
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
         return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
-
-    def _of_the_rest(self, fit: EnvelopeFit, residual: Table) -> FilterChoice:
-        """Both together with either filter of the residual."""
-        carried = fit.evaluate(self.pairs.wi, self.pairs.wo) - self.truth
-        kinds: tuple[Filter, ...] = ("trilinear", "bspline")
-        rests = {str(name): residual.evaluate(self.pairs.wi, self.pairs.wo, name) for name in kinds}
-        return of_the_rest({name: self.pairs.rms(carried + rest) for name, rest in rests.items()})
 
 
 def _sampled(table: Table) -> Table:
