@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.plots import figure
-from measured_materials.addon.plots.brdf_plots import FIGURES
+from measured_materials.addon.plots.brdf_plots import FIGURES, draw_brdf
 from measured_materials.addon.summary.survey_rows import survey_rows
 from measured_materials.bake.inspection.curves import albedo_curves, angles_picture, reciprocity_map, slices
 from measured_materials.bake.inspection.readings import READINGS, held_out
@@ -270,6 +270,15 @@ def test_command_line_draws_measurements_and_bundles(
             assert 0.01 < (picture.min(-1) < 0.9).mean() < 0.9
     measured = json.loads(json.dumps(found))
     assert measured["color_difference"].keys() == {"exact", "table"}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [0.0, -0.1])
+def test_what_reflects_nothing_is_drawn_too(tmp_path: Path, value: float) -> None:
+    """A black front of a sheet, or noise below 0 alone: neither has a peak that axes could follow."""
+    pytest.importorskip("matplotlib")
+    black = Made(lambda wi, wo: np.full(wi.shape[:-1], value))
+    assert [path.is_file() for path in draw_brdf(black, {"measurement": black}, "black", tmp_path)] == [True] * 5
 
 
 def test_command_line_tells_what_was_found(leaning: Path, capsys: pytest.CaptureFixture[str]) -> None:
