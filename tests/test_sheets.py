@@ -45,6 +45,13 @@ class OneWay:
         return np.repeat(np.where(there, value, 0), 3, -1)
 
 
+class BlackFront(OneWay):
+    """The same, black in front."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return np.zeros((*np.broadcast_shapes(wi.shape[:-1], wo.shape[:-1]), 3))
+
+
 def centres(count: int = 200) -> tuple[Array, Array]:
     """Pairs of middles of Klems' bins, above the horizon."""
     bins, rng = klems_centres(), np.random.default_rng(5)
@@ -161,6 +168,20 @@ def test_light_and_viewer_of_a_transmission_are_exchanged_by_choice(tmp_path: Pa
     np.testing.assert_allclose(
         mean.transmitted(wi, wo * BELOW), (plain.transmitted(wi, wo * BELOW) + turned.transmitted(wi, wo * BELOW)) / 2
     )
+
+
+def test_a_black_front_is_refused_for_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The sheet is not black, and nothing is wrong with the file. A front of a thousandth is what the remedy says."""
+    assert main(["bake", "brdf", "--analytic", "thin-cloth", "diffuse=0", "--out", str(tmp_path)]) == 1
+    told = capsys.readouterr().err
+    assert "front reflects nothing, though it lets light through" in told and "check the file" not in told
+    assert "diffuse=0.001" in told
+    nothing = ["diffuse=0", "through=0", "forward=0"]
+    assert main(["bake", "brdf", "--analytic", "thin-cloth", *nothing, "--out", str(tmp_path)]) == 1
+    assert "thin-cloth: reflects nothing" in capsys.readouterr().err
+    path = write_klems_sheet(tmp_path / "a.xml", BlackFront(), KLEMS)
+    assert main(["bake", "brdf", str(path), "--out", str(tmp_path)]) == 1
+    assert "front reflects nothing, though it lets light through" in capsys.readouterr().err
 
 
 def test_thin_cloth_is_reciprocal_and_keeps_its_energy() -> None:

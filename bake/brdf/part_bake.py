@@ -11,14 +11,15 @@ from ..bundle.result import Progress
 from ..envelope import EnvelopeFit, pack_weights, reconstruction_errors
 from ..errors import BakeError
 from ..images.storage import Storage
-from ..source import Array, BrdfSource, Facts, Json
-from ..tables.accuracy import direction_pairs, table_errors
+from ..source import Array, BrdfSource, Facts, Json, SheetSource
+from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
 from ..tables.filter_choice import FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
+from ..tables.sheet import sheet_views
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
@@ -67,7 +68,7 @@ class PartBake:
         self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
         self.weighed: FilterChoice | None = None
         if not self.truth.any():
-            raise BakeError(source.name, "reflects nothing", "check the file")
+            raise BakeError(source.name, *_why_black(source, self.pairs))
 
     def baked(self, reflection: Callable[..., Reflection], front: bool = True) -> BakedPart:
         """All steps, given what makes the `Reflection` of a treated source, its grid, its choice and the settings.
@@ -232,6 +233,17 @@ class PartBake:
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
         return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
+
+
+def _why_black(source: BrdfSource, pairs: DirectionPairs) -> tuple[str, str]:
+    """Cause and remedy where a source reflects nothing: the front of a sheet may, and the file be whole."""
+    if isinstance(source, SheetSource):
+        for part, view in sheet_views(source).items():
+            if view.evaluate(pairs.wi, pairs.wo).any():
+                does = "its back reflects" if part == "behind" else "it lets light through"
+                remedy = "give the front a little reflection (diffuse=0.001), or bake the other side (--side back)"
+                return f"its front reflects nothing, though {does}, and such a sheet cannot be baked", remedy
+    return "reflects nothing", "check the file"
 
 
 def _sampled(table: Table) -> Table:
