@@ -13,7 +13,7 @@ from ..bundle.bundle import Kind, write_bundle
 from ..bundle.origin import file_origin
 from ..bundle.result import BakeResult, Progress
 from ..source import BrdfSource, Json, SheetSource
-from ..sources import read_source
+from ..sources import chosen_material, read_source
 from .part_bake import PartBake
 from .preview_sphere import preview_sphere
 from .reflection import reflection_of
@@ -42,7 +42,8 @@ def bake_file(
         progress("reading", 0.0)
     started = time.perf_counter()
     reading = (settings or BakeSettings()).reading
-    source, origin = read_source(file, reading), file_origin(file, reading.material)
+    source = read_source(file, reading)
+    origin = file_origin(file, chosen_material(file, reading))
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -105,6 +106,8 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     plain["viewers"] = list(settings.viewers)
     del plain["rights"]
     plain["reading"] = settings.reading.told()
+    if "material" not in source.facts:
+        plain["reading"].pop("material", None)
     if not plain["reading"] or source.facts.get("format") == "analytic":
         del plain["reading"]
     if source.isotropic:
