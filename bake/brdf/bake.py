@@ -19,7 +19,7 @@ from .preview_sphere import preview_sphere
 from .reflection import reflection_of
 from .samplers import layout_facts
 from .settings import BakeSettings
-from .sheet_bake import sheet_parts
+from .sheet_bake import KIND_OF_SHEET, sheet_parts
 
 _ERROR_PAIRS = 32768
 KIND: Kind = "brdf"
@@ -86,7 +86,7 @@ def bake_source(
     images = part.images
     if isinstance(source, SheetSource):
         same = replace(settings, filter=bake.filter)
-        facts["sheet"], further = sheet_parts(source, part.facts, same, say, pairs or _ERROR_PAIRS)
+        facts["sheet"], further = sheet_parts(source, same, say, pairs or _ERROR_PAIRS)
         images = images | further
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(part.table), kind=KIND)
@@ -96,7 +96,7 @@ def bake_source(
 
 def _named(progress: Progress | None, source: BrdfSource) -> Progress:
     """Stages are called after the kind of source."""
-    suffix = "" if source.isotropic else KIND_OF_STAGE
+    suffix = ("" if source.isotropic else KIND_OF_STAGE) + (KIND_OF_SHEET if isinstance(source, SheetSource) else "")
     return lambda stage, share: progress(stage + suffix, share) if progress else None
 
 
