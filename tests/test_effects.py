@@ -10,7 +10,7 @@ from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.scene_fit import plan_aim, plan_brdf, plan_detail, plan_filter
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.errors import BakeError
-from support.records import BRDF, brdf_record
+from support.records import BRDF, brdf_record, sheet_parts
 
 
 def record(share: float = 0.8, rim: float | None = None, **further: Any) -> BrdfRecord:
@@ -92,6 +92,31 @@ def test_fitted_coefficients_are_no_values_for_a_simpler_filter() -> None:
     assert plan.filter == "bspline" and "no simpler filter can read" in why
     plain = record(table=table | {"spline": "plain"})
     assert plan_brdf(plain, Choices(mode="reference", filter="nearest"), "").filter == "nearest"
+
+
+def test_a_filter_of_a_sheet_serves_all_of_its_tables() -> None:
+    """Its front's reflection may hardly vary, and what goes through it may: each is read as it was baked."""
+    even, steep = {"nearest": 0.01, "trilinear": 0.01}, {"nearest": 0.05, "trilinear": 0.01}
+    both = record(rms_by_filter=even, **sheet_parts(through={"rms_by_filter": even}))
+    assert plan_filter(both, Choices())[0] == "nearest"
+    for name in ("through", "behind", "through_behind"):
+        parts = {"through": {"rms_by_filter": even}, name: {"rms_by_filter": steep}}
+        found, effect = plan_filter(record(rms_by_filter=even, **sheet_parts(alike=False, **parts)), Choices())
+        assert found is None and effect.kept and "nearest is 5 times as large" in effect.why
+    spline = {"table": {**BRDF["table"], "filter": "bspline", "spline": "fitted"}, "rms_by_filter": {"bspline": 0.01}}
+    plan = plan_brdf(record(rms_by_filter=even, **sheet_parts(through=spline)), Choices(mode="reference"), "")
+    (why,) = (effect.why for effect in plan.effects if effect.name == "Interpolation")
+    assert plan.filter is None and why.startswith("trilinear and bspline, each")
+
+
+def test_a_filter_that_would_misread_a_part_of_a_sheet_is_refused() -> None:
+    table = {**BRDF["table"], "filter": "bspline", "spline": "fitted"}
+    sheet = record(**sheet_parts(through={"table": table}))
+    for name in ("nearest", "trilinear"):
+        with pytest.raises(BakeError, match=r"felt: sheet\.through: holds fitted spline coefficients"):
+            plan_brdf(sheet, Choices(mode="reference", filter=name), "")
+        assert plan_brdf(sheet, Choices(filter=name), "").filter == name
+    assert plan_brdf(sheet, Choices(mode="reference", filter="bspline"), "").filter == "bspline"
 
 
 def test_filters_of_older_bundles_stay() -> None:

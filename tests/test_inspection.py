@@ -13,16 +13,17 @@ import numpy as np
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.plots import figure
-from measured_materials.addon.plots.brdf_plots import FIGURES
+from measured_materials.addon.plots.brdf_plots import FIGURES, draw_brdf
 from measured_materials.addon.summary.survey_rows import survey_rows
 from measured_materials.bake.inspection.curves import albedo_curves, angles_picture, reciprocity_map, slices
-from measured_materials.bake.inspection.readings import held_out
+from measured_materials.bake.inspection.readings import READINGS, held_out
 from measured_materials.bake.inspection.survey import survey, weighted_median
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import Ggx, Lambert, ModifiedPhong
 from measured_materials.bake.sources.exchanged import Exchanged
 from measured_materials.bake.sources.rgl import read_rgl
+from measured_materials.bake.tables.accuracy import direction_pairs
 from support.rgl_writer import write_anisotropic_rgl
 
 
@@ -118,7 +119,7 @@ def test_half_a_file_lacks_every_second_elevation(leaning: Path) -> None:
 def test_what_breaks_reciprocity_by_itself_is_read_as_measured(leaning: Path) -> None:
     """The material is smooth in the light's angle: half a file predicts the rest, and the exchanged one does not."""
     found: Any = held_out(read_rgl(leaning))
-    assert found["measured"] < 0.02 < 0.05 < found["mean"] < 0.6 * found["exchanged"]
+    assert found["measured"] < 0.04 < 0.05 < found["mean"] < 0.6 * found["exchanged"]
     rows = dict(survey_rows(survey(read_rgl(leaning)), found, Reading()))
     assert rows["Read as"] == "measured, the light is the file's incident direction"
     rows = dict(survey_rows(survey(read_rgl(leaning)), found, Reading(reciprocity="mean")))
@@ -148,6 +149,48 @@ def test_noise_is_read_best_as_the_mean() -> None:
     assert found["mean"] * signal == pytest.approx(0.1 * math.sqrt(1.5), rel=0.05)
 
 
+@dataclass(frozen=True)
+class Listening(Made):
+    """Takes down at which polar angles of the light it is asked."""
+
+    asked: list[Array] = field(default_factory=list)
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        """The same, taken down."""
+        self.asked.append(np.arccos(wi[..., 2]))
+        return super().evaluate(wi, wo)
+
+    def halved(self) -> tuple[Made, Array]:
+        """Reciprocal, and of a light at 20 and 50 degrees."""
+        return Made(lambda wi, wo: wi[..., 2] * wo[..., 2]), LEFT_OUT
+
+
+LEFT_OUT = np.radians([20.0, 50])
+
+
+@pytest.mark.parametrize("isotropic", [True, False])
+def test_the_light_stands_where_it_was_left_out(isotropic: bool) -> None:
+    """Elsewhere the whole file interpolates too, or half of it is exact: no truth to hold a reading to."""
+    source = Listening(lambda wi, wo: 2 * wi[..., 2] * wo[..., 2], isotropic=isotropic)
+    found: Any = held_out(source)
+    (asked,) = source.asked
+    assert len(asked) > 4000
+    np.testing.assert_allclose(np.abs(asked[:, None] - LEFT_OUT).min(1), 0, atol=1e-7)
+    assert [found[name] for name in READINGS] == pytest.approx([0.5] * 3)
+
+
+def test_pairs_at_elevations_stand_for_the_solid_angle_next_to_them() -> None:
+    """Means over both hemispheres: of cos^2 theta_o over three rings, of cos theta_i, and of 1."""
+    elevations = np.radians([15.0, 40, 70])
+    pairs = direction_pairs(1 << 16, elevations=elevations)
+    cosine = np.cos(np.radians([0, 27.5, 55, 90]))
+    assert (pairs.weight * pairs.wo[:, 2] ** 2).mean() == pytest.approx(
+        (-np.diff(cosine) * np.cos(elevations) ** 2).sum(), rel=5e-3
+    )
+    assert pairs.weight.mean() == pytest.approx(1, rel=0.01)
+    assert (pairs.weight * pairs.wi[:, 2]).mean() == pytest.approx(0.5, rel=0.01)
+
+
 def test_formats_that_cannot_be_halved_and_scattered_samples() -> None:
     assert held_out(Lambert()) is None
     errors = {"spline": {"median_relative": 0.04}, "kernel": {"median_relative": 0.09}}
@@ -158,14 +201,16 @@ def test_formats_that_cannot_be_halved_and_scattered_samples() -> None:
     assert dict(survey_rows(survey(LEANING), None, Reading()))["Left-out error"] == "not told by this format"
 
 
-def test_genuine_files_are_read_best_as_measured(shared_data: Path) -> None:
-    """What the default of `Reading` rests on: on eleven of the twelve it errs least, on the twelfth by a twentieth
-    more."""
+def test_genuine_files_leave_the_reading_open(shared_data: Path) -> None:
+    """What is told beside the default of `Reading`: it errs least in the median, and on five of twelve files; on the
+    others the mean does."""
     files = sorted((shared_data / "rgl").glob("*.bsdf"))
     found: list[Any] = [held_out(read_rgl(file)) for file in files]
     assert len(found) == 12 and Reading().reciprocity == "measured"
-    assert all(entry["measured"] < min(1.05 * entry["mean"], entry["exchanged"]) for entry in found)
-    assert sum(entry["measured"] < entry["mean"] for entry in found) == 11
+    medians = {name: np.median([entry[name] for entry in found]) for name in READINGS}
+    assert medians["measured"] < medians["mean"] < medians["exchanged"]
+    best = [min(READINGS, key=entry.__getitem__) for entry in found]
+    assert (best.count("measured"), best.count("mean")) == (5, 7)
 
 
 # --- curves and figures -----------------------------------------------------------------------------------
@@ -225,6 +270,15 @@ def test_command_line_draws_measurements_and_bundles(
             assert 0.01 < (picture.min(-1) < 0.9).mean() < 0.9
     measured = json.loads(json.dumps(found))
     assert measured["color_difference"].keys() == {"exact", "table"}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [0.0, -0.1])
+def test_what_reflects_nothing_is_drawn_too(tmp_path: Path, value: float) -> None:
+    """A black front of a sheet, or noise below 0 alone: neither has a peak that axes could follow."""
+    pytest.importorskip("matplotlib")
+    black = Made(lambda wi, wo: np.full(wi.shape[:-1], value))
+    assert [path.is_file() for path in draw_brdf(black, {"measurement": black}, "black", tmp_path)] == [True] * 5
 
 
 def test_command_line_tells_what_was_found(leaning: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -120,3 +120,26 @@ def test_the_window_states_it_for_this_bake_alone(registered: None, coarse: None
     assert (properties.author, properties.license) == ("Ada", "CC0")
     operator = bpy.ops.measured_materials.import_brdf.get_rna_type().properties["author"]
     assert operator.is_skip_save  # it is no default of the next measurement, which somebody else has made
+
+
+def test_another_measurement_takes_no_rights_over(registered: None, coarse: None, tmp_path: Path) -> None:  # noqa: F811
+    """Its own, also where it has been moved, keeps them; and what was stated since the bake is of the next one."""
+    for name, model in (("felt", by_name("lambert")), ("paint", by_name("ggx", alpha=0.4))):
+        write_merl(tmp_path / f"{name}.binary", model)
+    stated = {"author": "Ada", "license": "CC0", "source_url": "https://example.org/felt"}
+    bpy.ops.measured_materials.import_brdf(
+        filepath=str(tmp_path / "felt.binary"), resolution=8, envelope=False, as_asset=True, **stated
+    )
+    material = next(one for one in bpy.data.materials if one.get("measured_materials_facts"))
+    (tmp_path / "felt.binary").rename(tmp_path / "moved.binary")
+
+    def again(name: str) -> tuple[Rights, str, str]:
+        with bpy.context.temp_override(material=material):
+            assert bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / f"{name}.binary")) == {"FINISHED"}
+        data = material.asset_data
+        return record_of(material).rights, data.author, data.license
+
+    assert again("moved") == (Rights(**stated), "Ada", "CC0") == again("moved")
+    material.measured_materials.license = "CC-BY 4.0"
+    assert again("paint") == (Rights(license="CC-BY 4.0"), "", "CC-BY 4.0")
+    assert material.measured_materials.author == material.measured_materials.source_url == ""

@@ -13,9 +13,10 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.lights import light_tables
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.lights.seen_world import surroundings_of
-from measured_materials.addon.material.build_shading_map import build_map
+from measured_materials.addon.material.build_shading_map import build_map, pack_textures
 from measured_materials.addon.material.choices import Choices, show_choices
 from measured_materials.addon.material.facts import keep_facts
 from measured_materials.addon.material.kinds import SHADING_MAP
@@ -35,7 +36,7 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_agree, compare
 from support.osl import skip_without_osl
-from support.scenes import TestScene, lit_sphere
+from support.scenes import TestScene, add_lamp, lit_sphere
 from support.swatches import map_bundle, rough_map
 from test_addon import registered  # noqa: F401
 from test_sampled_lamps import add_card, veil
@@ -195,6 +196,8 @@ def test_one_switch_for_swatches_too(registered: None, rough: Bundle) -> None:  
             assert bpy.ops.measured_materials.use_osl() == {"FINISHED"}
         kept = {effect.name: effect.kept for effect in effects_of(material)}
         assert kept[name] and kept["Open Shading Language"] and "Aimed light" not in kept
+        (worth,) = (effect.why for effect in effects_of(material) if effect.name == name)
+        assert worth == "about a fifth of the noise under a small lamp, for about twice the time of a sample"
         assert is_scripted(material) and not is_one_script(material)
         assert material.cycles.emission_sampling == "NONE" and material.measured_quality.shader == "osl"
         update_scene(scene.scene)
@@ -223,6 +226,23 @@ def test_textures_are_packed_for_the_language(registered: None, rough: Bundle) -
             assert len(files) == (2 if shader == "nodes" else 0)
 
 
+def test_pictures_of_the_artist_stay_files(registered: None, rough: Bundle, tmp_path: Path) -> None:  # noqa: F811
+    """The world's, which the swatch samples, and one among its own nodes."""
+    with stage("room") as seen:
+        around = next(n for n in seen.scene.scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment")
+        around.image.filepath_raw, around.image.file_format = str(tmp_path / "room.exr"), "OPEN_EXR"
+        around.image.save()
+        around.image = bpy.data.images.load(str(tmp_path / "room.exr"))
+        material = worn(seen.scene, rough, shader="osl")
+        beside = material.node_tree.nodes.new("ShaderNodeTexImage")
+        beside.image = bpy.data.images.load(str(tmp_path / "room.exr"))
+        pack_textures(material)
+        nodes = [n for tree in trees_below(material.node_tree) for n in tree.nodes if getattr(n, "image", None)]
+        assert {around.image, beside.image} < {node.image for node in nodes}
+        files = {node.image for node in nodes if node.image.source == "FILE" and node.image.packed_file is None}
+        assert files == {around.image, beside.image}
+
+
 def test_what_cannot_be_sampled_any_more_is_aimed_at(rough: Bundle) -> None:
     """Its own groups alone: other materials of nodes cannot sample before Blender 5.1."""
     with lit_sphere(sampling(rough), lamp_size=0.5, resolution=16) as scene:
@@ -233,6 +253,26 @@ def test_what_cannot_be_sampled_any_more_is_aimed_at(rough: Bundle) -> None:
             trees = trees_below(scene.sphere.data.materials[0].node_tree)
             assert {tree[SLOTS_KEY] for tree in trees if SAMPLED_KEY in tree} == {sampled}
             assert {tree[SLOTS_KEY] for tree in trees if INSTEAD_KEY in tree} == {aimed}
+
+
+@pytest.mark.parametrize("most", [2, 4])
+def test_a_lamp_that_the_viewport_hides_is_sampled_in_a_render(
+    monkeypatch: pytest.MonkeyPatch, rough: Bundle, most: int
+) -> None:
+    """As many as the view that needs most, also where another needs fewer; and never more than materials aim at."""
+    monkeypatch.setattr(light_tables, "MOST_LAMPS", most)
+    monkeypatch.setattr(light_tables, "is_blended", lambda _: True)
+    with lit_sphere(sampling(rough), lamp_size=0.5, resolution=16) as scene:
+        for place in ((-2, 1, 3), (1, 2, 3)):
+            add_lamp(scene, "POINT", place, energy=50, shadow_soft_size=0.2).hide_viewport = True
+        layer = scene.scene.view_layers[0]
+        layer.update()
+        shown = light_tables.update_lamps(layer.depsgraph)
+        rendered = update_scene(scene.scene, for_render=True)
+        assert (shown.slots, rendered.slots, shown.inexact, rendered.inexact) == (1, 3, "", "")
+        trees = trees_below(scene.sphere.data.materials[0].node_tree)
+        assert {tree[SLOTS_KEY] for tree in trees if SAMPLED_KEY in tree} == {min(3, most)}
+        assert {tree[SLOTS_KEY] for tree in trees if INSTEAD_KEY in tree} == {0}
 
 
 @pytest.mark.parametrize("technique, mode", [("lookup", "reference"), ("lit_texture", "exact"), ("lookup", "preview")])

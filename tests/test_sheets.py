@@ -45,6 +45,13 @@ class OneWay:
         return np.repeat(np.where(there, value, 0), 3, -1)
 
 
+class BlackFront(OneWay):
+    """The same, black in front."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return np.zeros((*np.broadcast_shapes(wi.shape[:-1], wo.shape[:-1]), 3))
+
+
 def centres(count: int = 200) -> tuple[Array, Array]:
     """Pairs of middles of Klems' bins, above the horizon."""
     bins, rng = klems_centres(), np.random.default_rng(5)
@@ -91,6 +98,36 @@ def test_what_one_way_lets_through_the_other_does_by_reciprocity(given: str, tmp
     assert "black" in str(source.facts["behind"]) and not source.reflected_behind(-wi, -wo).any()
 
 
+@pytest.mark.parametrize(
+    ("find", "replace", "cause"),
+    [
+        ("<RowAngleBasis>LBNL/Klems Full", "<RowAngleBasis>LBNL/Klems Fuller", "uses the directions"),
+        ('unit="Integral">Visible<', 'unit="Integral">CIE-X<', "no block Visible"),
+        ("<ScatteringData>", "<ScatteringData>1 2 ", "numbers instead of"),
+    ],
+)
+def test_a_part_that_cannot_be_read_is_left_out_and_told(tmp_path: Path, find: str, replace: str, cause: str) -> None:
+    """The file's reflection is what was always read: what lets light through beside it must not take it away."""
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), (KLEMS[0], *KLEMS[2:]))
+    whole, text = read_source(path), path.read_text()
+    reflection, *others = text.split("<WavelengthData>")[1:]
+    assert find in others[0] and find in reflection
+    damaged = [other.replace(find, replace) for other in others]
+    path.write_text(text.split("<WavelengthData>")[0] + "<WavelengthData>".join(["", reflection, *damaged]))
+    source = read_source(path)
+    assert not isinstance(source, SheetSource) and "through: " in str(source.facts["left_out"])
+    assert cause in str(source.facts["left_out"]) and "through behind: " in str(source.facts["left_out"])
+    wi, wo = centres()
+    np.testing.assert_array_equal(source.evaluate(wi, wo), whole.evaluate(wi, wo))
+    one_way = "<WavelengthData>".join(["", reflection, damaged[0], others[1]])
+    path.write_text(text.split("<WavelengthData>")[0] + one_way)
+    assert "reciprocity" in str(read_source(path).facts["transmission"])
+    broken = "<WavelengthData>".join(["", reflection.replace(find, replace), *others])
+    path.write_text(text.split("<WavelengthData>")[0] + broken)
+    with pytest.raises(BakeError, match=cause):
+        read_source(path)
+
+
 # What Radiance's rtrace 6.0 shows of 2011-SA1.XML between two directions, its viewing ray being what it calls incident:
 # where the lamp is, where the viewer is, and the value.
 RADIANCE = np.array(
@@ -131,6 +168,20 @@ def test_light_and_viewer_of_a_transmission_are_exchanged_by_choice(tmp_path: Pa
     np.testing.assert_allclose(
         mean.transmitted(wi, wo * BELOW), (plain.transmitted(wi, wo * BELOW) + turned.transmitted(wi, wo * BELOW)) / 2
     )
+
+
+def test_a_black_front_is_refused_for_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The sheet is not black, and nothing is wrong with the file. A front of a thousandth is what the remedy says."""
+    assert main(["bake", "brdf", "--analytic", "thin-cloth", "diffuse=0", "--out", str(tmp_path)]) == 1
+    told = capsys.readouterr().err
+    assert "front reflects nothing, though it lets light through" in told and "check the file" not in told
+    assert "diffuse=0.001" in told
+    nothing = ["diffuse=0", "through=0", "forward=0"]
+    assert main(["bake", "brdf", "--analytic", "thin-cloth", *nothing, "--out", str(tmp_path)]) == 1
+    assert "thin-cloth: reflects nothing" in capsys.readouterr().err
+    path = write_klems_sheet(tmp_path / "a.xml", BlackFront(), KLEMS)
+    assert main(["bake", "brdf", str(path), "--out", str(tmp_path)]) == 1
+    assert "front reflects nothing, though it lets light through" in capsys.readouterr().err
 
 
 def test_thin_cloth_is_reciprocal_and_keeps_its_energy() -> None:

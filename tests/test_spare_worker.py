@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,3 +99,25 @@ def test_a_spare_worker_ends_with_its_standard_input() -> None:
     assert process._process.stdin
     process._process.stdin.close()
     assert process._process.wait(30) == 0
+
+
+_ASKED_LATER = """
+import sys, types
+from measured_materials.addon.baking import worker
+
+class Nobody:
+    def read(self, count):
+        print(*sys.modules, file=sys.stderr, flush=True)
+        return b""
+
+sys.stdin = types.SimpleNamespace(buffer=Nobody())
+worker.main()
+"""
+
+
+def test_all_that_a_bake_needs_is_loaded_before_it_is_asked() -> None:
+    done = subprocess.run([sys.executable, "-P", "-c", _ASKED_LATER], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stderr.splitlines()[-1].split())
+    needed = {"addon.baking.request", "addon.baking.look", "bake.brdf.bake", "bake.shading_maps.bake"}
+    assert {f"measured_materials.{name}" for name in needed} <= loaded

@@ -43,11 +43,28 @@ def mark(material: bpy.types.Material, rights: Rights | None = None) -> str:
     return "; ".join(filter(None, (_set_picture(material), _set_catalogue(material, words.catalogue))))
 
 
-def refresh(material: bpy.types.Material) -> str:
-    """Bring an asset in line with its last bake; nothing where it is none. Words as `mark`; raises nothing."""
-    if material.asset_data is None or not is_measured(material):
+def refresh(material: bpy.types.Material, before: Rights | None = None) -> str:
+    """Bring an asset in line with its last bake; nothing where it is none. Words as `mark`; raises nothing.
+
+    Parameters
+    ----------
+    before : `known_rights` of another measurement that was baked before: of them the asset states no more
+    """
+    data = material.asset_data
+    if data is None or not is_measured(material):
         return ""
+    for name in ("author", "license", "copyright") if before is not None else ():
+        if getattr(data, name) == getattr(before, name):
+            setattr(data, name, "")
     return mark_or_say(material)
+
+
+def known_rights(material: bpy.types.Material) -> Rights:
+    """What its measurement says of itself, or was stated of it; nothing where that is not to be read."""
+    try:
+        return rights_of(record_of(material))
+    except BakeError:
+        return Rights()
 
 
 def mark_or_say(material: bpy.types.Material) -> str:

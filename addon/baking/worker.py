@@ -33,8 +33,7 @@ def main() -> None:
     with results_stream(to_the_end=True) as stream:
         say = _teller(stream)
         say(event="ready")
-        # The slow part of the start: a spare worker has it behind it when it is asked.
-        from . import look  # noqa: F401
+        _import()
 
         head = sys.stdin.buffer.read(8)
         if len(head) < 8:  # nobody wants it any more
@@ -52,7 +51,7 @@ def main() -> None:
 
 
 def _import() -> None:
-    """What a bake and a look need."""
+    """What a bake and a look need, the slow part of the start: a spare worker has it behind it when it is asked."""
     from . import look, request  # noqa: F401
 
 

@@ -7,24 +7,56 @@ from dataclasses import dataclass
 from ...nodes.light_ray import can_raycast
 from .lamp_survey import LampReport
 
-# What sampling is worth in noise, for what share of the time of a sample.
-_OF_LAMPS = "about a third of the noise under a lamp"
-_OF_WORLD = "about half of the noise under the world"
 # Irradiance of everything else, over that of the strongest lamp at distance 1.
 _HARDLY_ANY = 1e-3
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What sampling is worth, and for what, in words.
+
+    Parameters
+    ----------
+    lamps, world : the noise that is left under either
+    time : of a sample
+    beside : where the world is sampled, of what becomes of it; begins with a colon
+    """
+
+    lamps: str
+    world: str
+    time: str
+    beside: str = ""
+
+    def words(self, *, lamps: bool, world: bool) -> str:
+        """Of what there is to sample."""
+        told = [noise for noise, there in ((self.lamps, lamps), (self.world, world)) if there]
+        return f"{', '.join(told)}, for {self.time}"
+
+
+GAIN_OF_BRDF = Gain(
+    "about a third of the noise under a lamp",
+    "about half of the noise under the world",
+    "two to four times the time of a sample",
+    ": half the noise of a mirror aimed at it",
+)
+# Of worlds it was not measured.
+GAIN_OF_SWATCH = Gain(
+    "about a fifth of the noise under a small lamp", "less noise under the world", "about twice the time of a sample"
+)
 
 
 @dataclass(frozen=True)
 class Sampling:
     """Why a scene's lamps cannot be sampled in the shader without bias, or need not be; empty where that is not so.
 
-    `beside` is what becomes of the world, in words, where it is aimed at or sampled; `gain` what sampling is worth.
+    `beside` is what becomes of the world, in words, where it is aimed at or sampled; `gain` what sampling is worth, as
+    `Gain.words`.
     """
 
     impossible: str = ""
     needless: str = ""
     beside: str = ""
-    gain: str = _OF_LAMPS
+    gain: str = ""
 
 
 UNKNOWN = Sampling("nothing is known of its lamps")
@@ -40,7 +72,9 @@ def what_to_aim_at(report: LampReport) -> str:
     return words[:1].lower() + words[1:]
 
 
-def sampling_of(report: LampReport, *, osl: bool = False, scripted: bool = False) -> Sampling:
+def sampling_of(
+    report: LampReport, *, osl: bool = False, scripted: bool = False, gain: Gain = GAIN_OF_BRDF
+) -> Sampling:
     """Whether a shader can, and should, sample the scene's lamps itself: one of nodes, whose rays may be `scripted`, or
     of OSL."""
     if not (osl or scripted or can_raycast()):
@@ -48,16 +82,15 @@ def sampling_of(report: LampReport, *, osl: bool = False, scripted: bool = False
     if report.inexact:
         return Sampling(report.inexact)
     if not report.world_inexact:
-        gain = f"{_OF_LAMPS}, {_OF_WORLD}" if report.slots else _OF_WORLD
-        return Sampling(
-            beside="the world, sampled in the shader too: half the noise of a mirror aimed at it", gain=gain
-        )
+        worth = gain.words(lamps=bool(report.slots), world=True)
+        return Sampling(beside=f"the world, sampled in the shader too{gain.beside}", gain=worth)
     if not report.slots:
         return Sampling(needless=f"no lamp that can be sampled, and {report.world_inexact}")
+    worth = gain.words(lamps=True, world=False)
     if not report.world.aimed:
-        return Sampling()
+        return Sampling(gain=worth)
     if osl:  # whose shader does both
-        return Sampling(beside="the world, by the mirror of the rest")
+        return Sampling(beside="the world, by the mirror of the rest", gain=worth)
     return Sampling(needless=f"{report.world_inexact}, and aiming at it is worth more")
 
 

@@ -166,12 +166,13 @@ def fit_slots() -> None:
     needs = [need for key, need in _needs.items() if key in shown]
     slots, world = max((need.slots for need in needs), default=0), any(need.world for need in needs)
     # Of scenes that need lamps at all: where their light is not known in one, none is sampled in any.
-    sampled = min((need.sampled for need in needs if need.slots), default=0)
+    known = min((need.sampled for need in needs if need.slots), default=0) > 0
     # The world's own table is dark in a scene where that may not be sampled.
     lit = any(need.lit for need in needs)
     if any(is_blended(material) for material in bpy.data.materials):
         slots = min(slots, MOST_LAMPS)
-    sampled = min(sampled, slots)
+    # As many as the scene with most: nothing aims at what a group could sample and does not.
+    sampled = slots if known else 0
     for group in bpy.data.node_groups:
         if can_switch(group):
             rays = can_raycast() or SCRIPTED_KEY in group

@@ -12,10 +12,10 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
-from ...nodes.group import trees_below
+from ...nodes.group import HASH_KEY, trees_below
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import sampling_of, what_to_aim_at
+from ..lights.aim_targets import GAIN_OF_SWATCH, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -97,7 +97,7 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
     script = choices.shader == OSL
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = sampling_of(report, scripted=script)
+        sampling = sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
@@ -114,12 +114,14 @@ _NO_PASSES = "OSL cannot write them; built of nodes they can be had"
 
 
 def pack_textures(material: bpy.types.Material) -> None:
-    """Put a material's textures into the .blend: of files, Open Shading Language reads mip levels at random."""
-    for tree in trees_below(material.node_tree):
-        for node in tree.nodes:
-            image = getattr(node, "image", None)
-            if image is not None and image.source == "FILE" and image.packed_file is None and image.is_editable:
-                image.pack()
+    """Put a material's textures into the .blend: of files, Open Shading Language reads mip levels at random.
+
+    The world's picture, which its groups may sample, and pictures of the artist's own nodes stay where they are.
+    """
+    own = (tree for tree in trees_below(material.node_tree) if HASH_KEY in tree)
+    for image in {node.image for tree in own for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"}:
+        if image is not None and image.source == "FILE" and image.packed_file is None and image.is_editable:
+            image.pack()
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

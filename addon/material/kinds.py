@@ -161,7 +161,8 @@ class _Brdf(Kind):
         try:
             record, choices = record_of(material), choices_of(material.measured_quality)
             sampled = any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material))
-            return expectation(record, choices.mode, plan_filter(record, choices)[0], sampled=sampled)
+            filter = plan_filter(record, choices)[0] or record.table.filter
+            return expectation(record, choices.mode, filter, sampled=sampled)
         except BakeError:
             return ""
 

@@ -6,6 +6,7 @@ leave out an effect that would be missed is refused.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
 # Of sheets, in any scene.
-SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
+_SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
@@ -47,7 +48,7 @@ class BrdfPlan:
     account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`."""
 
     mode: str
-    filter: str
+    filter: str | None
     residual: bool
     aim: bool
     features: bool
@@ -86,7 +87,8 @@ def plan_brdf(
     if choices.mode == "preview":
         account = Effect("Mirror", False, "mode Preview: Cycles' own shaders fitted to the measurement, biased")
         return BrdfPlan("preview", record.table.filter, False, False, False, (account, *_language(choices, False)))
-    filter, residual = record.table.filter, True
+    filter: str | None = record.table.filter
+    residual = True
     effects: list[Effect] = []
     if choices.mode != "reference":
         effect = plan_residual(record, choices)
@@ -94,7 +96,8 @@ def plan_brdf(
         effects.append(effect)
     aim = sample = False
     if residual:
-        sampled = plan_sampling(choices, SHEET if record.sheet is not None else sampling)
+        sampling = sampling_for(record, sampling)
+        sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
         if not sample:
@@ -141,6 +144,11 @@ def is_ready(choices: Choices, ready: bool) -> bool:
     return ready and choices.aim == AUTO
 
 
+def sampling_for(record: BrdfRecord, sampling: Sampling) -> Sampling:
+    """What a material can sample in a scene where others can what is given."""
+    return _SHEET if record.sheet is not None else sampling
+
+
 def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
     """Whether the shader samples lamps itself. Raises BakeError where that is asked for and would bias the picture."""
     name = SAMPLED_EFFECT
@@ -157,7 +165,7 @@ def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
         return Effect(name, False, f"Aim at Lights is {choices.aim.capitalize()}")
     if why_not := sampling.impossible or sampling.needless:
         return Effect(name, False, why_not)
-    return Effect(name, True, f"{sampling.gain}, for two to four times the time of a sample")
+    return Effect(name, True, sampling.gain)
 
 
 def plan_aim(choices: Choices, to_aim_at: str, *, ready: bool = False) -> Effect:
@@ -197,27 +205,46 @@ def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
     return Effect(name, True, carried)
 
 
-def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str, Effect]:
-    """The simplest filter whose measured error is about that of the one the table was baked for.
+def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str | None, Effect]:
+    """The simplest filter whose measured error is about that of the one the table was baked for: of a sheet, in each of
+    its tables; None for each as it was baked.
 
-    Raises BakeError where another one was chosen that would misread the table.
+    Raises BakeError where another one was chosen that would misread a table.
     """
-    baked, errors = record.table.filter, record.rms_by_filter
+    name, tables = "Interpolation", record.tables
     if choices.filter != AUTO:
         record.check_filter(choices.filter, choices.mode)
-        return choices.filter, Effect("Interpolation", choices.filter != "nearest", f"{choices.filter}, as asked for")
-    for name in FILTERS[: FILTERS.index(baked)]:
-        if baked in errors and errors.get(name, float("inf")) <= _AS_GOOD * errors[baked]:
-            why = f"{name} instead of {baked}: its error is no more than 10 % larger"
-            return name, Effect("Interpolation", False, why)
+        return choices.filter, Effect(name, choices.filter != "nearest", f"{choices.filter}, as asked for")
+    baked = list(dict.fromkeys(table.table.filter for table in tables))
+    told = " and ".join(baked)
+    for simpler in FILTERS[: max(FILTERS.index(one) for one in baked)]:
+        if all(_is_as_good(table, simpler) for table in tables):
+            why = f"{simpler} instead of {told}: its error is no more than 10 % larger"
+            return simpler, Effect(name, False, why)
+    if len(baked) > 1:
+        return None, Effect(name, True, f"{told}, each side and direction of light as it was baked")
+    kept = None if record.sheet is not None else baked[0]
     if record.filter_why:
-        return baked, Effect("Interpolation", True, record.filter_why)
-    if choices.mode == "reference" and record.table.spline == "fitted":
-        return baked, Effect("Interpolation", True, f"{baked}, whose fitted coefficients no simpler filter can read")
-    simpler = FILTERS[max(FILTERS.index(baked) - 1, 0)]
-    ratio = errors.get(simpler, 0.0) / max(errors.get(baked, 0.0), 1e-30)
-    why = f"{baked}: the error of {simpler} is {ratio:.2g} times as large" if ratio and simpler != baked else baked
-    return baked, Effect("Interpolation", True, why)
+        return kept, Effect(name, True, record.filter_why)
+    if choices.mode == "reference" and any(table.table.spline == "fitted" for table in tables):
+        return kept, Effect(name, True, f"{told}, whose fitted coefficients no simpler filter can read")
+    simpler = FILTERS[max(FILTERS.index(baked[0]) - 1, 0)]
+    ratio = max(_times(table.rms_by_filter, simpler, baked[0]) for table in tables)
+    why = f"{told}: the error of {simpler} is {ratio:.2g} times as large" if ratio and simpler != told else told
+    return kept, Effect(name, True, why)
+
+
+def _is_as_good(record: BrdfRecord, name: str) -> bool:
+    """Whether a filter serves a table about as well as the one that it was baked for."""
+    baked, errors = record.table.filter, record.rms_by_filter
+    if name == baked:
+        return True
+    return baked in errors and errors.get(name, float("inf")) <= _AS_GOOD * errors[baked]
+
+
+def _times(errors: Mapping[str, float], name: str, baked: str) -> float:
+    """A filter's error over that of another; 0 where it is not known."""
+    return errors.get(name, 0.0) / max(errors.get(baked, 0.0), 1e-30)
 
 
 def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str, where: str) -> tuple[int, Effect]:

@@ -67,7 +67,7 @@ def _slices(source: BrdfSource, cuts: Mapping[str, Slices]) -> Any:
             axes.semilogy(cut.viewer_deg, seen, line, color=colour)
             if line == _LINES[0]:
                 axes.plot([-angle], [0.015], "|", color=colour, markersize=8, transform=axes.get_xaxis_transform())
-    axes.set_ylim(lowest / 1.6, peak * 1.8)
+    axes.set_ylim(*((lowest / 1.6, peak * 1.8) if peak > 0 else (_LOWEST, 1)))
     axes.set_xlim(-90, 90)
     axes.set_xticks(_TICK_DEGREES)
     axes.set_xlabel("viewer's polar angle in degrees, the light's side on the right; strokes: mirror directions")
@@ -92,6 +92,7 @@ def _polar(source: BrdfSource, cuts: Mapping[str, Slices]) -> Any:
             radius = np.cbrt(np.maximum(values * np.cos(viewer), 0))
             most = max(most, float(radius.max()))
             axes.plot(viewer, radius, line, color=colour)
+    most = most if most > 0 else 1.0
     for colour, angle in zip(COLOURS, next(iter(cuts.values())).incidence_deg):
         axes.plot(np.radians([angle, angle]), [0.93 * most, 1.06 * most], color=colour, linewidth=2.2)
     axes.set_rlim(0, 1.06 * most)

@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...bake.errors import BakeError
 from ...nodes import compat
 from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch
 from ...nodes.data_image import has_common_name, rename_packed
@@ -22,10 +23,10 @@ from ..lights import aim_targets, light_tables
 from ..lights.lamp_survey import LampReport
 from ..material import rebuild
 from ..material.choices import AUTO, OSL, Choices
-from ..material.facts import is_measured
+from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.lighting import uses_mode
-from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling
+from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling, sampling_for
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -260,11 +261,9 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
     report = light_tables.survey_scene(subject.scene, for_render=True)
     for material in built:
         choices, sampled = _choices_by_mode(material), _samples(material)
-        osl = choices.shader == OSL
-        is_map = kind_of(material) is SHADING_MAP
-        sampling = aim_targets.sampling_of(report, osl=osl and not is_map, scripted=osl)
         if choices.mode not in ("exact", "balanced") or choices.sample != AUTO or choices.aim != AUTO:
             continue
+        sampling = _sampling(material, choices, report)
         kept = plan_sampling(choices, sampling).kept
         stale = kept and _shows_another_world(material, report)
         if (sampled == kept and not stale) or not (sampled or residual_of(material)):
@@ -274,13 +273,28 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
             mend = editable(material, partial(kind_of(material).refit, material, subject.scene))
         found = f"lamps are no longer sampled: {sampling.impossible or sampling.needless}"
         why = "its mirror is not aimed at them, and meets a small one by chance only"
+        swatch = kind_of(material) is SHADING_MAP
         if sampled and stale:
             found = "the world's picture is not sampled, though it can be"
-            why = "the world was another when it was fitted; a mirror that is aimed has about twice the noise"
+            noise = "more noise" if swatch else "about twice the noise"
+            why = f"the world was another when it was fitted; a mirror that is aimed has {noise}"
         if not sampled:
             found = "lamps are not sampled, though they can be"
-            why = "it was fitted when they could not; a mirror that is aimed has about three times the noise"
+            times = "five" if swatch else "three"
+            why = f"it was fitted when they could not; a mirror that is aimed has about {times} times the noise"
         yield Finding("not_sampled", SLOW, _name(material), found, "fitted to the scene", why, mend)
+
+
+def _sampling(material: bpy.types.Material, choices: Choices, report: LampReport) -> aim_targets.Sampling:
+    """What the material's builder is told, as far as the material says what it is."""
+    osl = choices.shader == OSL
+    if kind_of(material) is SHADING_MAP:
+        return aim_targets.sampling_of(report, scripted=osl)
+    sampling = aim_targets.sampling_of(report, osl=osl)
+    try:
+        return sampling_for(record_of(material), sampling)
+    except BakeError:
+        return sampling
 
 
 def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:

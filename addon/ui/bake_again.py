@@ -1,21 +1,26 @@
 """Operator: bake a measured material again, with other settings or from another file, in place."""
 
 # No postponed annotations here: Blender reads the properties from them.
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ...bake.errors import BakeError
-from ..assets.mark import refresh
+from ..assets.mark import known_rights, refresh
+from ..assets.words import Rights
 from ..baking.request import BakeRequest
-from ..material.facts import source_file
-from ..material.kinds import kind_of
+from ..material.facts import record_of, source_file
+from ..material.kinds import Source, kind_of
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import AgainTask, with_source
 from .context import OfMeasured, shown_material
 from .import_photographs import say_warnings, tell_warnings
 from .kind_forms import form_of
+from .properties.rights import is_own, rights_beside, show_rights
 from .window_progress import window_progress
 
 _FILEPATH = bpy.props.StringProperty(
@@ -81,29 +86,44 @@ class MEASURED_MATERIALS_OT_bake_again(OfMeasured, bpy.types.Operator):
     def _bake_beside(self, material: bpy.types.Material) -> None:
         """Put the bake into the queue."""
         kind = kind_of(material)
-        settings, pack = form_of(kind).settings(material)
-        source = form_of(kind).chosen(self)
+        settings, pack, source, before = self._asked_for(material)
         if source is None:
             source = kind.bakeable_source(material)
         request = with_source(BakeRequest(Path(), settings), source)
-        queue.add([AgainTask(request, material, pack, _settle)])
+        queue.add([AgainTask(request, material, pack, partial(_settle, before=before))])
 
     def _bake(self, context: bpy.types.Context, material: bpy.types.Material) -> str:
         kind = kind_of(material)
-        form, before = form_of(kind), kind.error(material)
-        settings, pack = form.settings(material)
-        source = form.chosen(self)
+        error = kind.error(material)
+        settings, pack, source, before = self._asked_for(material)
         with window_progress(context, settings) as progress_of:
             kind.bake_again(material, settings, pack=pack, source=source, progress=progress_of(0))
         tell_warnings(self, material)
-        refresh(material)
-        return kind.words(material) + (f", was {before}" if before else "")
+        _state(material, before)
+        return kind.words(material) + (f", was {error}" if error else "")
+
+    def _asked_for(self, material: bpy.types.Material) -> tuple[Any, bool, Source, Rights | None]:
+        """Settings, whether textures are packed, the chosen source, and what its asset states of another one before."""
+        form = form_of(kind_of(material))
+        settings, pack = form.settings(material)
+        source = form.chosen(self)
+        if source is None or is_own(material, source):
+            return settings, pack, source, None
+        settings = replace(settings, rights=rights_beside(material, settings.rights))
+        return settings, pack, source, known_rights(material)
 
 
-def _settle(material: bpy.types.Material) -> None:
+def _settle(material: bpy.types.Material, before: Rights | None) -> None:
     """After a bake beside the window."""
     say_warnings(material)
-    refresh(material)
+    _state(material, before)
+
+
+def _state(material: bpy.types.Material, before: Rights | None) -> None:
+    """Let asset and panel say of the material's rights what its bake says, where it is of another measurement."""
+    if before is not None:
+        show_rights(form_of(kind_of(material)).properties(material), record_of(material).rights)
+    refresh(material, before)
 
 
 classes = (MEASURED_MATERIALS_OT_bake_again,)

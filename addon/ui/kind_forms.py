@@ -31,6 +31,10 @@ class Form(ABC):
         """Draw the settings that have an effect."""
 
     @abstractmethod
+    def properties(self, material: bpy.types.Material) -> Any:
+        """The material's own properties of its bakes."""
+
+    @abstractmethod
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
         """The settings of the next bake, and whether its textures go into the .blend. What the panel does not show
         stays as it was baked. Raises BakeError.
@@ -52,6 +56,9 @@ class _BrdfForm(Form):
 
     def draw(self, layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
         draw_settings(layout, material.measured_materials)
+
+    def properties(self, material: bpy.types.Material) -> Any:
+        return material.measured_materials
 
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
         properties, settings = material.measured_materials, settings_of(material.measured_materials)
@@ -77,6 +84,9 @@ class _ShadingMapForm(Form):
 
     def draw(self, layout: bpy.types.UILayout, material: bpy.types.Material) -> None:
         draw_arc_settings(layout, material.measured_arc, material.measured_lighting)
+
+    def properties(self, material: bpy.types.Material) -> Any:
+        return material.measured_arc
 
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
         properties, mode = material.measured_arc, material.measured_quality.mode

@@ -11,14 +11,15 @@ from ..bundle.result import Progress
 from ..envelope import EnvelopeFit, pack_weights, reconstruction_errors
 from ..errors import BakeError
 from ..images.storage import Storage
-from ..source import Array, BrdfSource, Facts, Json
-from ..tables.accuracy import direction_pairs, table_errors
+from ..source import Array, BrdfSource, Facts, Json, SheetSource
+from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.filter_choice import FilterChoice, of_the_rest, unweighed, weighed
+from ..tables.filter_choice import FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
+from ..tables.sheet import sheet_views
 from ..tables.stored_table import StoredTable, store_table
 from ..tables.table import FILTERS, Filter, Table, tabulate
 from ..tables.treated_source import TreatedSource
@@ -67,7 +68,7 @@ class PartBake:
         self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
         self.weighed: FilterChoice | None = None
         if not self.truth.any():
-            raise BakeError(source.name, "reflects nothing", "check the file")
+            raise BakeError(source.name, *_why_black(source, self.pairs))
 
     def baked(self, reflection: Callable[..., Reflection], front: bool = True) -> BakedPart:
         """All steps, given what makes the `Reflection` of a treated source, its grid, its choice and the settings.
@@ -138,7 +139,7 @@ class PartBake:
         """Which filter serves the table, where it is read as a whole, and as `_kept` what was weighed."""
         found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.envelope:
-            return unweighed("over Cycles' own shaders"), found  # `envelope` measures it
+            return unweighed("over Cycles' own shaders a B-spline only smooths the rest"), found
         if not self.settings.tries_spline or not self.source.isotropic:
             return unweighed("codes and four dimensions have no B-spline that pays"), found
         errors: dict[str, Mapping[str, float]] = {}
@@ -223,8 +224,6 @@ class PartBake:
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))
         errors = reconstruction_errors(self.source, fit, residual, table, self.pairs, self.filter)
-        if self.weighed is not None and self.source.isotropic:
-            self.weighed = self._of_the_rest(fit, residual)
         images = {
             "envelope": StoredImage(pack_weights(fit), Storage.FLOAT32),
             "residual": kept.image(),
@@ -238,12 +237,16 @@ class PartBake:
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}
         return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
 
-    def _of_the_rest(self, fit: EnvelopeFit, residual: Table) -> FilterChoice:
-        """Both together with either filter of the residual."""
-        carried = fit.evaluate(self.pairs.wi, self.pairs.wo) - self.truth
-        kinds: tuple[Filter, ...] = ("trilinear", "bspline")
-        rests = {str(name): residual.evaluate(self.pairs.wi, self.pairs.wo, name) for name in kinds}
-        return of_the_rest({name: self.pairs.rms(carried + rest) for name, rest in rests.items()})
+
+def _why_black(source: BrdfSource, pairs: DirectionPairs) -> tuple[str, str]:
+    """Cause and remedy where a source reflects nothing: the front of a sheet may, and the file be whole."""
+    if isinstance(source, SheetSource):
+        for part, view in sheet_views(source).items():
+            if view.evaluate(pairs.wi, pairs.wo).any():
+                does = "its back reflects" if part == "behind" else "it lets light through"
+                remedy = "give the front a little reflection (diffuse=0.001), or bake the other side (--side back)"
+                return f"its front reflects nothing, though {does}, and such a sheet cannot be baked", remedy
+    return "reflects nothing", "check the file"
 
 
 def _sampled(table: Table) -> Table:

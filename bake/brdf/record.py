@@ -133,12 +133,18 @@ class BrdfRecord(BundleRecord):
             return found
         return replace(found, bundle=self.bundle.part(name, dict(found.document)))
 
+    @property
+    def tables(self) -> tuple[BrdfRecord, ...]:
+        """This record and those of a sheet's other parts, each of one table, without bundles."""
+        return (self, *(self.sheet.parts.values() if self.sheet is not None else ()))
+
     def check_filter(self, name: str, mode: str) -> None:
-        """Raise BakeError where a mode of `bake.brdf.modes.MODES` would interpolate fitted coefficients as if they were
-        values; the residual, of which other modes are built, holds values."""
-        if mode == "reference" and self.table.spline == "fitted" and name != "bspline":
-            cause = f"holds fitted spline coefficients, which {name} would take for values of the table"
-            raise BakeError(self.where, cause, "leave the filter as baked, or bake it again with another")
+        """Raise BakeError where a mode of `bake.brdf.modes.MODES` would interpolate fitted coefficients, of any part of
+        a sheet too, as if they were values; the residual, of which other modes are built, holds values."""
+        for part in self.tables:
+            if mode == "reference" and part.table.spline == "fitted" and name != "bspline":
+                cause = f"holds fitted spline coefficients, which {name} would take for values of the table"
+                raise BakeError(part.where, cause, "leave the filter as baked, or bake it again with another")
 
     def stored(self, part: str) -> StoredTableRecord:
         """How the "table" or the "residual" is stored. Raises BakeError where there is none."""

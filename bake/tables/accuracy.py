@@ -94,9 +94,13 @@ def direction_pairs(
     offset : start of the sequence in [0, 1): another value gives other points, shifted from the first
     turned : each pair turned about the normal by an angle of its own, for an anisotropic source; otherwise wo lies in
         the x-z plane
+    elevations : (n,) polar angles in radians, of wo only these: each stands for the solid angle that is next to it
     """
     u = _additive_recurrence(count, 4, offset)
-    wo = spherical(np.arccos(u[:, 0]), 0.0)
+    theta_o = np.arccos(u[:, 0])
+    if elevations is not None:
+        theta_o = elevations[np.abs(theta_o[:, None] - elevations).argmin(1)]
+    wo = spherical(theta_o, 0.0)
     uniform = spherical(np.arccos(u[:, 1]), 2 * np.pi * u[:, 2])
     m = u[:, 1] ** _WARP
     half = spherical(2 * np.arcsin(np.sqrt(m / 2)), 2 * np.pi * u[:, 2])

@@ -154,8 +154,9 @@ def main(place: Path) -> None:
         write_merl(share / "flakes.binary", by_name("metallic-paint", flake_alpha=0.3, coat_alpha=0.2))
         (share / "cut.binary").write_bytes((share / "lacquer.binary").read_bytes()[:-8])
         write_felt(share / "felt")
-        for name in {*lamps_agree.PROGRAMS, *leaving.PROGRAMS, *INSIDE}:
+        for name in {*leaving.PROGRAMS, *INSIDE}:
             shutil.copy(HERE / f"{name}.py", share)
+        lamps_agree.prepare(share)
         blender = Blender(place, share)
         check("install", True, blender.install())
         compare_bakes(blender, share)

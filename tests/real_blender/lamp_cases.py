@@ -29,6 +29,7 @@ class Case:
     brightest : pixels around those that are brighter than so many times the median are left out: they show a lamp
     moving : with motion blur, a whole frame long
     later : what happens once the materials are built, so that they cannot sample what they were built for
+    swatch : the bundle of the one material of photographs, called "swatch"; without, the materials are of the formulas
     """
 
     build: Callable[[bpy.types.Scene], Dress]
@@ -36,6 +37,7 @@ class Case:
     brightest: float = math.inf
     moving: bool = False
     later: Callable[[bpy.types.Scene], None] | None = None
+    swatch: str = ""
 
 
 # --- things ------------------------------------------------------------------------------------------------
@@ -259,18 +261,14 @@ def out_of_focus(scene: bpy.types.Scene) -> Dress:
     return on(ball(scene))
 
 
-def swatch_on_a_ball(name: str) -> Callable[[bpy.types.Scene], Dress]:
+def swatch_on_a_ball(scene: bpy.types.Scene) -> Dress:
     """Photographs of a rough canvas under two lamps and a sky, above ground that reflects."""
-
-    def build(scene: bpy.types.Scene) -> Dress:
-        add_lamp(scene, "AREA", energy=80, size=0.6)
-        add_lamp(scene, "SUN", (-2, 1, 2), energy=1, angle=0.1, color=(0.5, 0.7, 1))
-        sky(scene, 0.06)
-        plane(scene, 6, (0, 0, -1))
-        card_before(scene)
-        return on(ball(scene), name=name)
-
-    return build
+    add_lamp(scene, "AREA", energy=80, size=0.6)
+    add_lamp(scene, "SUN", (-2, 1, 2), energy=1, angle=0.1, color=(0.5, 0.7, 1))
+    sky(scene, 0.06)
+    plane(scene, 6, (0, 0, -1))
+    card_before(scene)
+    return on(ball(scene), name="swatch")
 
 
 _AREA = {"energy": 80, "size": 0.3}
@@ -291,8 +289,8 @@ CASES = {
     "mixed": Case(mixed),
     "bumpy": Case(bumpy),
     "out of focus": Case(out_of_focus),
-    "swatch": Case(swatch_on_a_ball("swatch_none")),
-    "swatch, measured": Case(swatch_on_a_ball("swatch_measured")),
+    "swatch": Case(swatch_on_a_ball, swatch="swatch_none"),
+    "swatch, measured": Case(swatch_on_a_ball, swatch="swatch_measured"),
 }
 
 

@@ -36,6 +36,13 @@ PROGRAMS = ("common", *CASES, "stack", "unbiased")
 _TOGETHER = 3
 
 
+def prepare(share: Path) -> None:
+    """What `verdicts` and `stack` run and read."""
+    for name in PROGRAMS:
+        shutil.copy(HERE / f"{name}.py", share)
+    swatches(share)
+
+
 def swatches(share: Path) -> None:
     """A rough canvas lit beyond its brightest photograph, in each model, and one whose f_r is measured."""
     render = RenderSettings(Lobe("ggx", 0.4), sigma=0.8, above="scale", a_max=0.3)
@@ -96,9 +103,7 @@ def main(place: Path, names: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         share = Path(folder)
         share.chmod(0o755)
-        for name in PROGRAMS:
-            shutil.copy(HERE / f"{name}.py", share)
-        swatches(share)
+        prepare(share)
         blender = Blender(place, share)
         print(f"lamps: {blender.install()}", flush=True)
         failed = 0

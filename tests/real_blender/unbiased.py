@@ -39,12 +39,13 @@ def bundles():
     return found
 
 
-def materials(scene, sample):
-    """Of mode Exact, by name; refused where lamps cannot be sampled."""
+def materials(scene, sample, swatch_name=""):
+    """Of mode Exact, by name: those of the formulas, or a swatch alone; refused where lamps cannot be sampled."""
     choices = ours("addon.material.choices").Choices(mode="exact", sample=sample)
+    if swatch_name:
+        return {"swatch": swatch(scene, swatch_name, choices)}
     build = ours("addon.material.build_brdf").build_brdf
-    found = {name: build(bundle, choices=choices, scene=scene)[0] for name, bundle in bundles().items()}
-    return found | {name: swatch(scene, name, choices) for name in ("swatch_none", "swatch_measured")}
+    return {name: build(bundle, choices=choices, scene=scene)[0] for name, bundle in bundles().items()}
 
 
 def swatch(scene, name, choices):
@@ -76,14 +77,14 @@ def compared(name):
     """Render a case both ways."""
     case = CASES[name]
     scene, dress = built(case)
-    dress(materials(scene, "never"))
+    dress(materials(scene, "never", case.swatch))
     # Materials that sample are built before anything changes.
-    sampling = materials(scene, "always") if case.later else None
+    sampling = materials(scene, "always", case.swatch) if case.later else None
     if case.later:
         case.later(scene)
         bpy.context.view_layer.update()
     mirrored = pictures(scene, 1, case.samples)
-    dress(sampling or materials(scene, "always"))
+    dress(sampling or materials(scene, "always", case.swatch))
     bpy.context.view_layer.update()
     require_sampled(name, later=case.later is not None)
     sampled = pictures(scene, 101, case.samples)

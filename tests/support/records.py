@@ -191,3 +191,13 @@ def changed(document: dict[str, Any], **parts: Any) -> dict[str, Any]:
 def brdf_record(**parts: Any) -> BrdfRecord:
     """The record of `BRDF`, named "felt" in errors, with these parts replaced or left out."""
     return BrdfRecord.parse(changed(BRDF, **parts), "felt")
+
+
+def sheet_parts(alike: bool = True, **parts: dict[str, Any]) -> dict[str, Any]:
+    """The entries "sheet" and "images" of `BRDF` as a sheet, whose parts of these names are as its front but for what
+    is given."""
+    told = ("schema", "kind", "source", "settings", "images")
+    like_front = {key: value for key, value in BRDF.items() if key not in told}
+    images = {f"{name}_{image}": entry for name in parts for image, entry in BRDF["images"].items()}
+    sheet = {"alike": alike, **{name: changed(like_front, **given) for name, given in parts.items()}}
+    return {"sheet": sheet, "images": {**BRDF["images"], **images}}

@@ -90,7 +90,12 @@ _ALPHA_PHI = bpy.props.FloatProperty(
     max=1,
 )
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
-_FILTER = _enum("Filter", "How the material reconstructs between samples", FILTER_CHOICES, _USUAL.filter)
+_FILTER = _enum(
+    "Filter",
+    "How the material reconstructs between samples. Automatic weighs a B-spline only without Cycles' own shaders",
+    FILTER_CHOICES,
+    _USUAL.filter,
+)
 _SPLINE = _enum("Spline", "Coefficients of the spline", get_args(SplineFit), _USUAL.spline, _SPLINE_WORDS)
 _SAMPLER_WORDS = {
     "alias": ("Tables", "Four random numbers: less noise, and a little quicker to render"),

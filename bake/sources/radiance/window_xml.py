@@ -56,16 +56,16 @@ def read(path: Path, reading: Reading) -> LookupSource:
 
     Raises
     ------
-    BakeError : not such a file, damaged, without reflection, of a basis that is not known
+    BakeError : not such a file, or the reflection that is asked for is absent, damaged, or of a basis that is not
+        known. Another part of which that is so is left out, and told in the fact "left_out"
     """
     layer = read_layer(path)
     side = ("front" if "front" in layer.blocks else "back") if reading.side == "auto" else reading.side
     if side not in layer.blocks:
         what = "reflection" if reading.side == "auto" else f"reflection of its {side}"
         raise BakeError(path, f"holds no {what}", "give a file with a block Reflection Back or Reflection Front")
-    make = tree_lookup if layer.structure.startswith("tensortree") else klems_lookup
     facts: dict[str, Any] = {
-        "format": "Radiance tensor tree" if make is tree_lookup else "Klems matrix",
+        "format": "Radiance tensor tree" if layer.structure.startswith("tensortree") else "Klems matrix",
         "comments": [layer.name],
         "side": f"{side}: {'Reflection Back' if side == 'front' else 'Reflection Front'} of the file",
         "other_blocks": list(layer.others),
@@ -73,16 +73,18 @@ def read(path: Path, reading: Reading) -> LookupSource:
     }
     isotropic = layer.structure == "tensortree3"
     lookups: dict[str, Lookup] = {}
+    left_out: dict[str, str] = {}
     for name, blocks in layer.blocks.items():
-        channels: dict[str, Lookup] = {}
-        for channel, block in blocks.items():
-            channels[channel], told = make(path, layer.structure, block)
-            facts |= told if (channel, name) == ("Y", side) else {}
-        if "Y" not in channels:
-            raise BakeError(path, f"holds no block Visible for {name}", _REMEDY)
-        if name == side:
-            facts["colour"] = _colour_of(channels)
-        lookups[name] = _rgb_lookup(channels, side == "back")
+        try:
+            lookups[name], told = _part(path, layer.structure, name, blocks, side == "back")
+        except BakeError as error:
+            if name == side:
+                raise
+            left_out[name] = error.cause
+            continue
+        facts |= told if name == side else {}
+    if left_out:
+        facts["left_out"] = "; ".join(f"{name}: {cause}" for name, cause in left_out.items())
     ways = [way for way in _OTHER_WAY if way in lookups]
     if not ways:
         return LookupSource(path.stem, lookups[side], facts, isotropic, False)
@@ -90,9 +92,24 @@ def read(path: Path, reading: Reading) -> LookupSource:
         lookups.setdefault(_OTHER_WAY[way], exchanged(lookups[way]))
     facts["transmission"] = "both ways" if len(ways) == 2 else "one way, the other by reciprocity"
     behind = lookups.get("back" if side == "front" else "front")
-    facts["behind"] = "reflects" if behind else "black: the file holds no reflection of it"
+    facts["behind"] = "reflects" if behind else "black: the file holds no reflection of it that can be read"
     seen, other = ("through", "through behind") if side == "front" else ("through behind", "through")
     return SheetLookup(path.stem, lookups[side], facts, isotropic, False, lookups[seen], lookups[other], behind)
+
+
+def _part(
+    path: Path, structure: str, name: str, blocks: dict[str, ElementTree.Element], back: bool
+) -> tuple[Lookup, dict[str, Any]]:
+    """One side's reflection or transmission in linear Rec.709, read from the front or back; facts. Raises BakeError."""
+    make = tree_lookup if structure.startswith("tensortree") else klems_lookup
+    channels: dict[str, Lookup] = {}
+    facts: dict[str, Any] = {}
+    for channel, block in blocks.items():
+        channels[channel], told = make(path, structure, block)
+        facts |= told if channel == "Y" else {}
+    if "Y" not in channels:
+        raise BakeError(path, f"holds no block Visible for {name}", _REMEDY)
+    return _rgb_lookup(channels, back), {**facts, "colour": _colour_of(channels)}
 
 
 def read_layer(path: Path) -> Layer:
