@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 from .errors import check_choice, check_setting
@@ -43,11 +42,6 @@ class Reading:
             check_choice(name, getattr(self, name), choices)
         named = isinstance(self.material, str) and len(self.material) <= _LONGEST_NAME
         check_setting("material", named, f"a name of at most {_LONGEST_NAME} letters", self.material)
-
-    def title(self, path: str | Path) -> str:
-        """What a material that is read from a file is called: as the one chosen in it, else as the file."""
-        chosen = "".join(c if c.isalnum() or c in "-_ " else "_" for c in self.material).strip()
-        return chosen or Path(path).stem
 
     def told(self) -> dict[str, Any]:
         """What differs from the usual, JSON-ready."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from dataclasses import asdict, dataclass, fields
 
 from .errors import check_setting
 
 # Letters of one statement; a licence's whole text belongs into a file of its own.
 MOST_LETTERS = 1000
+# What pages put between words: non-breaking, thin and wide blanks.
+_SPACES = re.compile("[\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000]")
+# Control characters, halves of a letter, which no file can hold, and ends of lines.
+_REFUSED = {"Cc", "Cs", "Zl", "Zp"}
 
 
 @dataclass(frozen=True)
@@ -27,11 +33,14 @@ class Rights:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            words = getattr(self, field.name).strip()
+            words = _SPACES.sub(" ", getattr(self, field.name)).strip()
             object.__setattr__(self, field.name, words)
             shown = words[:20] + ("" if len(words) < 20 else "...")
-            good = len(words) <= MOST_LETTERS and words.isprintable()
-            check_setting(field.name, good, f"one line of at most {MOST_LETTERS} letters", repr(shown))
+            size = f"one line of at most {MOST_LETTERS} letters"
+            check_setting(field.name, len(words) <= MOST_LETTERS, size, f"{len(words)} letters, {shown!r}")
+            control = next((c for c in words if unicodedata.category(c) in _REFUSED), None)
+            text = f"{size} without control characters"
+            check_setting(field.name, control is None, text, f"{shown!r} with {control!r}")
 
     def facts(self) -> dict[str, str]:
         """What was stated, JSON-ready."""

@@ -104,13 +104,15 @@ through_behind  light that comes through, seen from the back
 class Reader:
     """A file format: `suffixes` in lower case with the dot, `matches` sniffs the first 64 bytes.
 
-    `read` takes what the file leaves open as the reading has it, and does not look at the rest of that.
+    `read` takes what the file leaves open as the reading has it, and does not look at the rest of that. `chosen`, of
+    formats that hold several materials, is the file's own name of the one that `read` takes, "" where there is but one.
     """
 
     name: str
     suffixes: tuple[str, ...]
     matches: Callable[[Path, bytes], bool]
     read: Callable[[Path, Reading], BrdfSource]
+    chosen: Callable[[Path, Reading], str] | None = None
 
 
 # Of linear Rec.709's channels (ITU-R BT.709, section 3.2).

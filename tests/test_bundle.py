@@ -318,6 +318,8 @@ def test_what_is_no_bundle(tmp_path: Path) -> None:
         read_bundle(write(tmp_path / "x")).load("slices")
     with pytest.raises(BakeError, match="has no image"):
         read_bundle(tmp_path / "x.mmat").image_path("../../secret")
+    with pytest.raises(BakeError, match="has no image 'through_slices'"):
+        read_bundle(tmp_path / "x.mmat").part("through", {"images": {}}).load("slices")
 
 
 json_values = st.recursive(

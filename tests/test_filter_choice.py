@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from measured_materials.addon.cli.main import main
+from measured_materials.addon.summary.bake_stages import bake_stages
 from measured_materials.addon.ui.properties.bake import BakeProperties
 from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.tables.filter_choice import LEAST_GAIN, weighed
 
 COARSE = ["--basis", "half", "--sampler", "16"]
@@ -48,6 +52,22 @@ def baked(folder: Path, *options: str) -> BrdfRecord:
     assert main(["bake", "brdf", *settings]) == 0
     (path,) = folder.glob("*.mmat")
     return BrdfRecord.read(read_bundle(path))
+
+
+@pytest.mark.parametrize(
+    ("options", "tried"),
+    [
+        ({"filter": "bspline"}, True),
+        ({"filter": "trilinear", "envelope": False}, False),
+        ({"filter": "auto", "envelope": False}, True),
+        ({"filter": "auto"}, False),
+        ({"filter": "auto", "envelope": False, "storage": Storage.LOG}, False),
+    ],
+)
+def test_a_spline_is_told_of_where_it_is_tried(options: dict[str, Any], tried: bool) -> None:
+    """Its time is expected, and the panel shows how it is fitted."""
+    settings = BakeSettings(**options)
+    assert settings.tries_spline == tried and (bake_stages(settings)["fitting spline"] > 0) == tried
 
 
 def test_a_paint_alone_is_worth_a_spline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import runpy
 import shutil
 import tracemalloc
 from collections.abc import Iterator
@@ -43,8 +45,8 @@ def test_spoiled_files_end_in_a_clean_error_or_a_source(name: str, small: dict[s
 @pytest.mark.parametrize("name", NAMES)
 def test_a_hundred_thousand_spoiled_files(name: str, small: dict[str, Path]) -> None:
     """By two processes a minute or two for each format; what a file does alone is asserted where it is read."""
-    folder = fuzz.fast_folder()
-    tally = fuzz.try_in_parts(name, small[name], folder, MANY, PROCESSES)
+    with fuzz.fast_folder() as folder:
+        tally = fuzz.try_in_parts(name, small[name], folder, MANY, PROCESSES)
     print(f"{name}: {tally.told}")
     assert tally.tried == MANY and 0 < tally.read < MANY
     assert tally.growth < fuzz.MOST_GROWTH
@@ -145,3 +147,24 @@ def test_readers_do_not_claim_each_others_files(small: dict[str, Path]) -> None:
     for name, path in small.items():
         claimed = [reader.name for reader in READERS if reader.matches(path, path.read_bytes()[:64])]
         assert claimed == [VARIANTS.get(name, name)]
+
+
+@pytest.mark.parametrize(
+    ("ends", "stays"), [(None, False), (KeyboardInterrupt, False), (SystemExit, False), (OSError, True)]
+)
+def test_only_a_failure_leaves_its_folder(ends: type[BaseException] | None, stays: bool) -> None:
+    with contextlib.suppress(BaseException), fuzz.fast_folder() as folder:
+        (folder / "spoiled").touch()
+        if ends is not None:
+            raise ends
+    assert folder.exists() == stays
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def test_a_mistyped_format_is_refused_before_any_file_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["fuzz", "no such format"])
+    made: list[None] = []
+    monkeypatch.setattr(fuzz, "fast_folder", lambda: made.append(None))
+    with pytest.raises(SystemExit, match="no format is called no such format; there are: "):
+        runpy.run_path(str(Path(__file__).parent / "fuzz" / "__main__.py"), run_name="__main__")
+    assert not made

@@ -118,6 +118,9 @@ SMALL = {"resolution": 8, "sampler": SamplerLayout(8, 8, 8)}
     [
         ("lambert", {}, {}),
         ("lambert", {}, {"filter": "bspline"}),
+        ("lambert", {}, {"filter": "auto", "envelope": False}),
+        ("thin-cloth", {}, {}),
+        ("thin-cloth", {}, {"envelope": False}),
         ("lambert", {}, {"envelope": False, "parameterization": "uniform", "basis": "normal"}),
         ("ggx", BRUSHED, {}),
         ("ggx", BRUSHED, {"envelope": False, "basis": "normal", "filter": "bspline"}),
@@ -128,6 +131,8 @@ def test_progress_of_a_bake(model: str, parameters: dict[str, float], options: d
     """Of every kind: isotropic and anisotropic, each filter and basis, with and without an envelope."""
     settings = BakeSettings(**SMALL, **options, viewers=(6, 2))
     told = Told(settings)
+    if settings.filter == "auto":
+        assert told.stages["fitting spline"] > 0
     bake_source(by_name(model, **parameters), tmp_path / "x.mmat", settings, told)
     told.check(0.45)
 

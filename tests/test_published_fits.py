@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from measured_materials.addon.cli import bake_brdf
+from measured_materials.addon.plots.brdf_plots import draw_brdf
 from measured_materials.bake.brdf.bake import bake_file
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.origin import file_origin, is_same
@@ -16,7 +20,7 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array
-from measured_materials.bake.sources import read_source
+from measured_materials.bake.sources import chosen_material, read_source, title_of
 from support.format_files import ABC_SET, SGD_SET, pairs, write_published
 
 
@@ -126,8 +130,45 @@ def test_materials_of_one_file_are_different_bakes(tmp_path: Path) -> None:
     assert told["material"] == "blue-rubber" and told["name"] == "blue-rubber"
     kept: Any = result.facts["settings"]
     assert kept["reading"] == {"material": "blue-rubber"}
-    assert settings.reading.title(path) == "blue-rubber" and Reading().title(path) == "merl"
-    assert Reading(material="../x/y").title(path) == "___x_y"
+    assert title_of(path, settings.reading) == "blue-rubber" and title_of(path, Reading()) == "merl"
+
+
+@pytest.mark.parametrize("spelt", ["Alum Bronze", "alum-bronze", "BRONZE_ALU"])
+def test_a_material_is_the_same_however_it_is_spelt(spelt: str, tmp_path: Path) -> None:
+    path = _several(tmp_path / "merl.json")
+    settings = BakeSettings(resolution=8, envelope=False, reading=Reading(material=spelt))
+    told: Any = bake_file(path, tmp_path / "bronze.mmat", settings).facts["source"]
+    assert told["material"] == title_of(path, settings.reading) == "Alum Bronze"
+    assert is_same(told, file_origin(path, "Alum Bronze"))
+
+
+def test_a_material_is_chosen_of_no_other_format(tmp_path: Path) -> None:
+    """Neither name nor origin of a file of one material depends on it."""
+    path = tmp_path / "grey.npy"
+    np.save(path, np.full((3, 3, 4, 3), 0.2))
+    chosen = BakeSettings(resolution=8, envelope=False, reading=Reading(material="gold"))
+    made: Any = bake_file(path, tmp_path / "a.mmat", chosen).facts
+    plain: Any = bake_file(path, tmp_path / "b.mmat", replace(chosen, reading=Reading())).facts
+    assert made["source"] == plain["source"] and made["settings"] == plain["settings"]
+    assert title_of(path, chosen.reading) == "grey"
+    two = argparse.Namespace(files=[tmp_path / "a.binary", tmp_path / "b.binary"], analytic=[])
+    assert [job.stem for job in bake_brdf._jobs(two, chosen.reading)[0]] == ["a", "b"]
+    one = write_published(tmp_path / "one.json", entries=SGD_SET)
+    assert title_of(one, Reading()) == "one" and chosen_material(one, Reading(material="A_Material")) == ""
+
+
+def test_a_name_in_a_file_becomes_no_path(tmp_path: Path) -> None:
+    path = tmp_path / "merl.json"
+    path.write_text(json.dumps({"materials": {"../../evil": SGD_SET, "...": SGD_SET}}))
+    assert (
+        title_of(path, Reading(material="../../evil")) == "_.._evil"
+        and title_of(path, Reading(material="...")) == "merl"
+    )
+    inside = tmp_path / "deep" / "figures"
+    inside.mkdir(parents=True)
+    source = read_source(path, Reading(material="../../evil"))
+    made = draw_brdf(source, {"measurement": source}, source.name, inside)
+    assert sorted(tmp_path.rglob("*.png")) == sorted(made) and {figure.parent for figure in made} == {inside}
 
 
 @pytest.mark.parametrize(

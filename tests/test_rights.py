@@ -17,7 +17,7 @@ from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.rights import Rights
+from measured_materials.bake.rights import RIGHTS, Rights
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
@@ -52,6 +52,14 @@ def test_both_kinds_of_bundle_keep_what_was_stated(tmp_path: Path) -> None:
     assert rights_of(found).author == "Ada"
 
 
+@pytest.mark.usefixtures("registered")
+def test_what_is_said_of_one_file_is_not_kept_for_the_next() -> None:
+    """Nor the material that was chosen in it: the next file has others, or one."""
+    offered = bpy.ops.measured_materials.import_brdf.get_rna_type().properties
+    kept = {name for name in (*RIGHTS, "read_material", "read_merl") if not offered[name].is_skip_save}
+    assert kept == {"read_merl"}
+
+
 def test_what_nobody_stated_is_no_entry(tmp_path: Path) -> None:
     bundle = read_bundle(bake_source(by_name("lambert"), tmp_path / "a", BakeSettings(8)).path)
     assert "rights" not in bundle.material and BrdfRecord.read(bundle).rights == Rights()
@@ -62,6 +70,17 @@ def test_an_asset_states_it_before_the_file() -> None:
     words = words_of(brdf_record(source=source, rights={"author": "Ada", "source_url": "https://example.org"}))
     assert (words.rights.author, words.rights.license, words.rights.copyright) == ("Ada", "CC-BY 4.0", "2020 Bob")
     assert "Found at https://example.org." in words.description
+
+
+def test_blanks_of_pages_are_blanks_and_control_characters_are_named() -> None:
+    assert Rights(author="Ada\u00a0Lovelace\u202f", license="CC\u2009BY\u30004.0") == Rights(
+        "Ada Lovelace", "CC BY 4.0"
+    )
+    for words in ("CC0\tor so", "two\u2028lines", "half \ud800"):
+        with pytest.raises(BakeError, match="letters without control characters"):
+            Rights(license=words)
+    with pytest.raises(BakeError, match="author: cannot be 1001 letters"):
+        Rights(author="x" * 1001)
 
 
 @pytest.mark.parametrize("told", ["Ada", {"author": 1}, {"license": "two\nlines"}, {"source_url": "x" * 1001}])

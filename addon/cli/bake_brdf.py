@@ -16,7 +16,7 @@ from ...bake.bundle.origin import Origin, file_origin, model_origin
 from ...bake.errors import BakeError
 from ...bake.images.storage import TABLE_STORAGES, Storage
 from ...bake.reading import Reading
-from ...bake.sources import known_formats
+from ...bake.sources import chosen_material, known_formats, title_of
 from ...bake.sources.analytic import ANALYTIC, by_name
 from ...bake.tables.grids.parameterization import PARAMETERIZATIONS
 from ...bake.tables.search.grid_search import BASES
@@ -192,7 +192,7 @@ def _jobs(options: argparse.Namespace, reading: Reading) -> tuple[list[Job], lis
         raise argparse.ArgumentTypeError("nothing to bake: give a FILE or --analytic NAME")
     jobs, errors = [], []
     for file in options.files:
-        jobs.append(Job(file.name, reading.title(file), _file_baker(file), partial(_file_origin, file, reading)))
+        jobs.append(Job(file.name, title_of(file, reading), _file_baker(file), partial(_file_origin, file, reading)))
     for name, *pairs in options.analytic:
         parameters = dict(_parameter(pair) for pair in pairs)
         try:
@@ -211,8 +211,8 @@ def _file_baker(file: Path) -> Bake:
 
 def _file_origin(file: Path, reading: Reading) -> Origin:
     try:
-        return file_origin(file, reading.material)
-    except (OSError, ValueError):  # reported by the reader
+        return file_origin(file, chosen_material(file, reading))
+    except (BakeError, OSError, ValueError):  # reported by the reader
         return {}
 
 

@@ -17,6 +17,7 @@ from ...bake.brdf.settings import BakeSettings
 from ...bake.bundle.bundle import SUFFIX, Bundle, read_bundle
 from ...bake.bundle.result import BakeResult, Progress
 from ...bake.errors import BakeError
+from ...bake.sources import title_of
 from ...bake.sources.analytic import by_name
 from ...nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from ..summary.brdf_rows import error_rows
@@ -34,7 +35,7 @@ def import_brdf(
 
     The bundle gets a name that is free, since an older one of the same name may serve another material.
     """
-    result = bake_file(file, free_bundle(folder, settings.reading.title(file)), settings, progress)
+    result = bake_file(file, free_bundle(folder, title_of(file, settings.reading)), settings, progress)
     return material_from(result, pack=pack, file=file)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...bake.brdf.preview_sphere import Reflects, to_srgb
 from ...bake.inspection.curves import Slices, albedo_curves, angles_picture, reciprocity_map, slices
 from ...bake.source import BrdfSource
+from ...bake.sources.lookup.text_file import file_name_of
 from .figure import BLUE, COLOURS, GREEN, RED, need_matplotlib, new_figure, save_png, styled
 
 FIGURES = ("slices", "polar", "albedo", "reciprocity", "angles")
@@ -30,8 +31,9 @@ def draw_brdf(source: BrdfSource, shown: Mapping[str, Reflects], name: str, fold
     ----------
     source : of albedo, reciprocity and the picture by angles
     shown : by name, what slices and polar plots compare; at most three
-    name : what the figures are called, and the files
+    name : what the figures are called, and the files but for letters that make a path
     """
+    stem = file_name_of(name) or "brdf"
     need_matplotlib(str(folder))
     cuts = {label: slices(one) for label, one in shown.items()}
     made = []
@@ -39,7 +41,7 @@ def draw_brdf(source: BrdfSource, shown: Mapping[str, Reflects], name: str, fold
         for what in FIGURES:
             figure = _FIGURES[what](source, cuts)
             figure.suptitle(f"{name}: {_TITLES[what]}", fontsize=10)
-            made.append(save_png(figure, folder / f"{name}_{what}.png"))
+            made.append(save_png(figure, folder / f"{stem}_{what}.png"))
     return made
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ...bake.brdf.bake import KIND_OF_STAGE
 from ...bake.brdf.settings import BakeSettings
-from ...bake.brdf.sheet_bake import STAGE
+from ...bake.brdf.sheet_bake import KIND_OF_SHEET, STAGE
 from ...bake.shading_maps.bake import ArcSettings
 
 # Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds
@@ -17,14 +17,31 @@ USUAL_SIZE = 1024
 def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
     """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order.
 
-    Only reading it shows whether a BRDF is anisotropic: the stages of both kinds are listed, those of the one behind
-    those of the other, and `share_done` keeps to the kind that it is asked for.
+    Only reading it shows whether a BRDF is anisotropic, or a sheet: the stages of all kinds are listed one kind behind
+    the other, and `share_done` keeps to the kind that it is asked for.
     """
     if isinstance(settings, ArcSettings):
         return _arc_stages(settings)
-    return _brdf_stages(settings) | {
-        stage + KIND_OF_STAGE: seconds for stage, seconds in _anisotropic_stages(settings).items()
+    usual, anisotropic = _brdf_stages(settings), _anisotropic_stages(settings)
+    kinds = {
+        "": usual,
+        KIND_OF_STAGE: anisotropic,
+        KIND_OF_SHEET: _of_sheet(usual),
+        KIND_OF_STAGE + KIND_OF_SHEET: _of_sheet(anisotropic),
     }
+    return {stage + kind: seconds for kind, stages in kinds.items() for stage, seconds in stages.items()}
+
+
+def kind_of(stage: str) -> str:
+    """What kind of BRDF a stage is of, "" for the usual one."""
+    _, comma, kind = stage.partition(",")
+    return comma + kind
+
+
+def _of_sheet(stages: Mapping[str, float]) -> dict[str, float]:
+    """The same, and before they are written the other sides: three more parts, which take as long each."""
+    own = {stage: seconds for stage, seconds in stages.items() if stage != "writing"}
+    return {**own, STAGE: 3 * sum(own.values()), "writing": stages["writing"]}
 
 
 def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
@@ -32,7 +49,7 @@ def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
     # One descent in the normal-vector basis, two in the half-vector basis.
     descents = ("normal" in settings.bases) + 2 * ("half" in settings.bases)
     given = settings.spacing in ("identity", "uniform", "squared") or not isinstance(settings.alpha, str)
-    fits = settings.filter == "bspline" and settings.spline != "plain"
+    fits = settings.tries_spline and settings.spline != "plain"
     return {
         "reading": 0.5,
         "choosing grid": 0.3 if given else 1.0 * descents,
@@ -41,7 +58,6 @@ def _brdf_stages(settings: BakeSettings) -> dict[str, float]:
         "sampler": 0.9 + 0.3 * size,
         "measuring": 0.4,
         "envelope": 5.0 + 1.2 * size if settings.envelope else 0.0,
-        STAGE: 0.0,  # of sheets alone
         "writing": 0.4 + 0.2 * size,
     }
 
@@ -58,7 +74,6 @@ def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
         "sampler": 4.5,
         "measuring": 2.0,
         "envelope": 22.0 if settings.envelope else 0.0,
-        STAGE: 0.0,
         "writing": 0.3 + 0.5 * size,
     }
 
@@ -90,13 +105,14 @@ _WORDS = {
 
 def stage_words(stage: str) -> str:
     """A stage as a person reads it."""
-    return _WORDS.get(stage, stage)
+    plain = stage.removesuffix(kind_of(stage))
+    return _WORDS.get(plain, plain)
 
 
 def share_done(stages: Mapping[str, float], stage: str, share: float) -> float:
     """Share of the whole, given the share of one stage; 0 for a stage that is not known."""
     if stage not in stages:
         return 0.0
-    names = [name for name in stages if name.endswith(KIND_OF_STAGE) == stage.endswith(KIND_OF_STAGE)]
+    names = [name for name in stages if kind_of(name) == kind_of(stage)]
     before = sum(stages[name] for name in names[: names.index(stage)])
     return (before + share * stages[stage]) / max(sum(stages[name] for name in names), 1e-9)

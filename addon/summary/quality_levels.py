@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...bake.brdf.bake import KIND_OF_STAGE
 from ...bake.brdf.samplers import kind_of_layout
 from ...bake.brdf.settings import BakeSettings
 from ...bake.images.storage import Storage
 from ...bake.shading_maps.bake import ArcSettings
-from .bake_stages import bake_stages
+from .bake_stages import bake_stages, kind_of
 
 LEVELS = ("draft", "standard", "fine")
 STANDARD, CUSTOM = "standard", "custom"
@@ -55,7 +54,7 @@ def expected_seconds(settings: BakeSettings | ArcSettings) -> float:
         # Reading is of the photographs' own size.
         usual = stages.pop("reading") + sum(stages.values()) * (side / _SIDE_OF_STAGES) ** 2 * settings.slices / 8
     else:
-        usual = sum(seconds for name, seconds in stages.items() if not name.endswith(KIND_OF_STAGE))
+        usual = sum(seconds for name, seconds in stages.items() if not kind_of(name))
     return usual * pace()
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ...bake.inspection.readings import READINGS
 from ...bake.inspection.survey import RECIPROCAL
 from ...bake.reading import Reading
 from .brdf_rows import Rows
 
 _UNKNOWN = "not told by this format"
-_READINGS = ("measured", "exchanged", "mean")
 _LIGHT = {
     "measured": "measured, the light is the file's incident direction",
     "exchanged": "exchanged, the light is the file's outgoing direction",
@@ -44,7 +44,7 @@ def _held_out_rows(held_out: Mapping[str, Any] | None, reading: Reading) -> Rows
     """The error at what was left out, of each reading where they differ, and why the usual one is taken."""
     if held_out is None:
         return [("Left-out error", _UNKNOWN)]
-    errors = {name: float(held_out[name]) for name in _READINGS}
+    errors = {name: float(held_out[name]) for name in READINGS}
     if len(set(errors.values())) == 1:
         return [("Left-out error", f"{_percent(errors['measured'])}, {held_out['how']}; all readings are one")]
     told = ", ".join(f"{name} {_percent(error)}" for name, error in errors.items())

@@ -8,7 +8,7 @@ import bpy
 
 from ...bake.brdf.settings import BakeSettings
 from ...bake.errors import BakeError
-from ...bake.sources import known_formats, known_suffixes, measurements_in
+from ...bake.sources import known_formats, known_suffixes, measurements_in, title_of
 from ..baking.request import BakeRequest
 from ..material.bake_material import assign, bundle_folder, error_words, import_brdf, told_place
 from ..material.together import built_together
@@ -102,7 +102,7 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
             ImportTask(
                 BakeRequest(path, settings, quick=True),
                 bundle_folder(self.bundles, path),
-                settings.reading.title(path),
+                title_of(path, settings.reading),
                 pack,
                 target if number == 0 else None,
                 settle,

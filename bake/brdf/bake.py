@@ -13,13 +13,13 @@ from ..bundle.bundle import Kind, write_bundle
 from ..bundle.origin import file_origin
 from ..bundle.result import BakeResult, Progress
 from ..source import BrdfSource, Json, SheetSource
-from ..sources import read_source
+from ..sources import chosen_material, read_source
 from .part_bake import PartBake
 from .preview_sphere import preview_sphere
 from .reflection import reflection_of
 from .samplers import layout_facts
 from .settings import BakeSettings
-from .sheet_bake import sheet_parts
+from .sheet_bake import KIND_OF_SHEET, sheet_parts
 
 _ERROR_PAIRS = 32768
 KIND: Kind = "brdf"
@@ -42,7 +42,8 @@ def bake_file(
         progress("reading", 0.0)
     started = time.perf_counter()
     reading = (settings or BakeSettings()).reading
-    source, origin = read_source(file, reading), file_origin(file, reading.material)
+    source = read_source(file, reading)
+    origin = file_origin(file, chosen_material(file, reading))
     if on_read:
         on_read(source, origin)
     result = bake_source(source, out, settings, progress, origin)
@@ -85,7 +86,7 @@ def bake_source(
     images = part.images
     if isinstance(source, SheetSource):
         same = replace(settings, filter=bake.filter)
-        facts["sheet"], further = sheet_parts(source, part.facts, same, say, pairs or _ERROR_PAIRS)
+        facts["sheet"], further = sheet_parts(source, same, say, pairs or _ERROR_PAIRS)
         images = images | further
     say("writing", 0.0)
     path = write_bundle(out, facts, images, preview_sphere(part.table), kind=KIND)
@@ -95,7 +96,7 @@ def bake_source(
 
 def _named(progress: Progress | None, source: BrdfSource) -> Progress:
     """Stages are called after the kind of source."""
-    suffix = "" if source.isotropic else KIND_OF_STAGE
+    suffix = ("" if source.isotropic else KIND_OF_STAGE) + (KIND_OF_SHEET if isinstance(source, SheetSource) else "")
     return lambda stage, share: progress(stage + suffix, share) if progress else None
 
 
@@ -105,6 +106,8 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
     plain["viewers"] = list(settings.viewers)
     del plain["rights"]
     plain["reading"] = settings.reading.told()
+    if "material" not in source.facts:
+        plain["reading"].pop("material", None)
     if not plain["reading"] or source.facts.get("format") == "analytic":
         del plain["reading"]
     if source.isotropic:

@@ -128,23 +128,26 @@ class PartBake:
     def tabulate(self, grid: Grid) -> _Tabulated:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
+        found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.filter == "auto":
-            self.weighed = self._weighed(table)
+            self.weighed, found = self._weighed(table)
             self.filter = self.weighed.filter
-        kept, spline = self._kept(table)
+        kept, spline = found.get(self.filter) or self._kept(table)
         return _Tabulated(kept, spline, table.total_intensity)
 
-    def _weighed(self, table: Table) -> FilterChoice:
-        """Which filter serves the table, where it is read as a whole."""
+    def _weighed(self, table: Table) -> tuple[FilterChoice, dict[str, tuple[StoredTable, str]]]:
+        """Which filter serves the table, where it is read as a whole, and as `_kept` what was weighed."""
+        found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.envelope:
-            return unweighed("over Cycles' own shaders a B-spline only smooths the rest")
-        if self.settings.storage is Storage.LOG or not self.source.isotropic:
-            return unweighed("codes and four dimensions have no B-spline that pays")
+            return unweighed("over Cycles' own shaders a B-spline only smooths the rest"), found
+        if not self.settings.tries_spline or not self.source.isotropic:
+            return unweighed("codes and four dimensions have no B-spline that pays"), found
         errors: dict[str, Mapping[str, float]] = {}
         for self.filter in ("trilinear", "bspline"):
-            errors[self.filter] = self._errors(self._kept(table)[0].table, self.filter)
+            found[self.filter] = self._kept(table)
+            errors[self.filter] = self._errors(found[self.filter][0].table, self.filter)
         rms: dict[str, float] = {name: found["rms"] for name, found in errors.items()}
-        return weighed(rms, errors["trilinear"]["relative"])
+        return weighed(rms, errors["trilinear"]["relative"]), found
 
     def _kept(self, table: Table) -> tuple[StoredTable, str]:
         """As it comes back, with what its values are: see `_Tabulated.spline`."""

@@ -91,6 +91,11 @@ class BakeSettings:
             )
 
     @property
+    def tries_spline(self) -> bool:
+        """Whether a B-spline of an isotropic table is made, be it only to weigh it."""
+        return tries_spline(self.filter, self.envelope, self.storage)
+
+    @property
     def bases(self) -> tuple[str, ...]:
         """Bases to choose from."""
         if self.basis == "auto":
@@ -101,3 +106,8 @@ class BakeSettings:
     def spacing(self) -> Parameterization | Literal["auto"]:
         """The parameterisation, or "auto" where it is to be chosen."""
         return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
+
+
+def tries_spline(filter: str, envelope: bool, storage: str) -> bool:
+    """See `BakeSettings.tries_spline`: "auto" weighs one where the table is read as a whole, and not as codes."""
+    return filter == "bspline" or (filter == "auto" and not envelope and storage != Storage.LOG)

@@ -80,10 +80,11 @@ class StoredImage:
 
 @dataclass(frozen=True)
 class Bundle:
-    """A checked bundle: where it is, and the whole of its material.json."""
+    """A checked bundle: where it is, the whole of its material.json, and what its images' names lack of a part."""
 
     path: Path
     material: dict[str, Any]
+    front: str = ""
 
     def has(self, name: str) -> bool:
         """Whether the bundle holds the image `name`."""
@@ -105,8 +106,11 @@ class Bundle:
         return pixels
 
     def part(self, name: str, material: dict[str, Any]) -> Bundle:
-        """A part of a sheet by itself, whose document lists its images of this folder without the part's name."""
-        return replace(self, material=material)
+        """A part of a sheet by itself, whose document lists its images of this folder without the part's name.
+
+        Errors of it name the images as this bundle does.
+        """
+        return replace(self, material=material, front=f"{name}_")
 
     @property
     def preview(self) -> Path | None:
@@ -116,7 +120,7 @@ class Bundle:
 
     def _entry(self, name: str) -> dict[str, Any]:
         if not self.has(name):
-            raise BakeError(self.path, f"has no image '{name}'", "bake it again")
+            raise BakeError(self.path, f"has no image '{self.front}{name}'", "bake it again")
         return require(self.material["images"], name, dict, self.path / MATERIAL)
 
 

@@ -19,7 +19,7 @@ _DOCUMENT = "material.json"
 def file_origin(file: str | Path, material: str = "") -> dict[str, str]:
     """Name and SHA-256 of a measurement; its folder is nobody else's business. Raises OSError.
 
-    `material` is the name of the one that was chosen in a file of several.
+    `material` is the file's own name of the one that was chosen among several in it.
     """
     with open(file, "rb") as stream:
         found = {"file": Path(file).name, "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}

@@ -9,6 +9,7 @@ import numpy as np
 from ..brdf.preview_sphere import Reflects
 from ..directions import normalize, spherical
 from ..source import Array, BrdfSource, luminance
+from ..sources.exchanged import Exchanged
 from ..tables.albedo import directional_albedo
 
 INCIDENCES = (0.0, 30.0, 45.0, 60.0, 75.0)
@@ -55,26 +56,6 @@ def _in_plane(theta: Array, phi: float) -> Array:
 
 
 @dataclass(frozen=True)
-class _Turned:
-    """A source whose light and viewer change places."""
-
-    source: BrdfSource
-
-    @property
-    def isotropic(self) -> bool:
-        return self.source.isotropic
-
-    @property
-    def bilateral(self) -> bool:
-        return self.source.bilateral
-
-    name, facts = "", {}  # type: ignore[var-annotated]
-
-    def evaluate(self, wi: Array, wo: Array) -> Array:
-        return self.source.evaluate(wo, wi)
-
-
-@dataclass(frozen=True)
 class AlbedoCurves:
     """Share of the light that is reflected, (D, 3) at polar angles (D,) in degrees.
 
@@ -94,7 +75,7 @@ def albedo_curves(source: BrdfSource) -> AlbedoCurves:
     degrees = np.array(_ALBEDO_DEGREES, float)
     angles = np.radians(degrees)
     return AlbedoCurves(
-        degrees, directional_albedo(source, angles, 48), directional_albedo(_Turned(source), angles, 48)
+        degrees, directional_albedo(source, angles, 48), directional_albedo(Exchanged(source, "exchanged"), angles, 48)
     )
 
 

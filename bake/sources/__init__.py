@@ -10,6 +10,7 @@ from ..source import BrdfSource, Reader
 from . import cornell, mbsdf, merl, neural_brdf, npy_table, rgl, utia
 from .exchanged import exchanged_source
 from .goniometer import alta, astm, fred, integra, lighttools, pab_opto, table, zemax
+from .lookup.text_file import file_name_of
 from .mistaken import refuse_mistaken
 from .published import parameters
 from .radiance import window_xml
@@ -55,7 +56,36 @@ def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
     ------
     BakeError : the path is no readable, non-empty file, its format is unknown, or its reader refuses it
     """
-    path = Path(path)
+    path, reading = Path(path), reading or Reading()
+    source = _reader_of(path).read(path, reading)
+    return source if reading.reciprocity == "measured" else exchanged_source(source, reading.reciprocity)
+
+
+def chosen_material(path: str | Path, reading: Reading) -> str:
+    """Name of the one of a file's materials that `reading.material` means, spelt as the file has it.
+
+    "" where nothing was chosen, and of a file of one material, whose name the choice does not change. Raises BakeError
+    as `read_source`, but for what is wrong with the values.
+    """
+    if not reading.material:
+        return ""
+    reader = _reader_of(Path(path))
+    return reader.chosen(Path(path), reading) if reader.chosen else ""
+
+
+def title_of(path: str | Path, reading: Reading) -> str:
+    """What a material that is read from a file is called: as the one chosen in it, else as the file; never a path.
+
+    Of a file that cannot be read, which its reader tells, the file's name.
+    """
+    try:
+        return file_name_of(chosen_material(path, reading)) or Path(path).stem
+    except BakeError:
+        return Path(path).stem
+
+
+def _reader_of(path: Path) -> Reader:
+    """The reader of a file. Raises BakeError."""
     remedy = f"give a file in one of the known formats: {known_formats()}"
     head = _first_bytes(path, remedy)
     by_suffix = [reader for reader in READERS if path.suffix.lower() in reader.suffixes]
@@ -63,10 +93,8 @@ def read_source(path: str | Path, reading: Reading | None = None) -> BrdfSource:
     both = [reader for reader in by_content if reader in by_suffix]
     if not by_content:
         refuse_mistaken(path, head)
-    reading = reading or Reading()
     for reader in (*both, *by_content, *by_suffix):
-        source = reader.read(path, reading)
-        return source if reading.reciprocity == "measured" else exchanged_source(source, reading.reciprocity)
+        return reader
     raise BakeError(path, f"neither the suffix '{path.suffix}' nor the content is of a known format", remedy)
 
 

@@ -19,6 +19,7 @@ from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.sources.analytic import MetallicPaint
 from measured_materials.nodes.adjustments import GLOSS, SOCKETS
 from measured_materials.nodes.material import build_material
+from record import put
 from rich.console import Console
 from rich.table import Table
 from support.gloss import link_socket
@@ -49,6 +50,9 @@ def run(out: Path, quick: bool) -> None:
         finally:
             addon.unregister()
     write_rows(out / "adjust.csv", rows)
+    for row in rows:
+        put(f"{row['adjusted']}, nodes more", float(str(row["more_nodes"])))
+        put(f"{row['adjusted']}, time", float(str(row["time"])))
     _print(rows)
 
 

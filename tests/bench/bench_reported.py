@@ -39,7 +39,7 @@ def sources() -> dict[str, BrdfSource]:
 
 
 def run(out: Path, quick: bool) -> None:
-    """Tables of errors and reported.csv, and the two goals."""
+    """Tables of errors and reported.csv, and which of Exact and Preview is closer and which the report picks."""
     sizes = QUICK if quick else FULL
     rows: list[tuple[str, Rendered]] = []
     with TemporaryDirectory() as folder:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from pathlib import Path
 
 import atheris
 
@@ -15,13 +16,23 @@ LARGEST = 1 << 16
 
 
 def run(names: list[str], count: int, seed: int = 0) -> None:
-    """Read so many mutants of the small file of the one format. Ends the process, as libFuzzer does.
+    """Read so many mutants of the small file of the one format, and exit as libFuzzer does, which ends its process.
 
     A crash is anything but BakeError, a hang twenty seconds, a leak two gigabytes; the file of each is kept.
     """
     if len(names) != 1:
         sys.exit(f"run fuzz --guided: name one format of {', '.join(names)}")
-    name, folder = names[0], fuzz.fast_folder()
+    with fuzz.fast_folder() as folder:
+        child = os.fork()
+        if not child:
+            _run(names[0], folder, count, seed)
+            os._exit(0)
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    sys.exit(status)
+
+
+def _run(name: str, folder: Path, count: int, seed: int) -> None:
+    """In a process of its own."""
     original = fuzz.small_files(folder)[name]
     corpus = folder / "corpus"
     corpus.mkdir()

@@ -6,7 +6,7 @@ from typing import Any, get_args
 import bpy
 
 from ....bake.brdf.samplers import KINDS, isotropic_layout, kind_of_layout
-from ....bake.brdf.settings import FILTER_CHOICES, AlphaChoice, BakeSettings, SplineFit
+from ....bake.brdf.settings import FILTER_CHOICES, AlphaChoice, BakeSettings, SplineFit, tries_spline
 from ....bake.images.storage import TABLE_STORAGES, Storage
 from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ....bake.tables.grids.parameterization import Parameterization
@@ -206,7 +206,7 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
             shape.prop(properties, "alpha_theta", slider=True)
             shape.prop(properties, "alpha_phi", slider=True)
     column.prop(properties, "filter")
-    if properties.filter == "bspline":
+    if tries_spline(properties.filter, properties.envelope, properties.storage):
         column.prop(properties, "spline")
     column = heading(inner, "Rendering")
     column.prop(properties, "sampler")

@@ -74,6 +74,7 @@ _MATERIAL = bpy.props.StringProperty(
     description="Name of one of several materials in a file, such as the published parameters of all MERL materials",
     default=_USUAL["material"],
     maxlen=100,
+    options={"SKIP_SAVE"},  # kept for no other file, which has other materials
 )
 _PREFIX = "read_"
 

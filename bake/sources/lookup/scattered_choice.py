@@ -68,7 +68,8 @@ def fit_samples(wi: Array, wo: Array, values: Array) -> ScatteredBrdf | GriddedB
         if best.coordinates == Coordinates(best.coordinates.peak_width) and len(values) <= MAX_CENTRES:
             # Its four coordinates are enough: it tries more interpolants in them, each at all the samples.
             fit = fit_scattered(wi, wo, values)
-            errors["isotropic"] = fit.facts["left_out_errors"][fit.method]
+            own: Any = fit.facts["left_out_errors"]
+            errors["isotropic"] = own[fit.method]
         else:
             fit = search.final(search.smoothed(best))
     except np.linalg.LinAlgError as error:

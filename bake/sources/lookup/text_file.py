@@ -120,6 +120,11 @@ def beginning(path: Path, count: int = 1 << 14) -> bytes:
     return b"" if b"\0" in data else data
 
 
+def file_name_of(words: str) -> str:
+    """Words out of a file as a file's name without its suffix: no path, no hidden file; "" where nothing is left."""
+    return "".join(c if c.isalnum() or c in "-_. " else "_" for c in words).strip(" .")
+
+
 def printable(text: str, most: int = 200) -> str:
     """A text from a file, fit for a line of an account."""
     return "".join(c if c.isprintable() else " " for c in text).strip()[:most]

@@ -65,6 +65,13 @@ def read(path: Path, reading: Reading) -> LookupSource:
     return LookupSource(title, lambda wi, wo: formula(wi, wo, parameters), facts, isotropic=True, bilateral=True)
 
 
+def chosen(path: Path, reading: Reading) -> str:
+    """Name of the material that `read` takes, as the file has it; "" where there is but one. Raises BakeError."""
+    materials = _materials(path, _document(path))
+    name = _chosen(path, materials, reading.material)
+    return printable(name, 100) if len(materials) > 1 else ""
+
+
 def _document(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(checked_bytes(path, _REMEDY, MAX_BYTES).decode("utf-8"))
@@ -128,4 +135,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return any(all(f'"{key}"'.encode() in data for key in wanted) for _, wanted, _ in _MODELS.values())
 
 
-READER = Reader("published SGD or ABC fit", (".json",), _matches, read)
+READER = Reader("published SGD or ABC fit", (".json",), _matches, read, chosen)
