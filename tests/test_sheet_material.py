@@ -308,6 +308,10 @@ def test_only_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_
     assert document["schema"] == 4 and "sheet" not in document and record_of(plain).sheet is None
 
 
+def albedo_rows(part: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+    return part["albedo"]["theta_o_deg"], part["albedo"]["directional"]
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -315,6 +319,8 @@ def test_only_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_
         (lambda d: d["sheet"]["through"].pop("table"), "table"),
         (lambda d: d["sheet"]["through"]["sampler"].update(n_o=9), "through|texels"),
         (lambda d: d.update(sheet=[]), "sheet"),
+        (lambda d: d["sheet"]["behind"]["albedo"]["theta_o_deg"].__setitem__(1, 11), "sheet.behind.*other angles"),
+        (lambda d: [rows.pop() for rows in albedo_rows(d["sheet"]["through"])], "sheet.through.*other angles"),
     ],
 )
 def test_a_damaged_sheet_is_refused(baked: dict[str, BakeResult], change: Any, says: str, tmp_path: Path) -> None:
