@@ -17,6 +17,7 @@ from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.build_brdf import account_of, build_brdf
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.facts import facts_of, keep_facts, record_of
+from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.bake.brdf.bake import bake_source
@@ -143,3 +144,16 @@ def test_a_material_knows_what_its_back_gains_by_gloss(tmp_path: Path) -> None:
         assert told.brightened == () and np.max(dict(told.brightened_behind)[4.0]) > 0.005
     _, plan = build_brdf(record, choices=Choices(mode="reference"))
     assert "brightened_behind" not in account_of(Choices(mode="reference"), plan)
+
+
+def test_what_has_no_effect_on_a_sheet_is_not_offered(cloth: bpy.types.Material) -> None:
+    for mode, names in (
+        ("preview", ("mode",)),
+        ("exact", ("mode", "aim", "residual", "filter")),
+        ("balanced", ("mode", "aim", "residual", "filter")),
+        ("reference", ("mode", "aim", "filter")),
+    ):
+        cloth.measured_quality.mode = mode
+        assert BRDF.effective(cloth) == names
+    keep_facts(cloth, {key: value for key, value in facts_of(cloth).items() if key != "sheet"})
+    assert "shader" in BRDF.effective(cloth)
