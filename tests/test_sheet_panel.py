@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.baking.request import BakeRequest
 from measured_materials.addon.lights import aim_targets
 from measured_materials.addon.lights.light_tables import update_scene
 from measured_materials.addon.material.adjust.energy import energy_of
@@ -20,6 +21,8 @@ from measured_materials.addon.material.facts import facts_of, keep_facts, record
 from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.addon.scene_check.check import check_scene
+from measured_materials.addon.ui.background import kept_pace, tasks
+from measured_materials.addon.ui.background.tasks import ImportTask
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.common import RenderingRecord
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -157,3 +160,18 @@ def test_what_has_no_effect_on_a_sheet_is_not_offered(cloth: bpy.types.Material)
         assert BRDF.effective(cloth) == names
     keep_facts(cloth, {key: value for key, value in facts_of(cloth).items() if key != "sheet"})
     assert "shader" in BRDF.effective(cloth)
+
+
+def test_the_time_of_a_sheet_s_bake_teaches_nothing(
+    cloth: bpy.types.Material, baked: BakeResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has up to four parts, and other bakes one."""
+    kept: list[Any] = []
+    monkeypatch.setattr(tasks, "learn_pace", lambda *told: kept.append(told))
+    monkeypatch.setattr(kept_pace, "keep", lambda: None)
+    task = ImportTask(BakeRequest(tmp_path / "x.xml", SETTINGS), tmp_path, "x", True, None, lambda _: None)
+    task.learn(BakeResult(baked.path, baked.facts, 60.0), cloth)
+    assert not kept
+    keep_facts(cloth, {key: value for key, value in facts_of(cloth).items() if key != "sheet"})
+    task.learn(BakeResult(baked.path, baked.facts, 60.0), cloth)
+    assert kept == [(SETTINGS, 60.0)]
