@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -23,6 +24,7 @@ from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.addon.ui.background import kept_pace, tasks
 from measured_materials.addon.ui.background.tasks import ImportTask
+from measured_materials.addon.ui.fit_to_scene import MEASURED_MATERIALS_OT_use_osl
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.common import RenderingRecord
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -35,6 +37,7 @@ from measured_materials.bake.sources.analytic import Ggx, Lambert, ThinCloth
 from measured_materials.nodes.material_tree import measured_nodes
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
+from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
 from test_addon import registered  # noqa: F401
 
@@ -175,3 +178,25 @@ def test_the_time_of_a_sheet_s_bake_teaches_nothing(
     keep_facts(cloth, {key: value for key, value in facts_of(cloth).items() if key != "sheet"})
     task.learn(BakeResult(baked.path, baked.facts, 60.0), cloth)
     assert kept == [(SETTINGS, 60.0)]
+
+
+def test_only_what_is_a_script_is_counted_as_one(scene: TestScene, cloth: bpy.types.Material, tmp_path: Path) -> None:
+    """A sheet stays of nodes, and so does what has no mirror."""
+    skip_without_osl()
+    plain = material_from(bake_source(Lambert(), tmp_path / "plain.mmat", SETTINGS), pack=False, mode="preview")
+    scene.sphere.data.materials.append(plain)
+    told: list[str] = []
+
+    def switch(nodes: bool) -> str:
+        operator: Any = SimpleNamespace(nodes=nodes, report=lambda _, text: told.append(text))
+        context: Any = SimpleNamespace(scene=scene.scene)
+        assert MEASURED_MATERIALS_OT_use_osl.execute(operator, context) == {"FINISHED"}
+        return told[-1]
+
+    by = "built as OSL scripts, which render on the CPU"
+    assert switch(nodes=False) == f"0 materials {by}; 2 materials stay of nodes"
+    plain.measured_quality.mode = "reference"
+    assert switch(nodes=False) == f"1 material {by}; 1 material stays of nodes"
+    assert switch(nodes=True) == "2 materials built as nodes"
+    scene.sphere.data.materials.pop(index=0)
+    assert switch(nodes=False) == f"1 material {by}"
