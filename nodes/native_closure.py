@@ -65,7 +65,9 @@ def highlight_roughness(lobe: Lobe) -> float:
 
 
 def add_closures(closures: list[Any]) -> Any:
-    """Closure that is the sum of several."""
+    """Closure that is the sum of several; black where there are none."""
+    if not closures:
+        return expr.Scalar(expr.node("ShaderNodeBsdfDiffuse", {}, {"Color": expr.vec(0.0, 0.0, 0.0)}).outputs[0])
     total = closures[0]
     for closure in closures[1:]:
         total = expr.Scalar(expr.node("ShaderNodeAddShader", {}, {0: total, 1: closure}).outputs[0])

@@ -23,6 +23,7 @@ from measured_materials.addon.rendering.denoising import plan_denoising
 from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.addon.studio import studio
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
@@ -285,12 +286,30 @@ def test_a_part_is_what_the_sheet_shows_there(baked: dict[str, BakeResult]) -> N
         assert np.sqrt(((found - truth) ** 2).mean() / (truth**2).mean()) < 0.15  # of 12 x 12 x 24 texels
 
 
+def test_a_back_that_shows_nothing_is_black(tmp_path: Path) -> None:
+    """As of a file of one reflection and no transmission; in all modes, and in front it is as it was measured."""
+    none = (0.0, 0.0, 0.0)
+    record = record_of(bake_source(ThinCloth((0.3, 0.2, 0.1), none, none, none), tmp_path / "opaque", SETTINGS))
+    assert record.sheet is not None and not record.sheet.parts and not record.sheet.alike
+    for mode in MODES:
+        material = build_material(record, mode=mode)
+        for theta, value in ((30.0, 0.3), (150.0, 0.0)):
+            with sheet_scene(material, theta) as scene:
+                scene.scene.world, background = compat.new_world("furnace")
+                background.inputs["Color"].default_value = (1, 1, 1, 1)
+                assert scene.render(16, 1)[..., 0].mean() == pytest.approx(value, rel=0.02)
+
+
 def test_only_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_path: Path) -> None:
     """By which older versions refuse them with a clear line, and read everything else."""
     assert json.loads((baked["lined"].path / "material.json").read_text())["schema"] == 5
     plain = bake_source(Lambert(), tmp_path / "plain", SETTINGS)
     document = json.loads((plain.path / "material.json").read_text())
     assert document["schema"] == 4 and "sheet" not in document and record_of(plain).sheet is None
+
+
+def albedo_rows(part: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+    return part["albedo"]["theta_o_deg"], part["albedo"]["directional"]
 
 
 @pytest.mark.parametrize(
@@ -300,6 +319,8 @@ def test_only_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_
         (lambda d: d["sheet"]["through"].pop("table"), "table"),
         (lambda d: d["sheet"]["through"]["sampler"].update(n_o=9), "through|texels"),
         (lambda d: d.update(sheet=[]), "sheet"),
+        (lambda d: d["sheet"]["behind"]["albedo"]["theta_o_deg"].__setitem__(1, 11), "sheet.behind.*other angles"),
+        (lambda d: [rows.pop() for rows in albedo_rows(d["sheet"]["through"])], "sheet.through.*other angles"),
     ],
 )
 def test_a_damaged_sheet_is_refused(baked: dict[str, BakeResult], change: Any, says: str, tmp_path: Path) -> None:

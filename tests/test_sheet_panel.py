@@ -5,26 +5,44 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import bpy
+import numpy as np
 import pytest
+from measured_materials.addon.baking.request import BakeRequest
 from measured_materials.addon.lights import aim_targets
 from measured_materials.addon.lights.light_tables import update_scene
+from measured_materials.addon.material.adjust.energy import energy_of
 from measured_materials.addon.material.bake_material import material_from
+from measured_materials.addon.material.build_brdf import account_of, build_brdf
 from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.facts import facts_of, keep_facts, record_of
+from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.addon.scene_check.check import check_scene
+from measured_materials.addon.ui.background import kept_pace, tasks
+from measured_materials.addon.ui.background.tasks import ImportTask
+from measured_materials.addon.ui.fit_to_scene import MEASURED_MATERIALS_OT_use_osl
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.common import RenderingRecord
+from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
-from measured_materials.bake.sources.analytic import ThinCloth
+from measured_materials.bake.source import Array
+from measured_materials.bake.sources.analytic import Ggx, Lambert, ThinCloth
+from measured_materials.nodes.material_tree import measured_nodes
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
+from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
 from test_addon import registered  # noqa: F401
 
 CLOTH = ThinCloth((0.1, 0.1, 0.1), (0.3, 0.2, 0.1), (0.2, 0.2, 0.1), (0.4, 0.4, 0.4), 8.0)
+TURNED = np.array([1.0, -1.0, -1.0])
 SETTINGS = BakeSettings(resolution=8, alpha=(0.5, 0.3), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8))
 
 
@@ -59,3 +77,126 @@ def test_the_scene_check_asks_no_sheet_to_sample_lamps(
     monkeypatch.setattr(aim_targets, "can_raycast", lambda: True)
     rebuild_brdf(cloth, Choices(mode=mode, shader=shader), scene.scene)
     assert not rules(scene) & {"not_sampled", "not_aimed"}
+
+
+def totals(cloth: bpy.types.Material) -> list[float]:
+    """What leaves either side, of the light that comes from both: the most of all angles and channels."""
+    record = record_of(cloth)
+    parts = {"": record, **record.sheet.parts}
+    sides = ("", "through"), ("behind", "through_behind")
+    return [float(sum(np.array(parts[name].albedo.directional) for name in side).max()) for side in sides]
+
+
+def test_light_of_both_kinds_counts_on_the_worse_side(cloth: bpy.types.Material, scene: TestScene) -> None:
+    (node,) = (node for _, node in measured_nodes(cloth.node_tree))
+    front, back = totals(cloth)
+    assert front == pytest.approx(0.7, abs=0.03) and back == pytest.approx(0.9, abs=0.03)
+    assert energy_of(cloth) is None
+    node.inputs["Brightness"].default_value = 1.05
+    assert not energy_of(cloth).gains
+    node.inputs["Brightness"].default_value = 1.3
+    found = energy_of(cloth)
+    assert found.gains and found.largest == pytest.approx(1.3 * back, rel=1e-5)
+    assert found.words.startswith("The material reflects and lets through up to 1.")
+    (told,) = (finding for finding in check_scene(scene.scene) or () if finding.rule == "too_bright")
+    assert "reflects and lets through" in told.why
+    assert told.mend is not None
+    told.mend()
+    assert not energy_of(cloth).gains
+    assert node.inputs["Brightness"].default_value == pytest.approx(1 / back, abs=1e-3)
+    facts = facts_of(cloth)
+    keep_facts(cloth, {**facts, "sheet": {"alike": True, "through": facts["sheet"]["through"]}})
+    node.inputs["Brightness"].default_value = 1.3
+    assert not energy_of(cloth).gains and energy_of(cloth).largest == pytest.approx(1.3 * front, rel=1e-5)
+
+
+def test_what_gloss_adds_to_the_back_is_told(cloth: bpy.types.Material) -> None:
+    (node,) = (node for _, node in measured_nodes(cloth.node_tree))
+    facts, (_, back) = facts_of(cloth), totals(cloth)
+    count = len(record_of(cloth).albedo.theta_o_deg)
+    gained = [[1.0, [[0.0] * 3] * count], [4.0, [[1.2 - back] * 3] * count]]
+    keep_facts(cloth, {**facts, "rendering": {**facts["rendering"], "brightened_behind": gained}})
+    assert energy_of(cloth) is None
+    node.inputs["Gloss"].default_value = 4.0
+    assert energy_of(cloth).largest == pytest.approx(1.2, abs=1e-5)
+    keep_facts(cloth, {**facts, "rendering": {**facts["rendering"], "brightened": gained}})
+    assert not energy_of(cloth).gains
+
+
+class Foil:
+    """Matt in front, and a sharper highlight behind; hardly anything goes through."""
+
+    name, isotropic, bilateral, alike = "foil", True, True, False
+    facts: dict[str, Any] = {}
+    front, back = Lambert((0.3, 0.3, 0.3)), Ggx()
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return self.front.evaluate(wi, wo)
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        return self.back.evaluate(wi * TURNED, wo * TURNED)
+
+    def transmitted(self, wi: Array, wo: Array) -> Array:
+        across = (wi[..., 2:] > 0) != (wo[..., 2:] > 0)
+        return np.where(across, np.full(3, 0.01), 0)
+
+
+def test_a_material_knows_what_its_back_gains_by_gloss(tmp_path: Path) -> None:
+    """Of closures that its front has not."""
+    record = BrdfRecord.read(read_bundle(bake_source(Foil(), tmp_path / "foil", SETTINGS).path))
+    for mode in ("preview", "exact"):
+        _, plan = build_brdf(record, choices=Choices(mode=mode))
+        told = RenderingRecord.parse(account_of(Choices(mode=mode), plan))
+        assert told.brightened == () and np.max(dict(told.brightened_behind)[4.0]) > 0.005
+    _, plan = build_brdf(record, choices=Choices(mode="reference"))
+    assert "brightened_behind" not in account_of(Choices(mode="reference"), plan)
+
+
+def test_what_has_no_effect_on_a_sheet_is_not_offered(cloth: bpy.types.Material) -> None:
+    for mode, names in (
+        ("preview", ("mode",)),
+        ("exact", ("mode", "aim", "residual", "filter")),
+        ("balanced", ("mode", "aim", "residual", "filter")),
+        ("reference", ("mode", "aim", "filter")),
+    ):
+        cloth.measured_quality.mode = mode
+        assert BRDF.effective(cloth) == names
+    keep_facts(cloth, {key: value for key, value in facts_of(cloth).items() if key != "sheet"})
+    assert "shader" in BRDF.effective(cloth)
+
+
+def test_the_time_of_a_sheet_s_bake_teaches_nothing(
+    cloth: bpy.types.Material, baked: BakeResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has up to four parts, and other bakes one."""
+    kept: list[Any] = []
+    monkeypatch.setattr(tasks, "learn_pace", lambda *told: kept.append(told))
+    monkeypatch.setattr(kept_pace, "keep", lambda: None)
+    task = ImportTask(BakeRequest(tmp_path / "x.xml", SETTINGS), tmp_path, "x", True, None, lambda _: None)
+    task.learn(BakeResult(baked.path, baked.facts, 60.0), cloth)
+    assert not kept
+    keep_facts(cloth, {key: value for key, value in facts_of(cloth).items() if key != "sheet"})
+    task.learn(BakeResult(baked.path, baked.facts, 60.0), cloth)
+    assert kept == [(SETTINGS, 60.0)]
+
+
+def test_only_what_is_a_script_is_counted_as_one(scene: TestScene, cloth: bpy.types.Material, tmp_path: Path) -> None:
+    """A sheet stays of nodes, and so does what has no mirror."""
+    skip_without_osl()
+    plain = material_from(bake_source(Lambert(), tmp_path / "plain.mmat", SETTINGS), pack=False, mode="preview")
+    scene.sphere.data.materials.append(plain)
+    told: list[str] = []
+
+    def switch(nodes: bool) -> str:
+        operator: Any = SimpleNamespace(nodes=nodes, report=lambda _, text: told.append(text))
+        context: Any = SimpleNamespace(scene=scene.scene)
+        assert MEASURED_MATERIALS_OT_use_osl.execute(operator, context) == {"FINISHED"}
+        return told[-1]
+
+    by = "built as OSL scripts, which render on the CPU"
+    assert switch(nodes=False) == f"0 materials {by}; 2 materials stay of nodes"
+    plain.measured_quality.mode = "reference"
+    assert switch(nodes=False) == f"1 material {by}; 1 material stays of nodes"
+    assert switch(nodes=True) == "2 materials built as nodes"
+    scene.sphere.data.materials.pop(index=0)
+    assert switch(nodes=False) == f"1 material {by}"

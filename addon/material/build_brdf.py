@@ -54,7 +54,8 @@ def build_brdf(
     osl = choices.shader == OSL
     targets, sampling = what_to_aim_at(report), sampling_of(report, osl=osl)
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
-    plan = replace(plan, brightened=_brightened(record, plan.mode))
+    behind = _brightened(record.part("behind"), plan.mode)
+    plan = replace(plan, brightened=_brightened(record, plan.mode), brightened_behind=behind)
     lamps = lamp_image() if plan.aim or plan.sample else None
     lights = lamp_light_image() if plan.sample else None
     surroundings = surroundings_of(report) if plan.sample else None
@@ -96,16 +97,21 @@ def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:
 
 def account_of(choices: Choices, plan: BrdfPlan) -> dict[str, Any]:
     """Choices and their effects as kept with the material; JSON-ready."""
-    return {
+    account = {
         "choices": {name: getattr(choices, name) for name in OF_BRDF},
         "effects": [effect.facts() for effect in plan.effects],
-        "brightened": [[gloss, [list(row) for row in rows]] for gloss, rows in plan.brightened],
+        "brightened": _told(plan.brightened),
     }
+    return account | ({"brightened_behind": _told(plan.brightened_behind)} if plan.brightened_behind else {})
 
 
-def _brightened(record: BrdfRecord, mode: str) -> tuple[tuple[float, Rows], ...]:
-    """What a mode's native closures gain with the gloss. Raises BakeError."""
-    if mode == "reference":
+def _told(brightened: tuple[tuple[float, Rows], ...]) -> list[Any]:
+    return [[gloss, [list(row) for row in rows]] for gloss, rows in brightened]
+
+
+def _brightened(record: BrdfRecord | None, mode: str) -> tuple[tuple[float, Rows], ...]:
+    """What a mode's native closures gain with the gloss; nothing of what is not there. Raises BakeError."""
+    if record is None or mode == "reference":
         return ()
     fit = record.load_preview() if mode == "preview" else record.load_envelope()
     return brightened_by_gloss(fit, record.albedo.theta_o_deg)

@@ -45,7 +45,8 @@ class Effect:
 @dataclass(frozen=True)
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
-    account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`."""
+    account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`,
+    in front and at the back of a sheet whose sides differ."""
 
     mode: str
     filter: str | None
@@ -57,6 +58,7 @@ class BrdfPlan:
     osl: bool = False
     normals: bool = False
     brightened: tuple[tuple[float, Rows], ...] = ()
+    brightened_behind: tuple[tuple[float, Rows], ...] = ()
 
 
 def plan_brdf(

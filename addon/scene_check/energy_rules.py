@@ -16,7 +16,7 @@ def too_bright(subject: Subject) -> Iterator[Finding]:
         if energy is None or energy.mend is None:
             continue
         found, wanted = f"Brightness is {energy.brightness:.4g}", f"{energy.safe_brightness:.4g}"
-        told = f"it reflects up to {energy.largest:.4g} times the light that it receives"
+        told = f"it {energy.verb} up to {energy.largest:.4g} times the light that it receives"
         why = f"{told}, and light between such surfaces grows with every bounce"
         mend = editable(material, energy.mend)
         yield Finding("too_bright", NOTE, f"material {material.name}", found, wanted, why, mend)

@@ -109,13 +109,18 @@ class MEASURED_MATERIALS_OT_use_osl(bpy.types.Operator):
                 return {"CANCELLED"}
             use_osl(scene)
         learn_the_world(scene)
-        built = _each(self, materials_in(scene), lambda material: kind_of(material).shade_by(material, shader, scene))
+        built: list[bpy.types.Material] = []
+
+        def build(material: bpy.types.Material) -> None:
+            kind_of(material).shade_by(material, shader, scene)
+            built.append(material)
+
+        _each(self, materials_in(scene), build)
         if self.nodes and not any(is_scripted(material) for material in bpy.data.materials):
             scene.cycles.shading_system = False
         # Whatever is of nodes, where OSL is on: it would read their files at random.
         mend(found for found in check_scene(scene) or () if found.rule == "osl_files")
-        by = "nodes" if self.nodes else "OSL scripts, which render on the CPU"
-        self.report({"INFO"}, f"{_counted(built)} built as {by}")
+        self.report({"INFO"}, _built_words(built, self.nodes))
         return {"FINISHED"}
 
 
@@ -180,6 +185,16 @@ def _rebuilding(operator: bpy.types.Operator, scene: bpy.types.Scene) -> Generat
 
 def _counted(materials: int) -> str:
     return f"{materials} material{'' if materials == 1 else 's'}"
+
+
+def _built_words(materials: list[bpy.types.Material], nodes: bool) -> str:
+    """What materials were built as; a sheet, or what has no mirror, is no script where scripts were asked for."""
+    if nodes:
+        return f"{_counted(len(materials))} built as nodes"
+    scripts = sum(is_scripted(material) for material in materials)
+    others = len(materials) - scripts
+    beside = f"; {_counted(others)} {'stays' if others == 1 else 'stay'} of nodes" if others else ""
+    return f"{_counted(scripts)} built as OSL scripts, which render on the CPU{beside}"
 
 
 def learn_the_world(scene: bpy.types.Scene) -> None:

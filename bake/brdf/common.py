@@ -157,11 +157,13 @@ class RenderingRecord:
     ----------
     choices, effects : what an artist has chosen, and what came of it
     brightened : gloss, and how much more is reflected at it than at 1 to viewers at the angles of `AlbedoRecord`
+    brightened_behind : the same of the back of a sheet whose sides differ
     """
 
     choices: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[EffectRecord, ...] = ()
     brightened: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
+    brightened_behind: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
 
     @classmethod
     def parse(cls, found: object) -> RenderingRecord:
@@ -176,6 +178,7 @@ class RenderingRecord:
                 if isinstance(entry, dict)
             ),
             _brightened_of(given.get("brightened")),
+            _brightened_of(given.get("brightened_behind")),
         )
 
 

@@ -202,10 +202,16 @@ class SheetRecord:
 
     @classmethod
     def parse(cls, fields: Fields) -> SheetRecord:
-        """Read from a document's "sheet". Raises BakeError."""
-        sheet = fields.part("sheet")
+        """Read from a document's "sheet". Raises BakeError, also where albedos are of other angles than the front's,
+        for they are added."""
+        sheet, degrees = fields.part("sheet"), AlbedoRecord.parse(fields, "albedo").theta_o_deg
         names = [name for name in SHEET_PARTS if sheet.has(name)]
-        return cls(sheet.flag("alike"), {name: BrdfRecord.parse(*_part_document(fields, name)) for name in names})
+        parts = {name: BrdfRecord.parse(*_part_document(fields, name)) for name in names}
+        for name, part in parts.items():
+            if part.albedo.theta_o_deg != degrees:
+                cause = f"'sheet.{name}': the albedo is of other angles than the front's"
+                raise BakeError(fields.where, cause, "bake it again")
+        return cls(sheet.flag("alike"), parts)
 
 
 def _part_document(fields: Fields, name: SheetPart) -> tuple[dict[str, Any], str]:

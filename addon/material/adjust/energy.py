@@ -1,4 +1,4 @@
-"""Whether an adjusted material reflects more light than it receives, as far as that can be known."""
+"""Whether an adjusted material reflects, or lets through, more light than it receives, as far as can be known."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ....bake.brdf.record import BrdfRecord
 from ....bake.errors import BakeError
 from ....bake.sampling.gloss import MOST
+from ....bake.shading_maps.record import Record
 from ....bake.source import LUMINANCE
 from ....nodes.adjustments import GLOSS, NEUTRAL
 from ....nodes.material_tree import measured_nodes
@@ -24,20 +26,23 @@ _DIGITS = 1e4
 
 @dataclass(frozen=True)
 class Energy:
-    """What an adjusted material reflects at most of the light that arrives from one direction.
+    """What leaves an adjusted material at most of the light that arrives from one direction.
 
     Parameters
     ----------
-    largest : directional albedo of the brightest channel seen from where it is largest; None where that is unknown
+    largest : directional albedo of the brightest channel seen from where it is largest, of a sheet with what is let
+        through; None where that is unknown
     unknown : sockets that are linked, whose values differ from place to place
     safe_brightness : the largest at which no more light leaves than arrives, with the other sockets as they are
     node : whose sockets these are
+    through : it lets light through too
     """
 
     largest: float | None = None
     unknown: tuple[str, ...] = ()
     safe_brightness: float = float("inf")
     node: bpy.types.Node | None = None
+    through: bool = False
 
     @property
     def brightness(self) -> float:
@@ -65,11 +70,16 @@ class Energy:
         if self.unknown:
             *others, last = self.unknown
             names = f"{', '.join(others)} and {last} are" if others else f"{last} is"
-            return f"{names} linked, so whether the material reflects too much light cannot be known"
+            return f"{names} linked, so whether the material {self.verb} too much light cannot be known"
         if not self.gains:
             return ""
-        told = f"The material reflects up to {self.largest:.4g} times the light that it receives"
+        told = f"The material {self.verb} up to {self.largest:.4g} times the light that it receives"
         return f"{told}. A Brightness of up to {self.safe_brightness:.4g} is safe"
+
+    @property
+    def verb(self) -> str:
+        """What becomes of the light."""
+        return "reflects and lets through" if self.through else "reflects"
 
 
 def energy_of(material: bpy.types.Material) -> Energy | None:
@@ -77,7 +87,8 @@ def energy_of(material: bpy.types.Material) -> Energy | None:
 
     The directional albedo of the measurement is adjusted as the reflectance is, which is the same, since both are
     linear; of a saturation above 1, where negative values are cut off, it is a lower bound. A gloss above 1 brightens
-    native closures, a softer one loses light. Of several nodes the worst is told.
+    native closures, a softer one loses light. Of a sheet, what is reflected and let through is added for either side.
+    Of several nodes and sides the worst is told.
 
     Returns
     -------
@@ -87,29 +98,58 @@ def energy_of(material: bpy.types.Material) -> Energy | None:
         record = record_of(material)
     except BakeError:
         return None
-    seen = _Seen(np.array(record.albedo.directional, np.float64), record.rendering.brightened)
-    found = [energy for _, node in measured_nodes(material.node_tree) if (energy := _energy(node, seen)) is not None]
+    sides = _sides(record)
+    found = [
+        energy
+        for _, node in measured_nodes(material.node_tree)
+        for seen in sides
+        if (energy := _energy(node, seen)) is not None
+    ]
     return max(found, key=lambda energy: (bool(energy.unknown), energy.largest or 0.0), default=None)
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """Directional albedo (n, 3) as measured, and what a gloss adds to it, see `RenderingRecord`."""
+    """What a viewer of one side sees.
+
+    Parameters
+    ----------
+    rows : (p, n, 3) directional albedos as measured: reflection, and of a sheet transmission; a sheet's black are left
+        out
+    brightened : what a gloss adds to the first, see `RenderingRecord`; diffuse transmission gains nothing
+    """
 
     rows: NDArray[np.float64]
     brightened: Sequence[tuple[float, Sequence[Sequence[float]]]]
 
     def at(self, gloss: float) -> NDArray[np.float64]:
-        """The albedo under a gloss; of a softer one, which loses light, an upper bound."""
+        """The albedos under a gloss; of a softer one, which loses light, an upper bound."""
         if not self.brightened:
             return self.rows
         glosses = np.array([step for step, _ in self.brightened])
         more = np.array([rows for _, rows in self.brightened], np.float64)
-        if more.shape[1:] != self.rows.shape:
+        if more.shape[1:] != self.rows.shape[1:]:
             return self.rows
         flat = more.reshape(len(glosses), -1)
-        found = [np.interp(gloss, glosses, column) for column in flat.T]
-        return self.rows + np.reshape(found, self.rows.shape)
+        found = np.reshape([np.interp(gloss, glosses, column) for column in flat.T], self.rows.shape[1:])
+        return np.concatenate([self.rows[:1] + found, self.rows[1:]])
+
+
+def _sides(record: Record) -> list[_Seen]:
+    """The front, and of a sheet whose sides differ the back."""
+    told = record.rendering
+    if not isinstance(record, BrdfRecord) or record.sheet is None:
+        return [_Seen(_rows(record), told.brightened)]
+    parts = record.sheet.parts
+    front, behind = (record, parts.get("through")), (parts.get("behind"), parts.get("through_behind"))
+    back = told.brightened_behind if behind[0] is not None else ()
+    seen = [_Seen(_rows(*front), told.brightened)]
+    return seen + [_Seen(_rows(*behind), back)] * any(part is not None for part in behind)
+
+
+def _rows(*parts: Record | None) -> NDArray[np.float64]:
+    """Directional albedos (p, n, 3) of the parts that there are."""
+    return np.array([part.albedo.directional for part in parts if part is not None], np.float64)
 
 
 def _energy(node: bpy.types.Node, seen: _Seen) -> Energy | None:
@@ -118,18 +158,20 @@ def _energy(node: bpy.types.Node, seen: _Seen) -> Energy | None:
     gloss = sockets.pop(GLOSS, None)
     linked = tuple(name for name, socket in sockets.items() if socket.is_linked)
     rows = seen.at(MOST if gloss is not None and gloss.is_linked else gloss.default_value if gloss is not None else 1.0)
-    if gloss is not None and gloss.is_linked and rows.max() > max(1.0, seen.rows.max()) + _TOLERANCE:
+    if gloss is not None and gloss.is_linked and rows.sum(0).max() > max(1.0, seen.rows.sum(0).max()) + _TOLERANCE:
         linked += (GLOSS,)
+    through = len(rows) > 1
     if linked:
-        return Energy(unknown=linked)
+        return Energy(unknown=linked, through=through)
     values = {name: _value(socket.default_value) for name, socket in sockets.items()}
     unchanged = all(np.allclose(value, _value(NEUTRAL[name])) for name, value in values.items())
     if unchanged and np.allclose(rows, seen.rows):
         return None
-    per_brightness = float(np.max(saturated(rows, values.get("Saturation", 1.0)) * values.get("Tint", 1.0)))
+    total = saturated(rows, values.get("Saturation", 1.0)).sum(0)
+    per_brightness = float(np.max(total * values.get("Tint", 1.0)))
     brightness = float(values.get("Brightness", 1.0))
     safe = np.floor(_DIGITS / per_brightness) / _DIGITS if per_brightness > 0 else float("inf")
-    return Energy(per_brightness * brightness, (), float(safe), node)
+    return Energy(per_brightness * brightness, (), float(safe), node, through)
 
 
 def saturated(reflectance: NDArray[np.float64], saturation: float) -> NDArray[np.float64]:

@@ -120,8 +120,9 @@ class BakeTask(Task):
         return BakeJob(self.request, self.target(), hosts(self.request, bpy.app.binary_path))
 
     def learn(self, result: BakeResult, material: bpy.types.Material) -> None:
-        """How long bakes take here; the stages of anisotropic ones are others than were expected."""
-        if not getattr(record_of(material), "anisotropic", False):
+        """How long bakes take here; of anisotropic ones and of sheets the stages are others than were expected."""
+        record = record_of(material)
+        if not isinstance(record, BrdfRecord) or not (record.anisotropic or record.sheet is not None):
             learn_pace(self.request.settings, result.seconds)
             kept_pace.keep()
 
