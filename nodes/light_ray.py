@@ -17,6 +17,7 @@ from .group import FAMILY_KEY, HASH_KEY, call, content_hash, node_group
 from .osl_script import output, script_node, shader_source
 
 SHADER = "measured_ray.osl"
+_FAMILY = "MM Light Ray"
 _INPUTS = {"Position": "vector", "Direction": "vector", "Length": "float"}
 _OUTPUTS = {"Clear": "float", "Distance": "float"}
 
@@ -43,10 +44,15 @@ def light_ray(position: Any, wi: Any, length: Any, scripted: bool = False) -> tu
     return 1 - expr.Scalar(made.outputs["Is Hit"]), expr.Scalar(made.outputs["Hit Distance"])
 
 
+def is_ray_script(tree: bpy.types.NodeTree) -> bool:
+    """Whether its script only asks what rays meet: left out it costs noise and no light."""
+    return str(tree.get(FAMILY_KEY, "")).startswith(_FAMILY)
+
+
 def _scripted_ray_group() -> bpy.types.ShaderNodeTree:
     """The file's own, or a new one: a script is compiled once."""
     source = shader_source(SHADER)
-    family = f"MM Light Ray {hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    family = f"{_FAMILY} {hashlib.sha256(source.encode()).hexdigest()[:16]}"
     own = (t for t in bpy.data.node_groups if t.library is None and t.get(FAMILY_KEY) == family)
     found = next((t for t in own if content_hash(t) == t[HASH_KEY]), None)
     if found is not None:
@@ -56,6 +62,6 @@ def _scripted_ray_group() -> bpy.types.ShaderNodeTree:
         node = script_node(SHADER, source, dict(zip(_INPUTS, values, strict=True)))
         return output(node, "Clear"), output(node, "Distance")
 
-    group = node_group("MM Light Ray", _INPUTS, _OUTPUTS, build)
+    group = node_group(_FAMILY, _INPUTS, _OUTPUTS, build)
     group[FAMILY_KEY] = family
     return group

@@ -32,7 +32,12 @@ def test_the_next_session_expects_what_this_one_has_learned(kept: Path) -> None:
     assert [path.name for path in kept.parent.iterdir()] == ["bakes.json"]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"ratios": 1}', '{"ratios": ["x"]}', '{"ratios": [null]}', "\0"])
+_DAMAGED = ["", "{", "[]", '{"ratios": 1}', '{"ratios": ["x"]}', '{"ratios": [null]}', "\0"]
+# An integer beyond all floats, and lists deeper than Python follows.
+_DAMAGED += [f'{{"ratios": [1{"0" * 400}]}}', "[" * 100_000]
+
+
+@pytest.mark.parametrize("text", _DAMAGED, ids=range(len(_DAMAGED)))
 def test_a_damaged_file_is_as_good_as_none(kept: Path, text: str) -> None:
     kept.parent.mkdir()
     kept.write_text(text)
@@ -51,3 +56,9 @@ def test_where_nothing_can_be_written_the_bake_goes_on(kept: Path) -> None:
     kept.parent.write_text("in the way")
     kept_pace.keep()
     assert not kept.exists()
+
+
+def test_a_file_that_cannot_be_replaced_leaves_nothing_beside_it(kept: Path) -> None:
+    kept.mkdir(parents=True)
+    kept_pace.keep()
+    assert [path.name for path in kept.parent.iterdir()] == ["bakes.json"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import bpy
 import pytest
 from hypothesis import given
@@ -71,6 +73,30 @@ def test_one_slow_check_does_not_end_following_but_two_do() -> None:
     live_check.loaded()
     live_check.keep(scene, [], 9.0)
     assert follows == [True, True, False] and not live_check.follows(scene)
+    live_check.loaded()
+
+
+def test_a_check_that_waits_for_blenders_threads_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modifiers are evaluated by others than the thread that checks, and the window stands still meanwhile."""
+    monkeypatch.setattr(live_check, "check_scene", lambda _: time.sleep(1.5 * live_check._LONGEST))
+    live_check.loaded()
+    live_check.check_now(bpy.context.scene)
+    assert not live_check.follows(bpy.context.scene)
+    live_check.loaded()
+
+
+def test_how_long_another_scene_took_says_nothing() -> None:
+    scene, other = bpy.context.scene, bpy.data.scenes.new("other")
+    follows = []
+    for quick, slow in ((scene, other), (other, scene)):
+        live_check.loaded()
+        live_check.keep(quick, [], 0.01)
+        live_check.keep(slow, [], 9.0)
+        follows.append(live_check.follows(slow))
+        live_check.keep(quick, [])
+        follows.append(live_check.follows(quick))
+    assert follows == [False, True, False, True]
+    bpy.data.scenes.remove(other)
     live_check.loaded()
 
 

@@ -23,13 +23,14 @@ from measured_materials.addon.material.kinds import SHADING_MAP
 from measured_materials.addon.material.lighting import show_lighting
 from measured_materials.addon.material.rebuild import effects_of
 from measured_materials.addon.scene_check.check import check_scene
+from measured_materials.addon.scene_check.findings import SLOW, WRONG
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.shading_maps.shading_map import ShadingMap
 from measured_materials.nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, aim_by
-from measured_materials.nodes.group import trees_below
+from measured_materials.nodes.group import HASH_KEY, trees_below
 from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY
 from measured_materials.nodes.osl_script import is_one_script, is_scripted, use_osl
 from measured_materials.nodes.shading_map_material import build_shading_map
@@ -170,6 +171,26 @@ def test_without_the_language_a_mirror_brings_all(rough: Bundle) -> None:
         for group in groups:
             aim_by(group, 0, False)
         assert np.allclose(scene.render(4, 2), without, rtol=1e-6)
+
+
+def test_without_the_language_the_check_tells_of_noise_alone(rough: Bundle) -> None:
+    """What is missing then is no light; a BRDF beside it that is a script would be missing whole."""
+    with lit_sphere(sampling(rough), 24, lamp_size=0.5, resolution=16) as scene:
+        for spoil in ("osl_off", "osl_gpu"):
+            scene.scene.cycles.shading_system = spoil == "osl_gpu"
+            scene.scene.cycles.device = "GPU" if spoil == "osl_gpu" else "CPU"
+            found = {finding.rule: finding for finding in check_scene(scene.scene) or ()}
+            assert found[spoil].severity == SLOW and "noisier" in found[spoil].why
+            whole = bpy.data.node_groups.new("whole", "ShaderNodeTree")
+            whole.nodes.new("ShaderNodeScript")
+            whole[HASH_KEY] = ""
+            material = scene.sphere.data.materials[0]
+            node = material.node_tree.nodes.new("ShaderNodeGroup")
+            node.node_tree = whole
+            found = {finding.rule: finding for finding in check_scene(scene.scene) or ()}
+            assert found[spoil].severity == WRONG and "noisier" not in found[spoil].why
+            material.node_tree.nodes.remove(node)
+        scene.scene.cycles.device, scene.scene.cycles.shading_system = "CPU", False
 
 
 def worn(scene: TestScene, bundle: Bundle, **choices: str) -> bpy.types.Material:

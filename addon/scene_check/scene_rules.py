@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 
 from ...nodes import compat
+from ...nodes.light_ray import is_ray_script
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, setting
 
 # Bounces that carry all the light one can measure, in a room of measured paint.
@@ -164,18 +165,25 @@ def denoising(subject: Subject) -> Iterator[Finding]:
 
 
 def open_shading_language(subject: Subject) -> Iterator[Finding]:
-    """Materials built as a script."""
+    """Materials built as a script, and swatches that ask by one which lamps are seen."""
     cycles, where = subject.scene.cycles, _scene(subject)
-    trees = [tree for material in subject.wearers for tree in measured_trees(material)]
-    if not any(node.bl_idname == "ShaderNodeScript" for tree in trees for node in tree.nodes):
+    trees = {tree for material in subject.wearers for tree in measured_trees(material)}
+    scripts = [tree for tree in trees if any(node.bl_idname == "ShaderNodeScript" for node in tree.nodes)]
+    if not scripts:
         return
+    only_rays = all(is_ray_script(tree) for tree in scripts)
+    severity = SLOW if only_rays else WRONG
     if not cycles.shading_system:
         mend = setting(cycles, "shading_system", True)
-        why = "without it Cycles leaves Script nodes out"
-        yield Finding("osl_off", WRONG, where, "Open Shading Language is off", "on", why, mend)
+        why = _UNASKED if only_rays else "without it Cycles leaves Script nodes out"
+        yield Finding("osl_off", severity, where, "Open Shading Language is off", "on", why, mend)
     if cycles.device == "GPU" and compat.compute_device() != "OPTIX":
         mend = setting(cycles, "device", "CPU")
-        yield Finding("osl_gpu", WRONG, where, "Device is GPU", "CPU", "Script nodes run on CPU and OptiX only", mend)
+        why = "Script nodes run on CPU and OptiX only" + (f"; {_UNASKED}" if only_rays else "")
+        yield Finding("osl_gpu", severity, where, "Device is GPU", "CPU", why, mend)
+
+
+_UNASKED = "swatches cannot ask then which lamps are seen, and a mirror brings all of their light, noisier"
 
 
 # --- world ----------------------------------------------------------------------------------------------

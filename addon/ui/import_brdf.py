@@ -21,7 +21,7 @@ from .window_progress import window_progress
 
 SUFFIXES = known_suffixes()
 
-# Of pictures only one kind is a measurement, so they are browsed for, but left to Blender where they are dropped.
+# Of pictures only one kind is a measurement: they are browsed for, but where they are dropped, taken for photographs.
 BROWSED = (*SUFFIXES, ".exr")
 _FILTER_GLOB = bpy.props.StringProperty(default=";".join(f"*{s}" for s in BROWSED), options={"HIDDEN"})
 # Suffixes that the menu names.

@@ -33,8 +33,11 @@ def keep() -> None:
     with contextlib.suppress(OSError, ValueError):
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = path.with_suffix(f".{os.getpid()}")
-        beside.write_text(json.dumps({"ratios": learned()}), encoding="utf-8")
-        beside.replace(path)
+        try:
+            beside.write_text(json.dumps({"ratios": learned()}), encoding="utf-8")
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 def register() -> None:
@@ -42,7 +45,7 @@ def register() -> None:
     path = file()
     if path is None:
         return
-    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+    with contextlib.suppress(OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         ratios = json.loads(path.read_text(encoding="utf-8"))["ratios"]
         numbers = [float(one) for one in ratios]
         recall([one for one in numbers if math.isfinite(one) and _LEAST <= one <= _MOST])
