@@ -129,20 +129,21 @@ def test_sampled_swatches_are_what_quadrature_says(tmp_path: Path, lobe: Lobe, a
         assert_agree(found, FINDS)
 
 
+@pytest.mark.slow
 def test_a_rough_swatch_shows_the_same_as_by_the_mirror(rough: Bundle) -> None:
     """With sky, light from the ground and a card before the lamp, which casts a shadow; a planted 2 % is found."""
     with lit_sphere(build_shading_map(rough, lamps=lamp_image()), lamp_size=1.0, resolution=32) as scene:
         scene.leave_terminator()
         add_card(scene, 0.5, veil(0.0))
         update_scene(scene.scene)
-        pictures = scene.render(192, 8)
+        pictures = scene.render(256, 8)
         material = sampling(rough)
         show(scene, material)
-        found = scene.render(64, range(30, 38))
+        found = scene.render(96, range(30, 38))
         assert_agree(compare(pictures, found, scene.mask()), FINDS)
         node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
         node.inputs["Tint"].default_value = (*(1.02,) * 3, 1)
-        planted = compare(pictures, scene.render(64, range(200, 208)), scene.mask())
+        planted = compare(pictures, scene.render(96, range(200, 208)), scene.mask())
         assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
 
 
