@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import shutil
@@ -178,8 +179,16 @@ def assert_shows(scene: TestScene, truth: Array, samples: int = 64, seeds: int =
     assert_same(expected, pictures, np.ones((RESOLUTION, RESOLUTION), bool), tolerance, 0.01)
 
 
-@pytest.mark.parametrize("mode", ["preview", "exact", "reference"])
-@pytest.mark.parametrize("theta", [20.0, 80.0, 130.0])
+SOME = {("preview", 20.0), ("exact", 130.0), ("reference", 80.0)}  # of every mode and every side one in each run
+
+
+@pytest.mark.parametrize(
+    ("mode", "theta"),
+    [
+        pytest.param(*case, marks=() if case in SOME else pytest.mark.slow)
+        for case in itertools.product(("preview", "exact", "reference"), (20.0, 80.0, 130.0))
+    ],
+)
 def test_no_mode_is_biased_under_a_sky(baked: dict[str, BakeResult], mode: str, theta: float) -> None:
     record = record_of(baked["lined"])
     with sheet_scene(build_material(record, mode=mode), theta) as scene:
@@ -194,10 +203,10 @@ BEHIND, BEFORE = (1, 1, -3), (1, 1, 3)
     ("theta", "place", "aimed"),
     [
         (15.0, BEHIND, True),
-        (15.0, BEHIND, False),
-        (60.0, BEHIND, True),
+        pytest.param(15.0, BEHIND, False, marks=pytest.mark.slow),
+        pytest.param(60.0, BEHIND, True, marks=pytest.mark.slow),
         (130.0, BEFORE, True),
-        (30.0, BEFORE, True),
+        pytest.param(30.0, BEFORE, True, marks=pytest.mark.slow),
     ],
 )
 def test_a_lamp_behind_and_before(
