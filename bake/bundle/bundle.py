@@ -19,7 +19,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -84,7 +84,7 @@ class Bundle:
 
     path: Path
     material: dict[str, Any]
-    front: str = ""
+    front: str = field(default="", kw_only=True)
 
     def has(self, name: str) -> bool:
         """Whether the bundle holds the image `name`."""
