@@ -85,6 +85,7 @@ def test_a_paint_alone_is_worth_a_spline(tmp_path: Path, capsys: pytest.CaptureF
     assert any(line.startswith("Filter weighed") and line.endswith(found.filter_why) for line in lines)
 
 
+@pytest.mark.slow
 def test_the_rest_over_shaders_and_codes_stay_linear(tmp_path: Path) -> None:
     """A B-spline through samples smooths the rest: nothing is measured that cannot change the filter."""
     over = baked(tmp_path / "over", "--resolution", "12", "--filter", "auto", *SQUARED)

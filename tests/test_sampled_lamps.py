@@ -91,7 +91,7 @@ def small_lamp(paint: Bundle) -> Iterator[TestScene]:
         yield scene
 
 
-@pytest.mark.parametrize("size, points", [(0.5, 1), (3.0, 2)])
+@pytest.mark.parametrize("size, points", [pytest.param(0.5, 1, marks=pytest.mark.slow), (3.0, 2)])
 def test_sampled_lamps_give_the_same_picture(paint: Bundle, size: float, points: int) -> None:
     """Beside a mirror that is aimed, with sky, bounce light and a card in the way; a planted error of 2 % is found."""
     with lit_sphere(mirroring(paint), lamp_size=size, resolution=32) as scene:
@@ -146,7 +146,7 @@ def test_the_material_is_no_lamp_itself(paint: Bundle) -> None:
     assert material.cycles.emission_sampling == "FRONT"
 
 
-@pytest.mark.parametrize("strength", [0.02, 1.0])
+@pytest.mark.parametrize("strength", [0.02, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_light_that_has_bounced_before_is_the_same(paint: Bundle, strength: float) -> None:
     """On ground beside the sphere, lit by what that reflects of a lamp: far brighter than the sky behind it, or not."""
     with lit_sphere(mirroring(paint), lamp_size=0.6, resolution=24) as scene:

@@ -57,6 +57,7 @@ def test_samples_of_an_isotropic_material_stay_isotropic(tmp_path: Path) -> None
     assert error(source, GLOSSY) < 0.03
 
 
+@pytest.mark.slow
 def test_a_surface_without_any_symmetry_is_not_given_one(tmp_path: Path) -> None:
     class Shingles:
         """Brighter where the half vector leans to +x: half a turn changes it."""
