@@ -15,6 +15,7 @@ from measured_materials.bake.sources.goniometer import zemax
 from measured_materials.bake.sources.radiance import window_xml
 from measured_materials.bake.sources.radiance.klems import klems_lookup
 from measured_materials.bake.sources.radiance.tensor_tree import tree_lookup
+from support.networks import network_values
 
 # Radiance's library takes the least value out as a diffuse part and adds it again, in single precision and through its
 # own encoding of colours: its printed values differ from the file's own text by up to 1e-4 of them.
@@ -121,15 +122,7 @@ def test_a_published_network_is_read_from_keras_file(shared_data: Path) -> None:
     weights = np.load(shared_data / "neural_merl" / "weights.npz")
     rng = np.random.default_rng(2)
     wi, wo = (spherical(np.arccos(rng.random(300)), rng.random(300) * 2 * np.pi) for _ in range(2))
-    half = wi + wo
-    half /= np.linalg.norm(half, axis=-1, keepdims=True)
-    theta, phi = np.arccos(half[:, 2]), np.arctan2(half[:, 1], half[:, 0])
-    x, y = np.cos(phi) * wi[:, 0] + np.sin(phi) * wi[:, 1], np.cos(phi) * wi[:, 1] - np.sin(phi) * wi[:, 0]
-    d = [np.cos(theta) * x - np.sin(theta) * wi[:, 2], y, np.sin(theta) * x + np.cos(theta) * wi[:, 2]]
-    value = np.stack([np.sin(theta), 0 * theta, np.cos(theta), *d], -1)
-    for number in (1, 2, 3):
-        value = value @ weights[f"blue-rubber/fc{number}"] + weights[f"blue-rubber/b{number}"]
-        value = np.maximum(value, 0) if number < 3 else np.maximum(np.exp(value) - 1, 0)
+    value = network_values(weights, "blue-rubber", wi, wo)
     np.testing.assert_allclose(source.evaluate(wi, wo), value, rtol=1e-4, atol=1e-6)
 
 

@@ -22,6 +22,7 @@ from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import chosen_material, read_source, title_of
 from support.format_files import ABC_SET, SGD_SET, pairs, write_published
+from support.networks import network_values
 
 
 def scalar_sgd(wi: Array, wo: Array, p: dict[str, Any], c: int) -> float:
@@ -83,24 +84,11 @@ def test_fits_are_near_the_networks_of_the_same_measurements(shared_data: Path) 
         for material in json.loads(path.read_text())["materials"]:
             if f"{material}/fc1" in weights and len(ratios) < 25:
                 found = read_source(path, Reading(material=material)).evaluate(wi, wo)
-                ratios.append(float(np.median(found / np.maximum(_network(weights, material, wi, wo), 1e-4))))
+                ratios.append(float(np.median(found / np.maximum(network_values(weights, material, wi, wo), 1e-4))))
     for name, ratios in compared.items():
         assert len(ratios) >= 20
         print(name, np.percentile(ratios, [10, 50, 90]))
         assert 0.8 < np.median(ratios) < 1.25, (name, ratios)
-
-
-def _network(weights: Any, material: str, wi: Array, wo: Array) -> Array:
-    half = wi + wo
-    half /= np.linalg.norm(half, axis=-1, keepdims=True)
-    theta, phi = np.arccos(half[:, 2]), np.arctan2(half[:, 1], half[:, 0])
-    x, y = np.cos(phi) * wi[:, 0] + np.sin(phi) * wi[:, 1], np.cos(phi) * wi[:, 1] - np.sin(phi) * wi[:, 0]
-    d = [np.cos(theta) * x - np.sin(theta) * wi[:, 2], y, np.sin(theta) * x + np.cos(theta) * wi[:, 2]]
-    value = np.stack([np.sin(theta), 0 * theta, np.cos(theta), *d], -1)
-    for number in (1, 2, 3):
-        value = value @ weights[f"{material}/fc{number}"] + weights[f"{material}/b{number}"]
-        value = np.maximum(value, 0) if number < 3 else np.maximum(np.exp(value) - 1, 0)
-    return np.asarray(value)
 
 
 def _several(path: Path) -> Path:
