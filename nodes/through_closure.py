@@ -13,6 +13,11 @@ from .stochastic_mirror_group import kept_alive
 IOR = 50.0
 
 
+def seen_from_behind() -> Any:
+    """1 where the surface is seen from its back, else 0."""
+    return expr.Scalar(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Backfacing"])
+
+
 def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
     """Closure that sends the path along wi, on the far side of the surface, with this weight (f cos / pdf).
 
@@ -28,7 +33,7 @@ def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = Non
         weight = expr.scale(weight, kept_alive(weight, random))
     normal = expr.normalize(expr.scale(incoming + expr.scale(wi_world, IOR), -1.0))
     # Seen from behind, Cycles takes the reciprocal.
-    index = expr.where(expr.Scalar(geometry.outputs["Backfacing"]), 1 / IOR, IOR)
+    index = expr.where(seen_from_behind(), 1 / IOR, IOR)
     refraction = expr.node(
         "ShaderNodeBsdfRefraction",
         {"distribution": "GGX"},
