@@ -11,6 +11,7 @@ from .stochastic_mirror_group import kept_alive
 # A perfect refraction leads anywhere below but within asin(1 / IOR) of the plane at right angles to the viewer, and
 # its normal still tells float32 one direction from another.
 IOR = 50.0
+PORTAL = "ShaderNodeBsdfRayPortal"
 
 
 def seen_from_behind() -> Any:
@@ -40,6 +41,6 @@ def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = Non
         {"Color": weight, "Roughness": 0.0, "IOR": index, "Normal": normal},
     )
     place = {"Position": expr.Vector(geometry.outputs["Position"]), "Direction": wi_world}
-    portal = expr.node("ShaderNodeBsdfRayPortal", {}, {"Color": weight, **place})
+    portal = expr.node(PORTAL, {}, {"Color": weight, **place})
     bends = expr.dot(incoming, wi_world) < -1 / IOR - 1e-4
     return choose_closure(bends, expr.Scalar(portal.outputs[0]), expr.Scalar(refraction.outputs[0]))
