@@ -64,8 +64,7 @@ def lamp_probability(
     gloss: Any = None,
 ) -> Any:
     """The group's content, for a position and viewer."""
-    (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
-    sky, _, count = expr.components(scene)
+    centre, (sky, count, strength) = _strongest(lamps)
     to_centre = centre - position
     if shares.through:  # as the table has it, mirrored in the sheet
         to_centre = to_centre - expr.scale(normal, expr.dot(to_centre, normal) * 2.0)
@@ -96,8 +95,7 @@ def lamp_side_group(lamps: bpy.types.Image, least: float) -> bpy.types.ShaderNod
 
 def lamp_side(lamps: bpy.types.Image, position: Any, normal: Any, usual: Any, least: float) -> Any:
     """The group's content, for a position."""
-    (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
-    sky, _, count = expr.components(scene)
+    centre, (sky, count, strength) = _strongest(lamps)
     to_centre = centre - position
     part = part_of_light(expr, to_centre, 1.0, strength, count, sky)
     found = expr.where(part, expr.dot(to_centre, normal) > 0.0, usual)
@@ -114,3 +112,10 @@ def _place(
     _, along, across = frame_of(normal, incoming, tangent)
     wi = expr.vec(*(expr.dot(to_lamp, axis) for axis in (along, across, normal)))
     return layout.coordinates(expr, wi, wo)
+
+
+def _strongest(lamps: bpy.types.Image) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Middle of the strongest lamp; irradiance of all else, number of lamps, and the lamp's own strength."""
+    (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
+    sky, _, count = expr.components(scene)
+    return centre, (sky, count, strength)
