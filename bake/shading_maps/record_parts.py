@@ -112,6 +112,8 @@ def render_settings_of(fields: Fields) -> RenderSettings:
         mode,
         tiling,
         fields.number("a_max") if fields.has("a_max") else None,
+        lobe_of(fields.part("transmission")) if fields.has("transmission") else Lobe("lambert"),
+        fields.number("transmission_sigma") if fields.has("transmission_sigma") else None,
     )
 
 
