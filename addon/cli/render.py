@@ -177,6 +177,10 @@ def _settings(record: Record, options: argparse.Namespace) -> RenderSettings | N
     if options.filter is not None or options.osl:
         option = "filter" if options.filter is not None else "osl"
         raise argparse.ArgumentTypeError(f"--{option} is for BRDFs, not shading maps")
+    for name in ("transmission", "transmission_sigma") if record.through is None else ():
+        if name in given:
+            option = f"--{name.replace('_', '-')}"
+            raise argparse.ArgumentTypeError(f"{option} is for swatches that were photographed against the light too")
     usual = record.render
     lobe = usual.lobe
     if options.lobe == ["measured"]:

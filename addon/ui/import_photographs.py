@@ -79,6 +79,7 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
                 self,
                 fitted=self.fit_lobe,
                 with_mode=True,
+                through=bool(self.through),
             )
         self.draw_results()
 

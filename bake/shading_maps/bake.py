@@ -112,7 +112,11 @@ def bake_arc(
     origin = photographs_origin(_paths(source))
     through = None
     if settings.through is not None:
-        stack, through = read_through(settings.through, stack, settings.stack, progress, decoder)
+        say = progress or (lambda stage, share: None)
+        # A stage that has begun does not begin again.
+        stack, through = read_through(
+            settings.through, stack, settings.stack, lambda _, share: say("aligning", share), decoder
+        )
     if on_read:
         on_read(stack, name, origin)
     result = bake_stack(stack, out, settings, progress, name=name, origin=origin, through=through)
