@@ -1,7 +1,5 @@
 """A swatch photographed against the light as well, in the window: imported, lit otherwise, rebuilt, and told of."""
 
-
-
 from __future__ import annotations
 
 import json
