@@ -104,7 +104,7 @@ def test_the_dialogue_opens_when_they_were_read(felt: Path, followed: Any) -> No
     draw_look(Layout(texts := []), felt.parent)  # others
     assert not texts
     draw_lines(Layout(texts := []), "word " * 40, "ERROR")
-    assert len(texts) > 3 and max(map(len, texts)) <= 58 and " ".join(texts).split() == ["word"] * 40
+    assert len(texts) > 2 and max(map(len, texts)) <= 72 and " ".join(texts).split() == ["word"] * 40
 
 
 def test_the_dialogue_does_not_wait_for_ever(felt: Path, followed: Any, monkeypatch: pytest.MonkeyPatch) -> None:

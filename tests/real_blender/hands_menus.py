@@ -1,5 +1,7 @@
 """Inside a real Blender window: menus, the file browser, lists of choices and dialogues, by mouse and keys."""
 
+import functools
+
 import bpy
 from hands import (
     across,
@@ -123,6 +125,7 @@ def watch_dialogue(operator):
     """Keep an operator's dialogue as it draws."""
     draw = operator.draw
 
+    @functools.wraps(draw)
     def noted(self, context):
         dialogues[operator.__name__] = (self, getattr(context, "region_popup", None) or context.region)
         draw(self, context)
@@ -156,14 +159,18 @@ def switch_in_dialogue(operator, name):
     raise RuntimeError(f"no {name} in the dialogue")
 
 
-def hover_in_dialogue(operator, name):
-    """Put the mouse onto a property of the dialogue: what each is, a click with the right button tells."""
+def hover_in_dialogue(operator, name, part=0.75, above=0.0):
+    """Put the mouse onto the lowest button of a property, above a height: what each is, a click with the right button
+    tells. Returns its height.
+    """
     told = []
     menu = bpy.types.UI_MT_button_context_menu
     tell = lambda self, context: told.append(getattr(getattr(context, "button_prop", None), "identifier", ""))  # noqa: E731
     menu.append(tell)
     try:
-        for place in _in_dialogue(operator, 0.75):
+        for place in _in_dialogue(operator, part):
+            if place[1] <= above:
+                continue
             told.clear()
             yield from move(*place)
             yield from click(3)
@@ -171,10 +178,19 @@ def hover_in_dialogue(operator, name):
                 yield from keys("Escape")
             if name in told:
                 yield from move(*place)
-                return
+                return place[1]
     finally:
         menu.remove(tell)
     raise RuntimeError(f"no {name} in the dialogue")
+
+
+def open_part(operator, name, part):
+    """Click this of the tabs, which stand in rows of three; `part` is its place in the row."""
+    height = 0.0
+    while dialogues[operator][0].part != name:
+        height = yield from hover_in_dialogue(operator, "part", part, height)
+        yield from click()
+        yield 0.3
 
 
 def leave_buttons(operator):

@@ -23,6 +23,7 @@ from hands_menus import (
     file_import,
     hover_in_dialogue,
     leave_buttons,
+    open_part,
     open_tab,
     switch_in_dialogue,
 )
@@ -47,6 +48,7 @@ def steps():
     yield from picture("swatch_5_dialogue")
     yield from leave_buttons(ARC)
     yield from switch_in_dialogue(ARC, "advanced")
+    yield from open_part(ARC, "brightness", 0.5)
     yield from hover_in_dialogue(ARC, "scale_by")
     yield from click()
     yield from keys("a")
