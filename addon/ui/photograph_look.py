@@ -34,7 +34,7 @@ _PATIENCE = 12.0
 # Of the dialogue: pixels at a UI scale of 1, and letters that surely fit beside an icon.
 WIDTH, LETTERS = 520, 72
 # Photographs in the strip, and lines of doubts: all is to fit a screen of 1080 lines at a UI scale of 2.
-_STRIP, _DOUBTS = 10, 6
+_STRIP, _DOUBTS = 10, 4
 # Texels of the plot's side, and of its border; icons that it is high.
 _SIDE, _BORDER = 160, 12
 _PLOT = 5.5
@@ -165,7 +165,7 @@ def _draw_doubts(layout: bpy.types.UILayout, doubts: tuple[str, ...]) -> None:
     left = _DOUBTS
     for number, doubt in enumerate(doubts):
         left -= len(textwrap.wrap(doubt, LETTERS))
-        if number and left < 0:
+        if number and left < (number < len(doubts) - 1):
             layout.label(text=f"{len(doubts) - number} more, which are told after the bake", icon="ERROR")
             break
         draw_lines(layout, doubt, "ERROR")

@@ -92,7 +92,8 @@ def choose_file(name):
     yield from browser_open()
     area = area_of("FILE_BROWSER")
     region = region_of(area)
-    yield from move(across(region, 0.5), region.y + region.height / 2)
+    yield from move(across(region, 0.5), region.y + region.height / 3)
+    yield from click()  # where no file is: ends the editing of the folder's path
     for _ in range(40):
         if area.spaces.active.params.filename == name:
             return
@@ -147,16 +148,13 @@ def _in_dialogue(operator, part):
     return [(x + part * width, y + 2.6 * unit() + step * number) for number in range(int(height / step) - 6)]
 
 
-def switch_in_dialogue(operator, name):
-    """Click at the left of each row, from the lowest up, until this switch of the operator changes."""
-    for place in _in_dialogue(operator, 0.12):
-        before = getattr(dialogues[operator][0], name)
-        yield from move(*place)
-        yield from click()
-        if getattr(dialogues[operator][0], name) != before:
-            yield 0.5
-            return
-    raise RuntimeError(f"no {name} in the dialogue")
+def switch_in_dialogue(operator, name, part):
+    """Click this switch of the operator; `part` is its place in the width."""
+    before = getattr(dialogues[operator][0], name)
+    yield from hover_in_dialogue(operator, name, part)
+    yield from click()
+    yield from soon(f"{name} is switched", lambda: getattr(dialogues[operator][0], name) != before)
+    yield 0.5
 
 
 def hover_in_dialogue(operator, name, part=0.75, above=0.0):

@@ -47,7 +47,7 @@ def steps():
     yield 1.0
     yield from picture("swatch_5_dialogue")
     yield from leave_buttons(ARC)
-    yield from switch_in_dialogue(ARC, "advanced")
+    yield from switch_in_dialogue(ARC, "advanced", 0.5)
     yield from open_part(ARC, "brightness", 0.5)
     yield from hover_in_dialogue(ARC, "scale_by")
     yield from click()

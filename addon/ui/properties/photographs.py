@@ -86,6 +86,10 @@ def _corner(name: str) -> Any:
     return bpy.props.FloatVectorProperty(name=name, description=words, size=2, min=-1, max=1 << 24, precision=1)
 
 
+def _corner_title(name: str) -> str:
+    return name.removeprefix("corner_").replace("_", " ").title()
+
+
 def _path(name: str, description: str, subtype: str = "FILE_PATH") -> Any:
     return bpy.props.StringProperty(name=name, description=description, subtype=subtype)
 
@@ -118,7 +122,7 @@ class ArcProperties:
         "storage": _enum("Storage", "Format of the texels", tuple(map(str, IMAGE_STORAGES)), _USUAL.storage),
         "frame": _enum("Frame", "Where the swatch is in the photographs", ("whole", "crop", "corners"), "whole"),
         "crop": _rectangle("Crop (px)", "The swatch"),
-        **{name: _corner(name.removeprefix("corner_").replace("_", " ").title()) for name in _CORNERS},
+        **{name: _corner(_corner_title(name)) for name in _CORNERS},
         "decode": _enum(
             "Decode",
             "Curve of JPEG, PNG and TIFF files; their primaries are read from them",
@@ -240,7 +244,7 @@ def _draw_corner(layout: bpy.types.UILayout, p: Any, name: str) -> None:
     split = layout.split(factor=0.4)
     left, right = split.row(), split.row(align=True)
     left.alignment = "RIGHT"  # as the names of the other settings
-    left.label(text=p.bl_rna.properties[name].name)
+    left.label(text=_corner_title(name))
     right.use_property_split = False
     right.prop(p, name, text="")
 
