@@ -264,7 +264,7 @@ class Recorder:
     def template_icon(self, *, icon_value: int, scale: float) -> None:
         assert scale > 0
 
-    def prop_enum(self, properties: Any, name: str, value: str, *, text: str) -> None:
+    def prop_enum(self, properties: Any, name: str, value: str, *, text: str = "") -> None:
         assert value in properties.bl_rna.properties[name].enum_items
         self.texts.append(text)
 
