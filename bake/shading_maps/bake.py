@@ -26,10 +26,9 @@ from ..tables.albedo import directional_albedo
 from ..tiling.tileable import TileSettings, make_tileable
 from .against_light import ThroughSettings, read_through
 from .albedo import map_albedo_facts
-from .light_angle import level_by_cosine
 from .lobe_fit import fit_lobe
 from .render_settings import RenderSettings
-from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, linearise
+from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, level_by_cosine, linearise
 from .slice_atlas import GUTTER, SliceLayout
 from .store import COMPRESSIONS, Compression, check_storage, store_map
 from .swatch_preview import preview_swatch

@@ -11,9 +11,8 @@ from ..brdf.modes import MODES
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
-from .light_angle import ANGLE_KNOTS
 from .render_settings import TECHNIQUES, TILINGS, RenderSettings
-from .shading_map import ABOVE, MAX_SLICES
+from .shading_map import ABOVE, ANGLE_KNOTS, MAX_SLICES
 from .slice_atlas import GUTTER, SliceLayout
 
 MODELS = ("slices", "power", "basis")

@@ -29,7 +29,7 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from PIL import Image
 
 ELEVATIONS = (8.0, 18.0, 30.0, 42.0, 56.0, 70.0, 88.0)
-_PHOTOGRAPH, _FRAMES = 128, 64
+_PHOTOGRAPH, _FRAMES = 192, 96
 _SIZE, _SAMPLES = (400, 500), 128
 
 
@@ -68,7 +68,7 @@ def lampshade(folder: Path) -> bpy.types.Scene:
     record = ShadingMapRecord.read(read_bundle(photographed(folder)))
     cloth = build_shading_map(record, lamps=lamp_image(), features=True)
     set_repeat(cloth, 3.0, record.map.layout)
-    scene = _room("lampshade", (0.30, 0.42, 0.70), 0.12)
+    scene = _room("lampshade", (0.30, 0.42, 0.70), 0.25)
     _add(scene, _turned([(0.19, 0.30), (0.125, 0.54)], 160, 24), cloth)
     brass = compat.shader_material("brass", "ShaderNodeBsdfPrincipled", _metal((0.75, 0.55, 0.28), 0.32))
     stem = [(0.0, 0.0), (0.095, 0.0), (0.095, 0.012), (0.03, 0.03), (0.012, 0.06), (0.010, 0.33), (0.0, 0.33)]
