@@ -30,7 +30,7 @@ from PIL import Image
 
 ELEVATIONS = (8.0, 18.0, 30.0, 42.0, 56.0, 70.0, 88.0)
 _PHOTOGRAPH, _FRAMES = 192, 96
-_SIZE, _SAMPLES = (400, 500), 128
+_SIZE, _SAMPLES = (320, 400), 40
 
 
 def make(out: Path, folder: Path) -> None:
