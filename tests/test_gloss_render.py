@@ -84,8 +84,10 @@ def test_gloss_one_is_nothing_in_osl(stand_in: Bundles, kind: str) -> None:
 
 
 def osl_material(bundle: Bundle, kind: str) -> bpy.types.Material:
-    """Mode Exact, aimed at lamps or sampling them, or Reference."""
-    lights = lamp_light_image() if kind == "sampled" else None
+    """Mode Exact, aimed at lamps or sampling them, by a script as a whole or by nodes and rays of one, or Reference."""
+    lights = lamp_light_image() if kind in ("sampled", "nodes") else None
+    if kind == "nodes":
+        return build_material(bundle, mode="exact", lamps=lamp_image(), lights=lights, scripted=True, pack=True)
     mode = "reference" if kind == "reference" else "exact"
     return build_osl_material(bundle, mode=mode, lamps=lamp_image(), lights=lights)
 
@@ -123,9 +125,11 @@ def test_a_gloss_is_its_quadrature(stand_in: Bundles, material: str, light: str,
     "kind, light, gloss",
     [
         ("sampled", "disk", 4.0),
+        ("nodes", "disk", 4.0),
         ("aimed", "small lamp", 0.5),
         pytest.param("sampled", "three lamps", 2.0, marks=pytest.mark.slow),
         pytest.param("sampled", "three lamps", 0.5, marks=pytest.mark.slow),
+        pytest.param("nodes", "three lamps", 1.0, marks=pytest.mark.slow),
         pytest.param("reference", "small lamp", 2.0, marks=pytest.mark.slow),
     ],
 )

@@ -177,9 +177,11 @@ class Stage:
     lighting: Lighting
 
     def truth(self, brdf: Brdf, finer: int = 1, nodes: int | None = None) -> Array:
-        """The picture by quadrature; `finer` for lobes much narrower than a pixel of the sphere, more `nodes`, a Fibonacci
-        number, for those much narrower than a lamp."""
-        lights = self.lights if nodes is None else [replace(light, nodes=nodes) for light in self.lights]  # type: ignore[type-var]
+        """The picture by quadrature; `finer` for lobes much narrower than a pixel of the sphere, more `nodes`, a
+        Fibonacci number, for those much narrower than a lamp."""
+        lights: list[Any] = self.lights
+        if nodes is not None:
+            lights = [replace(light, nodes=nodes) for light in lights]
         return picture(brdf, self.camera, self.mask, lights, finer * self.lighting.grid)
 
     def judged(self, truth: Array, finer: int = 1) -> Result:

@@ -73,8 +73,8 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--osl",
         action="store_true",
-        help="with Open Shading Language, on the CPU: a BRDF as one script, of a shading map a script that tells which "
-        "lamps are seen",
+        help="with Open Shading Language, on the CPU: a script tells nodes which lamps are seen; where nodes would not "
+        "sample any, a BRDF is a script as a whole",
     )
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -264,7 +264,7 @@ def _shown(
 
 
 def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> bool:
-    """Whether it is a script, for which the scene is then set."""
+    """Whether a script takes part, for which the scene is then set."""
     from ...nodes.osl_script import use_osl
     from ..material.build_brdf import build_brdf, usual_choices
     from ..material.choices import OSL
@@ -273,7 +273,8 @@ def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: 
     given |= {} if options.filter is None else {"filter": options.filter}
     given |= {"shader": OSL} if options.osl else {}
     choices = replace(usual_choices(record, options.mode), **given)
-    scripted: bool = build_brdf(record, material, choices=choices, scene=scene)[1].osl
+    plan = build_brdf(record, material, choices=choices, scene=scene)[1]
+    scripted: bool = plan.osl or plan.scripted
     if scripted:
         use_osl(scene)
     return scripted
