@@ -48,7 +48,7 @@ def steps():
     yield from picture("swatch_5_dialogue")
     yield from leave_buttons(ARC)
     yield from switch_in_dialogue(ARC, "advanced", 0.5)
-    yield from open_part(ARC, "brightness", 0.5)
+    yield from open_part(ARC, "brightness", 0.25)
     yield from hover_in_dialogue(ARC, "scale_by")
     yield from click()
     yield from keys("a")
