@@ -153,7 +153,7 @@ def suits(properties):
     for letter, mode in (("b", "balanced"), ("p", "preview"), ("e", "exact")):
         yield from choose(properties, MODE, letter)
         built = lambda mode=mode: facts()["rendering"]["choices"]["mode"] == mode  # noqa: E731
-        yield from soon(f"5 mode {mode}", built)
+        yield from soon(f"5 mode {mode}", built, 600)
         yield from picture(f"measurement_5_{mode}")
 
 

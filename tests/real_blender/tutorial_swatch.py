@@ -31,6 +31,8 @@ from tutorial_measurement import MODE, baked, bakes, facts, measured
 
 ARC = "MEASURED_MATERIALS_OT_import_arc"
 FOLDER = HERE / "data" / "felt"
+# Seconds: what a change rebuilds waits until Blender has drawn the icon of the material, by software here.
+REBUILT = 600.0
 
 
 def steps():
@@ -78,12 +80,12 @@ def lit(properties):
     yield from open_panel(properties, "lighting", MODE)
     yield from choose(properties, "measured_lighting.lobe", "s")
     lobe = lambda: facts()["render"]["lobe"]["name"]  # noqa: E731
-    yield from soon("6 Base Reflection is Sheen", lambda: lobe() == "sheen")
+    yield from soon("6 Base Reflection is Sheen", lambda: lobe() == "sheen", REBUILT)
     yield from picture("swatch_6_sheen")
     yield from press(properties, "measured_lighting.sigma_auto")
     yield from type_into(properties, "measured_lighting.sigma", "0.5")
     sigma = lambda: facts()["render"]["sigma"] or 0.0  # noqa: E731  None as calibrated
-    yield from soon("6 the Strength is the number typed", lambda: abs(sigma() - 0.5) < 1e-6)
+    yield from soon("6 the Strength is the number typed", lambda: abs(sigma() - 0.5) < 1e-6, REBUILT)
     check("6 without a bake", not bakes.queue.is_busy())
     yield from picture("swatch_6_strength")
     yield from close_panel(properties, "lighting")
