@@ -37,6 +37,7 @@ REBUILT = 600.0
 
 def steps():
     """The numbers are those of the tutorial's headings."""
+    bpy.context.scene.render.engine = "CYCLES"  # which also draws the icons
     yield from file_import("measured_materials.import_arc")
     yield from browser_open()
     yield from type_into(area_of("FILE_BROWSER"), "directory", f"{FOLDER}/", region="UI", part=0.4)
