@@ -6,6 +6,7 @@ is wanted draws. Menus and dialogues are in hands_menus.py.
 """
 
 import ctypes
+import re
 import subprocess
 import time
 from pathlib import Path
@@ -167,7 +168,8 @@ def on_screen(area, region, part, until=None):
 
 def is_meant(wanted, words):
     """Whether this is the button; older versions of Blender leave out what lies between a datablock and a property."""
-    return wanted in words or words.endswith(f": {wanted.rpartition('.')[2]}")
+    whole = re.search(rf"{re.escape(wanted)}(?!\w)", words)  # no other property whose name only begins so
+    return whole is not None or words.endswith(f": {wanted.rpartition('.')[2]}")
 
 
 def hover(area, wanted, region="WINDOW", part=0.7):
