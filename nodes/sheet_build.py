@@ -12,7 +12,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart, luminance
 from .brdf_group import BrdfParts
 from .checked_pixels import check_closures, check_shares
-from .data_image import Images
+from .data_image import Images, of_part
 from .lamp_share_group import LampShares
 from .sheet_group import SheetSide, sheet_group
 from .table_groups import table_groups
@@ -58,7 +58,7 @@ class SheetBuild:
         made = [
             None
             if record is None
-            else self._parts(record, f"{name} {part}".strip(), _of_part(images, part), through=through)
+            else self._parts(record, f"{name} {part}".strip(), of_part(images, part), through=through)
             for record, part, through in zip((reflected, through), parts, (False, True), strict=True)
         ]
         if made[1] is not None:
@@ -87,11 +87,6 @@ class SheetBuild:
 
 def _white_sky(record: BrdfRecord) -> float:
     return float(luminance(np.array(record.albedo.white_sky)))
-
-
-def _of_part(images: Images, part: str) -> Images:
-    """Textures of a part, by the names that they have in its own record."""
-    return (lambda name: images(f"{part}_{name}")) if part else images
 
 
 def _through(parts: BrdfParts) -> BrdfParts:

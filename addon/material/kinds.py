@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ...bake.brdf.common import kind_of as kind_told
+from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import is_bundle
 from ...bake.bundle.result import Progress
 from ...bake.errors import BakeError
@@ -152,7 +153,7 @@ class _Brdf(Kind):
             return ("mode",)
         mirror = ("sample", "residual") if mode != "reference" else ()
         found = ("mode", "aim", *mirror, "filter", "shader")
-        return tuple(name for name in found if name not in _NOT_OF_SHEETS) if _is_sheet(material) else found
+        return tuple(name for name in found if name not in _NOT_OF_SHEETS) if lets_light_through(material) else found
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):
@@ -173,10 +174,11 @@ class _Brdf(Kind):
 _NOT_OF_SHEETS = ("sample", "shader")
 
 
-def _is_sheet(material: bpy.types.Material) -> bool:
-    """Whether a measured BRDF's material is known to let light through."""
+def lets_light_through(material: bpy.types.Material) -> bool:
+    """Whether a material is known to let light through: a sheet, or a swatch photographed against the light too."""
     with contextlib.suppress(BakeError):
-        return record_of(material).sheet is not None
+        record = record_of(material)
+        return (record.sheet if isinstance(record, BrdfRecord) else record.through) is not None
     return False
 
 
@@ -228,7 +230,8 @@ class _ShadingMap(Kind):
     def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
         if not uses_mode(material.measured_lighting.technique):
             return ("aim", "detail")
-        sampled = ("sample", "shader") if material.measured_quality.mode in ("exact", "balanced") else ()
+        traced = material.measured_quality.mode in ("exact", "balanced") and not lets_light_through(material)
+        sampled = ("sample", "shader") if traced else ()
         return ("mode", "aim", *sampled, "detail")
 
 

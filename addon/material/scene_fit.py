@@ -18,7 +18,7 @@ from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
 # Of sheets, in any scene.
-_SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
+OF_SHEETS = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 # The first as it is called now; the other in materials that were built before.
@@ -41,6 +41,9 @@ class Effect:
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""
         return asdict(self)
+
+
+THROUGH = Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
 
 
 @dataclass(frozen=True)
@@ -127,9 +130,7 @@ def plan_brdf(
     if marked:
         effects.append(Effect("Normal pass", True, "a view layer shows it"))
     if sheet:
-        effects.append(
-            Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
-        )
+        effects.append(THROUGH)
     if scripted:
         effects.append(Effect("Open Shading Language", True, RAYS))
     else:
@@ -169,7 +170,7 @@ def is_ready(choices: Choices, ready: bool) -> bool:
 
 def sampling_for(record: BrdfRecord, sampling: Sampling) -> Sampling:
     """What a material can sample in a scene where others can what is given."""
-    return _SHEET if record.sheet is not None else sampling
+    return OF_SHEETS if record.sheet is not None else sampling
 
 
 def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
