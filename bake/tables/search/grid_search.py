@@ -22,7 +22,7 @@ from .alpha_search import AlphaSearch
 from .anisotropic_search import SYMMETRIC, AnisotropicCandidates, best_half_shape
 from .grid_fit import GridErrors
 from .grid_race import Candidate, race
-from .isotropic_search import IsotropicCandidates
+from .isotropic_search import IsotropicCandidates, with_cosine_powers
 
 Basis = Literal["normal", "half"]
 BASES: tuple[str, ...] = get_args(Basis)
@@ -109,7 +109,8 @@ def _spacings(kind: type[Any], basis: str, parameterization: str) -> tuple[str, 
 
 
 def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: Array) -> Grid:
-    """The grid whose samples at the horizon are taken where, and continued as, it serves this material best.
+    """The grid whose samples at the horizon are taken where, and continued as, it serves this material best; of half
+    vectors also what cosines its values are stored times.
 
     By the RMS at the pairs; of half vectors about a turning viewer, which have two ways beyond the horizon that the RMS
     hardly tells apart, by the light seen at grazing, and so their shape (`best_half_shape`).
@@ -117,4 +118,5 @@ def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: A
     errors = GridErrors(source, pairs, truth)
     if isinstance(grid, AnisotropicHalfGrid):
         return best_half_shape(source, grid, errors)
-    return min((replace(grid, horizon_share=share) for share in HORIZON_SHARES), key=errors)
+    ends = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
+    return min((one for end in ends for one in with_cosine_powers(end)), key=errors)

@@ -11,7 +11,7 @@ import numpy as np
 from ...source import BrdfSource
 from ..atlas import AtlasLayout
 from ..grids.grid import Grid
-from ..grids.half_vector_grid import HalfVectorGrid
+from ..grids.half_vector_grid import COSINE_POWERS, HalfVectorGrid
 from ..grids.normal_vector_grid import NormalVectorGrid
 from ..grids.parameterization import LogWarp
 from .alpha_search import AlphaSearch, search_alpha, with_alpha
@@ -116,6 +116,17 @@ def refit_grid(source: BrdfSource, grid: Grid, n: int) -> Grid:
     fitted = isinstance(grid, HalfVectorGrid) or grid.parameterization == "fitted"
     fit = _FITS.get(grid.parameterization) if fitted else None
     return fit(grid, errors) if fit else grid
+
+
+def with_cosine_powers(grid: Any) -> list[Any]:
+    """An isotropic grid, of half vectors with each power of the cosine that values are stored times.
+
+    At grazing a BRDF grows as 1 / (cos theta_i + cos theta_o) or faster. Stored times that sum it has there neither a
+    peak that codes have to reach nor a bend between samples.
+    """
+    if not isinstance(grid, HalfVectorGrid):
+        return [grid]
+    return [replace(grid, cosine_power=power) for power in COSINE_POWERS]
 
 
 def half_sizes(n: int, reciprocal: bool) -> list[tuple[int, int, int]]:
