@@ -53,9 +53,10 @@ class SheetBuild:
     ) -> SheetSide:
         """What is seen of one side."""
         both = tuple(0.0 if record is None else _white_sky(record) for record in (reflected, through))
+        # A front that reflects nothing has a record all the same.
         made = [
-            None if record is None else self._parts(record, f"{name} {part}".strip(), _of_part(images, part))
-            for record, part in zip((reflected, through), parts, strict=True)
+            self._parts(record, f"{name} {part}".strip(), _of_part(images, part)) if record and light else None
+            for record, light, part in zip((reflected, through), both, parts, strict=True)
         ]
         if made[1] is not None:
             made[1] = _through(made[1])

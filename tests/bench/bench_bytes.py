@@ -103,16 +103,15 @@ def peers(quick: bool) -> None:
 def best_within(source: BrdfSource, pairs: DirectionPairs, limits: Sequence[int]) -> list[tuple[float, int, str]]:
     """Share, bytes and shape of the best table of codes that a bake makes within so many bytes, for each limit.
 
-    The kind of grid, which hardly depends on the resolution, is chosen once; where its samples lie for each limit.
+    The grid is chosen once for each limit, at a resolution near the best, and is then only resized.
     """
     treated = TreatedSource(source)
     truth = treated.evaluate(pairs.wi, pairs.wo)
     signal = pairs.rms(truth)
-    chosen = best_horizon(treated, choose_grid(treated, FIRST[limits[0]]).grid, pairs, truth)
     best = []
     for limit in limits:
-        grid, n, found = resized(chosen, FIRST[limit]), FIRST[limit], dict[int, tuple[float, int, str]]()
-        grid = coded_grid(treated, grid, n)
+        n, found = FIRST[limit], dict[int, tuple[float, int, str]]()
+        grid = coded_grid(treated, best_horizon(treated, choose_grid(treated, n).grid, pairs, truth), n)
         while n not in found and n >= 4:
             grid = resized(grid, n)
             kept = store_table(tabulate(treated, grid), Storage.LOG, pairs, truth, treated)

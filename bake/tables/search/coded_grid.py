@@ -20,7 +20,9 @@ from ..log_codes import LEAST_PEAK
 from .grid_fit import fit_warps
 from .isotropic_search import half_sizes, with_cosine_powers
 
-_PAIRS = 4096
+# Of the descent, and of the last word among what it found, which may owe its place to the luck of its directions. (The
+# best of an iridescent purple at 4096 of them, 28 x 56 x 28 samples, erred 3.6 times as much as those before.)
+_PAIRS, _JUDGING = 8192, 16384
 _RANGES = (4.0, 6.0, 8.0, 10.0, 12.0, 14.0)
 
 
@@ -80,7 +82,10 @@ def coded_grid(source: BrdfSource, grid: Any, n: int) -> Any:
     trials = ((one, errors) for one in with_cosine_powers(grid) for errors in kinds)
     start, measure = min(trials, key=lambda trial: trial[1](trial[0]))
     fitted = fit_warps(start, measure)
+    candidates = [grid, start, fitted]
     if isinstance(grid, HalfVectorGrid):
-        sizes = [replace(fitted, sizes=sizes) for sizes in half_sizes(n, grid.reciprocal)]
-        fitted = fit_warps(min(sizes, key=measure), measure)
-    return min((grid, fitted), key=measure)
+        sized = min((replace(fitted, sizes=sizes) for sizes in half_sizes(n, grid.reciprocal)), key=measure)
+        candidates += [sized, fit_warps(sized, measure)]
+    judging = direction_pairs(_JUDGING, 0.625)
+    judge = CodedErrors(source, judging, source.evaluate(judging.wi, judging.wo), measure.range_)
+    return min(candidates, key=judge)

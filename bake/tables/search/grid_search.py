@@ -15,8 +15,9 @@ import numpy as np
 from ...errors import BakeError
 from ...source import Array, BrdfSource, Facts
 from ..accuracy import DirectionPairs
-from ..grids.anisotropic_grids import AnisotropicHalfGrid
+from ..grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..grids.grid import HORIZON_SHARES, Grid
+from ..grids.normal_vector_grid import NormalVectorGrid
 from ..grids.parameterization import Parameterization
 from .alpha_search import AlphaSearch
 from .anisotropic_search import SYMMETRIC, AnisotropicCandidates, best_half_shape
@@ -39,6 +40,13 @@ class GridChoice:
     candidates: tuple[Candidate, ...]
     search: AlphaSearch | None
     asymmetries: dict[str, float]
+
+    @classmethod
+    def of_black(cls, isotropic: bool) -> GridChoice:
+        """The smallest grid, for a source of which nothing is to be held."""
+        smallest = NormalVectorGrid(4, "uniform") if isotropic else AnisotropicNormalGrid((4, 4, 4, 8), folded=True)
+        same = {"reciprocity_error": 0.0} if isotropic else {"reciprocity_error": 0.0, "half_turn_error": 0.0}
+        return cls((Candidate(smallest, 0.0),), None, same)
 
     @property
     def grid(self) -> Grid:
