@@ -1,9 +1,9 @@
 """Spoil measurements' files and read them: `./run fuzz`, by chance, or `./run fuzz --guided NAME`, led by coverage.
 
 By chance, each format in turn is read so many times by several processes, and what became of them is printed: tried,
-clean errors, the slowest, memory. Not among them are MERL, RGL, Cornell and UTIA's `.bin`. Guided (needs the package
-atheris, which `./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no file has
-reached before.
+clean errors, the slowest, memory. MERL and UTIA's `.bin` are not among them: their size tells them. Guided (needs the
+package atheris, which `./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no
+file has reached before.
 """
 
 from __future__ import annotations

@@ -47,3 +47,14 @@ def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) ->
     values = above(source, out[:, None], out)
     write_image(path, values[::-1] if flipped else values, Storage.FLOAT32)
     return path
+
+
+def write_cornell(path: Path, source: BrdfSource) -> Path:
+    """Cornell's text: three wavelengths, which stand for blue, green and red, and eighteen samples in radians."""
+    lines = ["# made from a formula", "# num wls", "3", "# wls", "450 550 650"]
+    for theta_i in (0.2, 0.9):
+        for theta_o, phi in ((t, p) for t in (0.0, 0.5, 1.0) for p in (0.0, 1.5, 3.0)):
+            value = source.evaluate(spherical(np.array(theta_i), 0.0), spherical(np.array(theta_o), phi))[::-1]
+            lines.append(" ".join(f"{x:.6f}" for x in (theta_i, 0.0, theta_o, phi, *value)))
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return path
