@@ -27,7 +27,7 @@ from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import read_bundle, write_bundle
 from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
@@ -351,12 +351,23 @@ def test_an_anisotropic_black_front_is_baked(tmp_path: Path) -> None:
     assert build_material(record, mode="exact", lamps=lamp_image()) is not None
 
 
-def test_only_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_path: Path) -> None:
+def test_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_path: Path) -> None:
     """By which older versions refuse them with a clear line, and read everything else."""
     assert json.loads((baked["lined"].path / "material.json").read_text())["schema"] == 5
     plain = bake_source(Lambert(), tmp_path / "plain", SETTINGS)
     document = json.loads((plain.path / "material.json").read_text())
     assert document["schema"] == 4 and "sheet" not in document and record_of(plain).sheet is None
+
+
+@pytest.mark.parametrize("place", ["table", "residual"])
+def test_tables_stored_times_cosines_are_of_the_newest_schema(place: str, tmp_path: Path) -> None:
+    """Older versions would show them for the BRDF itself; anisotropic ones they know."""
+    stored: dict[str, Any] = {"cosine_power": 2}
+    document = {"table": stored} if place == "table" else {"table": {}, "residual": {"grid": stored}}
+    for name, anisotropic, schema in (("a", False, 5), ("b", True, 4)):
+        document["table"]["anisotropic"] = anisotropic
+        written = write_bundle(tmp_path / name, {**document, "source": {"name": "x"}}, {})
+        assert json.loads((written / "material.json").read_text())["schema"] == schema
 
 
 def albedo_rows(part: dict[str, Any]) -> tuple[list[Any], list[Any]]:

@@ -50,11 +50,10 @@ def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) ->
 
 
 def write_cornell(path: Path, source: BrdfSource) -> Path:
-    """Cornell's text: three wavelengths, which stand for blue, green and red, and eighteen samples in radians."""
-    lines = ["# made from a formula", "# num wls", "3", "# wls", "450 550 650"]
-    for theta_i in (0.2, 0.9):
-        for theta_o, phi in ((t, p) for t in (0.0, 0.5, 1.0) for p in (0.0, 1.5, 3.0)):
-            value = source.evaluate(spherical(np.array(theta_i), 0.0), spherical(np.array(theta_o), phi))[::-1]
-            lines.append(" ".join(f"{x:.6f}" for x in (theta_i, 0.0, theta_o, phi, *value)))
+    """Cornell's text: angles in radians, and a spectrum that is flat, of the green channel's value."""
+    lines = ["# made from a formula", "# num wls", "3", "# wls", "400 550 700"]
+    ti, to, po, values, _ = scattered_round(source)
+    for theta_i, theta_o, phi, value in zip(np.radians(ti), np.radians(to), np.radians(po), values[:, 1], strict=True):
+        lines.append(f"{theta_i:.6f} 0 {theta_o:.6f} {phi:.6f}" + 3 * f" {value:.7g}")
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
     return path

@@ -122,9 +122,9 @@ def small_files(folder: Path) -> dict[str, Path]:
             elif name != "UTIA":  # its size alone makes it one
                 made[name] = write(target, GLOSSY)
         made["ALTA stream"] = format_variants.write_alta_stream(place("ALTA stream", "sample.alta"), GLOSSY)
+        made["Cornell goniometer"] = format_variants.write_cornell(place("Cornell goniometer", "paint.brdf"), GLOSSY)
     made["tensor tree"] = files.write_tree(place("tensor tree", "tree.xml"), GLOSSY, 1)
     made["UTIA picture"] = format_variants.write_utia_picture(place("UTIA picture", "m.exr"), files.by_name("lambert"))
-    made["Cornell goniometer"] = format_variants.write_cornell(place("Cornell goniometer", "paint.brdf"), GLOSSY)
     made["EPFL/RGL tensor"] = place("EPFL/RGL tensor", "brushed.bsdf")
     write_anisotropic_rgl(made["EPFL/RGL tensor"], GLOSSY, (0.3, 0.3), azimuths=3, elevations=3, size=4)
     made["published SGD"] = files.write_published(place("published SGD", "sgd.json"), entries=files.SGD_SET)
