@@ -36,7 +36,7 @@ def build_material(
     lights: bpy.types.Image | None = None,
     surroundings: Surroundings | None = None,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle; a sheet's aims at lamps but samples none, and writes no passes.
+    """Build or rebuild a material from a bundle; a sheet's aims at lamps but samples none.
 
     Parameters
     ----------
@@ -70,8 +70,9 @@ def build_material(
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
         if record.sheet is not None:
-            build = SheetBuild(mode, filter, stochastic, residual, lamps)
-            return build.group(record, name, textures, normals=normals)
+            build = SheetBuild(mode, filter, stochastic, residual, lamps, lamp_share and lamps is not None)
+            sheet = build.group(record, name, textures, normals=normals)
+            return with_feature_outputs(sheet, albedo_polynomial(record)) if features else sheet
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = TABLE_OF[mode]

@@ -20,7 +20,6 @@ from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.scene_fit import plan_brdf
-from measured_materials.addon.rendering.denoising import plan_denoising
 from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.addon.studio import studio
 from measured_materials.bake.brdf.bake import bake_source
@@ -406,11 +405,8 @@ def test_what_is_not_supported_yet_is_told_or_refused(baked: dict[str, BakeResul
     plan = plan_brdf(record, Choices(mode="exact", shader="osl"), "", passes=True)
     told = {effect.name: effect for effect in plan.effects}
     assert not plan.osl and "do not hold a sheet" in told["Open Shading Language"].why
-    assert not plan.features and "does not write them yet" in told["Denoiser's passes"].why
+    assert plan.features
     assert not plan.sample and "aimed at" in told["Lamps sampled in the shader"].why
-    assert "does not write" in plan_denoising("auto", 16, record).why
-    with pytest.raises(BakeError, match="--denoise always"):
-        plan_denoising("always", 16, record)
     with pytest.raises(BakeError, match="Sample Lamps"):
         plan_brdf(record, Choices(mode="exact", sample="always"), "")
 

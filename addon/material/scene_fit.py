@@ -111,11 +111,10 @@ def plan_brdf(
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
     sheet = record.sheet is not None
     osl = residual and choices.shader == OSL and not sheet
-    features = passes and residual and not osl and not sheet
+    features = passes and residual and not osl
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
         why = "OSL cannot write them; built of nodes they can be had" if passes and osl else why
-        why = "a sheet that lets light through does not write them yet" if passes and sheet else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:
