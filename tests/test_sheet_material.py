@@ -26,7 +26,7 @@ from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.bundle.bundle import read_bundle, write_bundle
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
@@ -308,65 +308,12 @@ def test_a_back_that_shows_nothing_is_black(tmp_path: Path) -> None:
                 assert scene.render(16, 1)[..., 0].mean() == pytest.approx(value, rel=0.02)
 
 
-@pytest.mark.parametrize("mode", ["preview", "exact", pytest.param("reference", marks=pytest.mark.slow)])
-def test_a_black_front_lets_light_through(black_front: BrdfRecord, mode: str) -> None:
-    """In every mode what the parts say, seen from the black side and from the other one; no mirror is drawn for it."""
-    assert black_front.sheet is not None and not any(black_front.albedo.white_sky)
-    material = build_material(black_front, mode=mode)
-    for theta in (30.0, 140.0):
-        with sheet_scene(material, theta) as scene:
-            set_sky(scene.scene)
-            truth = under_sky(black_front, mode, theta)
-            assert truth.max() > 0.05
-            # Closures have so little noise here that the 0.08 % of weights linear between viewers are seen.
-            assert_shows(scene, truth, tolerance=2e-3)
-
-
-@pytest.fixture(scope="module")
-def black_front(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
-    """Black in front, which lets light through both ways and reflects at its back."""
-    cloth = ThinCloth((0.0, 0.0, 0.0), (0.3, 0.2, 0.1), (0.2, 0.3, 0.1), (0.1, 0.1, 0.3), 6.0)
-    return record_of(bake_source(cloth, tmp_path_factory.mktemp("black") / "front", SETTINGS))
-
-
-def test_a_black_front_is_kept_in_the_smallest_table(black_front: BrdfRecord) -> None:
-    wi = upper_hemisphere()[::97]
-    wo = np.broadcast_to(viewer(30.0), wi.shape)
-    for table in (black_front.load_table(), black_front.load_table("residual"), black_front.load_preview()):
-        assert not table.evaluate(wi, wo).any()
-    assert black_front.load_table().values.size == 4 * 4 * 8 * 3
-    assert black_front.envelope is not None and black_front.envelope.suffices
-
-
-@pytest.mark.slow
-def test_an_anisotropic_black_front_is_baked(tmp_path: Path) -> None:
-    class Dark(Woven):
-        def evaluate(self, wi: Array, wo: Array) -> Array:
-            return np.zeros((*np.broadcast_shapes(wi.shape[:-1], wo.shape[:-1]), 3))
-
-    settings = BakeSettings(8, basis="normal", parameterization="uniform", sampler=SETTINGS.sampler, viewers=(6, 3))
-    record = record_of(bake_source(Dark(), tmp_path / "dark", settings))
-    assert record.anisotropic and record.sheet is not None and "through" in record.sheet.parts
-    assert build_material(record, mode="exact", lamps=lamp_image()) is not None
-
-
 def test_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_path: Path) -> None:
     """By which older versions refuse them with a clear line, and read everything else."""
     assert json.loads((baked["lined"].path / "material.json").read_text())["schema"] == 5
     plain = bake_source(Lambert(), tmp_path / "plain", SETTINGS)
     document = json.loads((plain.path / "material.json").read_text())
     assert document["schema"] == 4 and "sheet" not in document and record_of(plain).sheet is None
-
-
-@pytest.mark.parametrize("place", ["table", "residual"])
-def test_tables_stored_times_cosines_are_of_the_newest_schema(place: str, tmp_path: Path) -> None:
-    """Older versions would show them for the BRDF itself; anisotropic ones they know."""
-    stored: dict[str, Any] = {"cosine_power": 2}
-    document = {"table": stored} if place == "table" else {"table": {}, "residual": {"grid": stored}}
-    for name, anisotropic, schema in (("a", False, 5), ("b", True, 4)):
-        document["table"]["anisotropic"] = anisotropic
-        written = write_bundle(tmp_path / name, {**document, "source": {"name": "x"}}, {})
-        assert json.loads((written / "material.json").read_text())["schema"] == schema
 
 
 def albedo_rows(part: dict[str, Any]) -> tuple[list[Any], list[Any]]:

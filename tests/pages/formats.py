@@ -43,7 +43,7 @@ _WRITTEN = ("Integra DDR", "LightTools", "ASTM E2387", "table of samples", "pab-
 
 
 def make(out: Path, folder: Path) -> None:
-    """Read, shade in numpy, and lay out five in a row; "through" shows light from behind a sheet, mirrored in it."""
+    """Read, shade in numpy, and lay out six in a row; "through" shows light from behind a sheet, mirrored in it."""
     data = require_shared() / "data"
     cells = [cell for name, file in _GENUINE.items() for cell in _cells(name, data / file, "genuine")]
     for name in _WRITTEN:
@@ -54,7 +54,7 @@ def make(out: Path, folder: Path) -> None:
     cells += _cells("RGL, anisotropic", brushed, "brushed, written")
     cells += _cells("ALTA, binary", write_alta_stream(folder / "sample.alta", GLOSSY), "GGX, written")
     cells += _cells("UTIA, picture", write_utia_picture(folder / "brushed.exr", BRUSHED), "brushed, written")
-    write_sheet(folder / "formats.png", cells, 5)
+    write_sheet(folder / "formats.png", cells, 6)
     save(Image.open(folder / "formats.png"), out / "formats.jpg")
 
 
