@@ -23,6 +23,8 @@ from .isotropic_search import half_sizes, with_cosine_powers
 # Of the descent, and of the last word among what it found, which may owe its place to the luck of its directions. (The
 # best of an iridescent purple at 4096 of them, 28 x 56 x 28 samples, erred 3.6 times as much as those before.)
 _PAIRS, _JUDGING = 8192, 16384
+# Codes bend less across a peak, and leave more samples for the other two axes, or the reverse.
+_SPLITS = ((1.5, 0.5), (1.5, 1.0), (3.0, 0.25), (3.0, 0.5), (6.0, 0.25), (8.0, 0.25))
 _RANGES = (4.0, 6.0, 8.0, 10.0, 12.0, 14.0)
 
 
@@ -84,7 +86,7 @@ def coded_grid(source: BrdfSource, grid: Any, n: int) -> Any:
     fitted = fit_warps(start, measure)
     candidates = [grid, start, fitted]
     if isinstance(grid, HalfVectorGrid):
-        sized = min((replace(fitted, sizes=sizes) for sizes in half_sizes(n, grid.reciprocal)), key=measure)
+        sized = min((replace(fitted, sizes=sizes) for sizes in half_sizes(n, grid.reciprocal, _SPLITS)), key=measure)
         candidates += [sized, fit_warps(sized, measure)]
     judging = direction_pairs(_JUDGING, 0.625)
     judge = CodedErrors(source, judging, source.evaluate(judging.wi, judging.wo), measure.range_)

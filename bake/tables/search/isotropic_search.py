@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +28,9 @@ _HOPEFUL = 3.0
 _SPLITS = {True: ((2.0, 0.5), (4.0, 0.5), (4.0, 0.25)), False: ((2.0, 0.5), (2.0, 1.0), (4.0, 0.25), (4.0, 0.5))}
 # Antisymmetric part below this share of the signal is rounding.
 _RECIPROCAL = 1e-6
+
+
+Splits = Sequence[tuple[float, float]]
 
 
 class IsotropicCandidates:
@@ -129,11 +132,14 @@ def with_cosine_powers(grid: Any) -> list[Any]:
     return [replace(grid, cosine_power=power) for power in COSINE_POWERS]
 
 
-def half_sizes(n: int, reciprocal: bool) -> list[tuple[int, int, int]]:
-    """Sizes (theta_d, theta_h, phi_d) whose atlas has no more texels than that of an N x N x 2N table."""
+def half_sizes(n: int, reciprocal: bool, further: Splits = ()) -> list[tuple[int, int, int]]:
+    """Sizes (theta_d, theta_h, phi_d) whose atlas has no more texels than that of an N x N x 2N table.
+
+    `further` are splits to try beside the usual ones: sizes of theta_h and phi_d as multiples of N.
+    """
     room = int(np.prod(AtlasLayout((n, n, 2 * n)).size))
     sizes = []
-    for rows, columns in _SPLITS[reciprocal]:
+    for rows, columns in (*_SPLITS[reciprocal], *further):
         n_h, n_phi = (max(round(n * share), 4) for share in (rows, columns))
         n_d = 2 * n * n * n // (n_h * n_phi)
         while n_d > 4 and np.prod(AtlasLayout((n_d, n_h, n_phi)).size) > room:
