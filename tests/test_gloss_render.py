@@ -140,7 +140,8 @@ def test_a_gloss_in_osl_is_its_quadrature(stand_in: Bundles, kind: str, gloss: f
         assert_agree(lit.judged(truth), FINDS)
 
 
-@pytest.mark.parametrize("gloss", [2.0, pytest.param(0.5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("gloss", [2.0, 0.5])
 def test_along_a_tangent_aiming_changes_nothing(brushed: Bundle, gloss: float) -> None:
     """Not aimed, no density is ever asked for: of a wrong one aimed pictures would tell. A planted 2 % is found."""
     pictures = []
