@@ -57,7 +57,7 @@ def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
 
 
 def _packed(rows: NDArray[np.uint8], differences: NDArray[np.uint8]) -> bytes:
-    """Compressed rows (H, W C), each opening with its filter: all alike, then runs of them changed while that helps.
+    """Compressed rows (H, W C), each opening with its filter: all alike, then runs changed that help, shorter each time.
 
     Of an image of some kilobytes a run is a row. That is a tenth of the file.
     """
@@ -71,7 +71,8 @@ def _packed(rows: NDArray[np.uint8], differences: NDArray[np.uint8]) -> bytes:
     candidates = [(compressed(chosen), chosen) for chosen in (np.zeros(height, np.intp), np.ones(height, np.intp))]
     best, chosen = min(candidates, key=lambda candidate: len(candidate[0]))
     trials = min(height, _TRIED // kinds[0].size)
-    for run in np.array_split(np.arange(height), trials) if trials > 1 else []:
+    counts = [count for count in (2, 8) if count < trials] + [trials] * (trials > 1)
+    for run in (run for count in counts for run in np.array_split(np.arange(height), count)):
         other = chosen.copy()
         other[run] = 1 - other[run]
         if len(found := compressed(other)) < len(best):
