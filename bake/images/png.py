@@ -57,7 +57,7 @@ def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
 
 
 def _packed(rows: NDArray[np.uint8], differences: NDArray[np.uint8]) -> bytes:
-    """Compressed rows (H, W C), each opening with its filter: all alike, then runs changed that help, shorter each time.
+    """Compressed rows (H, W C), each opening with its filter: all alike, then shorter and shorter runs changed.
 
     Of an image of some kilobytes a run is a row. That is a tenth of the file.
     """
