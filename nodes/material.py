@@ -14,6 +14,7 @@ from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
 from .lamp_share_group import LampShares
 from .material_tree import build_from, lit_by_emission
+from .osl_script import require_osl
 from .sheet_build import SheetBuild, closures_of
 from .table_groups import table_groups
 from .world_picture import Surroundings
@@ -35,6 +36,7 @@ def build_material(
     lamp_share: bool = False,
     lights: bpy.types.Image | None = None,
     surroundings: Surroundings | None = None,
+    scripted: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle; a sheet's aims at lamps but samples none.
 
@@ -56,11 +58,16 @@ def build_material(
     lights : table of what the lamps emit, see `bake.sampling.lamp_light`, where the shader is to sample them; that
         takes Blender 5.1, `lamps`, and a mirror beside native closures
     surroundings : the world's picture, to be sampled too; used with `lights` only
+    scripted : a script of OSL asks what rays meet, in any Blender. All else is nodes, whose textures have to be packed
+        where Open Shading Language is on; where it is off no light is sampled
 
     Raises
     ------
-    BakeError : the bundle does not describe a table this version knows, or holds not what the mode needs
+    BakeError : the bundle does not describe a table this version knows, or holds not what the mode needs, or this
+        Blender has no OSL for a script
     """
+    if scripted:
+        require_osl()
     record = BrdfRecord.of(source)
     mode = mode or usual_mode(record)
     missing = [name for name in _NEEDS[mode] if not record.has(name)]
@@ -88,7 +95,9 @@ def build_material(
             check_shares(record)
             shares = LampShares(textures("residual_share"), record.share_layout)
         direct, around = (lights, surroundings) if sampled else (None, None)
-        parts = BrdfParts(table, envelope, preview, lamps, shares, direct, around, record.anisotropic, normals)
+        parts = BrdfParts(
+            table, envelope, preview, lamps, shares, direct, around, record.anisotropic, normals, scripted
+        )
         group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 

@@ -16,12 +16,14 @@ from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
 from ...nodes.osl_material import build_osl_material
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
+from ..lights.aim_targets import Sampling, lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
+from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
 from ..lights.seen_world import surroundings_of
 from .choices import NAMES, OF_BRDF, OSL, Choices
 from .scene_fit import BrdfPlan, plan_brdf
+from .textures.packed import pack_textures
 from .textures.script_files import texture_files
 
 
@@ -53,7 +55,16 @@ def build_brdf(
     report, passes = surveyed(scene), asks_for_passes(scene)
     osl = choices.shader == OSL
     targets, sampling = what_to_aim_at(report), sampling_of(report, osl=osl)
-    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
+    plan = plan_brdf(
+        record,
+        choices,
+        targets,
+        passes,
+        ready=ready,
+        sampling=sampling,
+        by_script=_sampling_by_script(report),
+        normals=shows_normals(scene),
+    )
     behind = _brightened(record.part("behind"), plan.mode)
     plan = replace(plan, brightened=_brightened(record, plan.mode), brightened_behind=behind)
     lamps = lamp_image() if plan.aim or plan.sample else None
@@ -86,8 +97,19 @@ def build_brdf(
         features=plan.features,
         normals=plan.normals,
         lamp_share=plan.aim and lamps_are_alone(report),
+        scripted=plan.scripted,
     )
+    if plan.scripted:
+        pack_textures(material)
     return material, plan
+
+
+def _sampling_by_script(report: LampReport) -> Sampling:
+    """What nodes can sample that a script tells which lamps are seen, as far as that is as good as one script."""
+    if report.slots + (not report.world_inexact) > 1:
+        # Nodes draw one of the lights. Tried on bronze under three lamps: 1.4 times the noise at equal time.
+        return Sampling(needless="there are several lights, of which one script as a whole samples each")
+    return sampling_of(report, scripted=True)
 
 
 def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:

@@ -12,7 +12,6 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
-from ...nodes.group import HASH_KEY, trees_below
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import GAIN_OF_SWATCH, sampling_of, what_to_aim_at
@@ -22,8 +21,9 @@ from ..lights.light_tables import lamp_image, lamp_light_image
 from ..lights.seen_world import surroundings_of
 from .choices import OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
-from .scene_fit import SAMPLED_EFFECT, Effect, is_ready, plan_aim, plan_bounces, plan_detail, plan_sampling
+from .scene_fit import RAYS, SAMPLED_EFFECT, Effect, is_ready, plan_aim, plan_bounces, plan_detail, plan_sampling
 from .texel_footprint import texel_footprint
+from .textures.packed import pack_textures
 
 # Label of the node that lays the swatch out.
 SWATCH_MAPPING = "Swatch size and rotation"
@@ -52,27 +52,55 @@ def build_map(
     light = plan_map_light(settings, choices, report, ready=ready)
     effects += light.effects
     passes = asks_for_passes(scene)
-    build_shading_map(
+    build_lit_map(
         record,
         material,
-        settings=settings,
+        settings,
+        light,
+        report,
         images=images,
         pack=pack,
-        lamps=lamp_image() if light.aim or light.sample else None,
-        lights=lamp_light_image() if light.sample else None,
-        surroundings=surroundings_of(report) if light.sample else None,
-        scripted=light.scripted,
         reduce=reduce,
         features=passes and not light.scripted,
         normals=shows_normals(scene),
     )
-    if light.scripted:
-        pack_textures(material)
     if passes and settings.mode != "preview":
         why = _NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(choices, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
+
+
+def build_lit_map(
+    record: ShadingMapRecord,
+    material: bpy.types.Material,
+    settings: RenderSettings,
+    light: MapLight,
+    report: LampReport,
+    **asked: Any,
+) -> None:
+    """Rebuild a shading map's material for the light of a scene that was surveyed; Cycles can read its textures then.
+
+    Parameters
+    ----------
+    asked : what else `nodes.shading_map_material.build_shading_map` takes
+
+    Raises
+    ------
+    BakeError : the material cannot be built, or this Blender has no OSL for a script
+    """
+    build_shading_map(
+        record,
+        material,
+        settings=settings,
+        lamps=lamp_image() if light.aim or light.sample else None,
+        lights=lamp_light_image() if light.sample else None,
+        surroundings=surroundings_of(report) if light.sample else None,
+        scripted=light.scripted,
+        **asked,
+    )
+    if light.scripted:
+        pack_textures(material)
 
 
 @dataclass(frozen=True)
@@ -101,7 +129,7 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
-            osl = (Effect("Open Shading Language", True, _RAYS),) if script else ()
+            osl = (Effect("Open Shading Language", True, RAYS),) if script else ()
             return MapLight(False, True, script, (*beside, sampled, plan_bounces(settings.mode), *osl))
     aim = plan_aim(choices, what_to_aim_at(report), ready=ready)
     osl = (Effect("Open Shading Language", False, "no lamp is sampled, and nodes are as good"),) if script else ()
@@ -109,19 +137,7 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
 
 
-_RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 _NO_PASSES = "OSL cannot write them; built of nodes they can be had"
-
-
-def pack_textures(material: bpy.types.Material) -> None:
-    """Put a material's textures into the .blend: of files, Open Shading Language reads mip levels at random.
-
-    The world's picture, which its groups may sample, and pictures of the artist's own nodes stay where they are.
-    """
-    own = (tree for tree in trees_below(material.node_tree) if HASH_KEY in tree)
-    for image in {node.image for tree in own for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"}:
-        if image is not None and image.source == "FILE" and image.packed_file is None and image.is_editable:
-            image.pack()
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

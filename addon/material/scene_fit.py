@@ -20,6 +20,7 @@ from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 # Of sheets, in any scene.
 _SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
+RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
@@ -46,7 +47,8 @@ class Effect:
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
     account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`,
-    in front and at the back of a sheet whose sides differ."""
+    in front and at the back of a sheet whose sides differ. `osl` is the material as one script, `scripted` one of nodes
+    that a script tells which lamps are seen."""
 
     mode: str
     filter: str | None
@@ -59,6 +61,7 @@ class BrdfPlan:
     normals: bool = False
     brightened: tuple[tuple[float, Rows], ...] = ()
     brightened_behind: tuple[tuple[float, Rows], ...] = ()
+    scripted: bool = False
 
 
 def plan_brdf(
@@ -69,6 +72,7 @@ def plan_brdf(
     *,
     ready: bool = False,
     sampling: Sampling = UNKNOWN,
+    by_script: Sampling = UNKNOWN,
     normals: bool = False,
 ) -> BrdfPlan:
     """The least that the mode needs.
@@ -80,6 +84,7 @@ def plan_brdf(
     passes : a view layer asks for the denoiser's
     ready : prepared for lights added later
     sampling : whether the shader can sample the scene's lamps
+    by_script : whether nodes can that a script tells which are seen; of a material that is to be OSL it goes first
     normals : a view layer shows the Normal pass
 
     Raises
@@ -96,8 +101,10 @@ def plan_brdf(
         effect = plan_residual(record, choices)
         residual = effect.kept
         effects.append(effect)
-    aim = sample = False
+    aim = sample = scripted = False
     if residual:
+        if choices.shader == OSL and plan_script(choices, sampling_for(record, by_script)):
+            sampling, scripted = by_script, True
         sampling = sampling_for(record, sampling)
         sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
@@ -110,11 +117,11 @@ def plan_brdf(
             effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
     sheet = record.sheet is not None
-    osl = residual and choices.shader == OSL and not sheet
-    features = passes and residual and not osl
+    osl = residual and choices.shader == OSL and not sheet and not scripted
+    features = passes and residual and not osl and not scripted
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
-        why = "OSL cannot write them; built of nodes they can be had" if passes and osl else why
+        why = "OSL cannot write them; built of nodes they can be had" if passes and (osl or scripted) else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:
@@ -123,8 +130,13 @@ def plan_brdf(
         effects.append(
             Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
         )
-    effects += _language(choices, residual, sheet)
-    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
+    if scripted:
+        effects.append(Effect("Open Shading Language", True, RAYS))
+    else:
+        effects += _language(choices, residual, sheet)
+    return BrdfPlan(
+        choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked, scripted=scripted
+    )
 
 
 def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effect]:
@@ -138,6 +150,16 @@ def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effec
         "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
     )
     return [Effect("Open Shading Language", mirror, why)]
+
+
+def plan_script(choices: Choices, by_script: Sampling) -> bool:
+    """Whether nodes sample as much, and as well, as one script would, once a script tells which lamps are seen.
+
+    Textures stay in the .blend then. Under several lights, or lamps and a world of no picture, one script does more.
+    """
+    if by_script.impossible or by_script.needless:
+        return False
+    return plan_sampling(choices, by_script).kept
 
 
 def is_ready(choices: Choices, ready: bool) -> bool:
