@@ -55,11 +55,12 @@ class SheetBuild:
     ) -> SheetSide:
         """What is seen of one side."""
         both = tuple(0.0 if record is None else _white_sky(record) for record in (reflected, through))
+        # A front that reflects nothing has a record all the same.
         made = [
-            None
-            if record is None
-            else self._parts(record, f"{name} {part}".strip(), of_part(images, part), through=through)
-            for record, part, through in zip((reflected, through), parts, (False, True), strict=True)
+            self._parts(record, f"{name} {part}".strip(), of_part(images, part), through=through)
+            if record and light
+            else None
+            for record, light, part, through in zip((reflected, through), both, parts, (False, True), strict=True)
         ]
         if made[1] is not None:
             made[1] = _through(made[1])

@@ -52,7 +52,8 @@ KINDS: tuple[str, ...] = get_args(Kind)
 # 2: half vectors, four dimensions, codes, raised half floats, all of which readers of 1 would take for plain tables.
 # 3: images are called as no other material's are.
 # 4: samplers may be warps, which readers of 3 would take for alias tables.
-# 5: what lets light through, of which readers of 4 would show reflection alone; everything else is still written as 4.
+# 5: what lets light through, of which readers of 4 would show reflection alone, and isotropic tables stored times
+#    cosines, which they would take for the BRDF itself; everything else is still written as 4.
 SCHEMA = 5
 _SCHEMA_OF_OTHERS = 4
 _LETS_THROUGH = {"sheet", "through"}
@@ -125,6 +126,15 @@ class Bundle:
         return require(self.material["images"], name, dict, self.path / MATERIAL)
 
 
+def _is_new(material: Mapping[str, Any]) -> bool:
+    """Whether readers of an older schema would misunderstand it."""
+    table, residual = material.get("table"), material.get("residual")
+    grids = (table, residual.get("grid") if isinstance(residual, Mapping) else None)
+    isotropic = isinstance(table, Mapping) and not table.get("anisotropic")
+    times_cosines = any(isinstance(grid, Mapping) and grid.get("cosine_power") for grid in grids)
+    return bool(_LETS_THROUGH & set(material)) or (isotropic and times_cosines)
+
+
 def write_bundle(
     path: str | Path,
     material: Mapping[str, Any],
@@ -155,7 +165,7 @@ def write_bundle(
     unknown = sorted(set(images) - set(IMAGES))
     if unknown or kind not in KINDS:
         raise BakeError(target, f"cannot hold {', '.join(unknown) or kind}", f"use {', '.join(IMAGES)}")
-    document = {**material, "schema": SCHEMA if _LETS_THROUGH & set(material) else _SCHEMA_OF_OTHERS, "kind": kind}
+    document = {**material, "schema": SCHEMA if _is_new(material) else _SCHEMA_OF_OTHERS, "kind": kind}
     document.pop("images", None)
     # Without indentation, for the headers; also refuses what JSON cannot hold before anything is written.
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)

@@ -15,6 +15,7 @@ PICTURES = {
     "swatch": "swatch_photographs.jpg, swatch_plot.jpg, swatch.jpg: denim of the gantry, to the material",
     "gallery": "gallery.jpg: one material for each command of gallery.md",
     "quieter": "quieter.jpg: a paint by Principled and Exact, before and after lamps were sampled, denoised or not",
+    "formats": "formats.jpg: a sphere of each format, on formats.md",
     "store": "store/icon.png, store/featured.jpg: what is uploaded beside the zip",
     "window": "window_*.jpg: a real Blender at work; only with --window",
 }
