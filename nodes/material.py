@@ -12,8 +12,10 @@ from .brdf_group import BrdfParts, brdf_group
 from .checked_pixels import check_shares
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
+from .lamp_light_groups import LightTables
 from .lamp_share_group import LampShares
 from .material_tree import build_from, lit_by_emission
+from .osl_script import require_osl
 from .sheet_build import SheetBuild, closures_of
 from .table_groups import table_groups
 from .world_picture import Surroundings
@@ -35,8 +37,9 @@ def build_material(
     lamp_share: bool = False,
     lights: bpy.types.Image | None = None,
     surroundings: Surroundings | None = None,
+    scripted: bool = False,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle; a sheet's aims at lamps but samples none, and writes no passes.
+    """Build or rebuild a material from a bundle; a sheet's writes no passes.
 
     Parameters
     ----------
@@ -54,13 +57,18 @@ def build_material(
     lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
         holds it: it pays where hardly any other light arrives
     lights : table of what the lamps emit, see `bake.sampling.lamp_light`, where the shader is to sample them; that
-        takes Blender 5.1, `lamps`, and a mirror beside native closures
+        takes `lamps`, a mirror beside native closures, and Blender 5.1 or `scripted` rays
     surroundings : the world's picture, to be sampled too; used with `lights` only
+    scripted : a script of OSL asks what rays meet; of sheets only. Textures have to be packed where Open Shading
+        Language is on
 
     Raises
     ------
-    BakeError : the bundle does not describe a table this version knows, or holds not what the mode needs
+    BakeError : the bundle does not describe a table this version knows, or holds not what the mode needs, or this
+        Blender has no OSL for a script
     """
+    if scripted:
+        require_osl()
     record = BrdfRecord.of(source)
     mode = mode or usual_mode(record)
     missing = [name for name in _NEEDS[mode] if not record.has(name)]
@@ -70,7 +78,10 @@ def build_material(
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
         if record.sheet is not None:
-            build = SheetBuild(mode, filter, stochastic, residual, lamps)
+            tables = None
+            if lights is not None and lamps is not None:
+                tables = LightTables(lamps, lights, surroundings, scripted, sheet=True)
+            build = SheetBuild(mode, filter, stochastic, residual, lamps, tables)
             return build.group(record, name, textures, normals=normals)
         table = None
         if mode == "reference" or (mode != "preview" and residual):
@@ -92,7 +103,7 @@ def build_material(
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
     built = build_from(record, material, make)
-    samples = lights is not None and lamps is not None and record.sheet is None
+    samples = lights is not None and lamps is not None
     lit_by_emission(built, samples and mode in ("exact", "balanced") and residual)
     return built
 

@@ -13,6 +13,7 @@ from ..bake.source import SheetPart, luminance
 from .brdf_group import BrdfParts
 from .checked_pixels import check_closures
 from .data_image import Images
+from .lamp_light_groups import LightTables
 from .sheet_group import SheetSide, sheet_group
 from .table_groups import table_groups
 from .weighted_closures import WeightedClosures
@@ -25,6 +26,7 @@ class SheetBuild:
     Parameters
     ----------
     residual : whether parts get a mirror, of which those do whose native closures leave something
+    lights : tables of the lamps and the world that the shader is to sample; None where it is not
     """
 
     mode: str
@@ -32,6 +34,7 @@ class SheetBuild:
     stochastic: bool
     residual: bool
     lamps: bpy.types.Image | None
+    lights: LightTables | None = None
 
     def group(self, record: BrdfRecord, name: str, images: Images, *, normals: bool) -> bpy.types.ShaderNodeTree:
         """The group. Raises BakeError where a part does not hold what the mode needs."""
@@ -41,7 +44,15 @@ class SheetBuild:
         if not record.sheet.alike:
             behind = record.part("behind"), record.part("through_behind")
             back = self._side(*behind, name, images, ("behind", "through_behind"))
-        return sheet_group(f"Measured {name}", self.mode, front, back, anisotropic=record.anisotropic, normals=normals)
+        return sheet_group(
+            f"Measured {name}",
+            self.mode,
+            front,
+            back,
+            anisotropic=record.anisotropic,
+            normals=normals,
+            lights=self.lights,
+        )
 
     def _side(
         self,

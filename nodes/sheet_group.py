@@ -14,7 +14,9 @@ from .brdf_group import BrdfParts, after_diffuse, brdf_inputs
 from .drawn_direction import DrawnDirection
 from .gloss_group import held_gloss
 from .group import call, node_group
+from .lamp_light_groups import LightTables
 from .native_closure import add_closures, choose_closure
+from .sampled_sheet import sampled_sheet
 from .surface_marker import mean_roughness, with_marker
 from .weighted_closures import WeightedClosures
 
@@ -39,10 +41,14 @@ class SheetSide:
     @property
     def parts(self) -> list[tuple[BrdfParts, float]]:
         """What there is, and how the mirrors' probability is divided between them."""
+        alone = sum(part.table is not None for part, _ in self.shared) < 2
+        return [(part, 1.0 if alone else share) for part, share in self.shared]
+
+    @property
+    def shared(self) -> list[tuple[BrdfParts, float]]:
+        """What there is, each with about its share of the light under a white sky."""
         share = min(max(self.share, _LEAST), 1 - _LEAST)
-        found = [(p, s) for p, s in ((self.reflected, share), (self.through, 1 - share)) if p is not None]
-        alone = sum(part.table is not None for part, _ in found) < 2
-        return [(part, 1.0 if alone else share) for part, share in found]
+        return [(p, s) for p, s in ((self.reflected, share), (self.through, 1 - share)) if p is not None]
 
     def placed(self, gloss: Any, tangent: Any) -> SheetSide:
         """The same under a gloss, and in the frame of a tangent."""
@@ -53,12 +59,14 @@ class SheetSide:
         """Native closures alone."""
         return add_closures([p.preview.alone(normal, adjustments) for p, _ in self.parts if p.preview is not None])
 
-    def traced(self, normal: Any, adjustments: Adjustments) -> Any:
-        """Closure that is as good as the tables.
+    def traced(self, normal: Any, adjustments: Adjustments, lights: LightTables | None = None) -> Any:
+        """Closure that is as good as the tables; where there are `lights`, the shader samples them.
 
         Mirrors and native closures exclude each other, as in `exact_closure`, and so do the two mirrors: each is drawn
         with its share of its part's light times its part's share, what is left draws the closures of both.
         """
+        if lights is not None and any(part.table is not None for part, _ in self.parts):
+            return sampled_sheet(self.shared, normal, adjustments, lights)
         drawn: list[tuple[DrawnDirection, Any, Any]] = []
         native: list[Callable[[Any], Any]] = []
         for part, share in self.parts:
@@ -105,9 +113,19 @@ def _one_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[
 
 
 def sheet_group(
-    name: str, mode: str, front: SheetSide, back: SheetSide | None, *, anisotropic: bool, normals: bool
+    name: str,
+    mode: str,
+    front: SheetSide,
+    back: SheetSide | None,
+    *,
+    anisotropic: bool,
+    normals: bool,
+    lights: LightTables | None = None,
 ) -> bpy.types.ShaderNodeTree:
-    """The inputs of `brdf_inputs` to a shader, and to one for EEVEE; without a back, the front is both."""
+    """The inputs of `brdf_inputs` to a shader, and to one for EEVEE; without a back, the front is both.
+
+    With `lights` the shader samples what they hold, in modes "exact" and "balanced".
+    """
     inputs = brdf_inputs(anisotropic)
 
     def build(*values: Any) -> Any:
@@ -117,7 +135,8 @@ def sheet_group(
         preview = _seen([side.preview(normal, adjustments) for side in sides])
         if mode == "preview":
             return preview, preview
-        traced = _seen([side.traced(normal, adjustments) for side in sides])
+        sampled = None if mode == "reference" else lights
+        traced = _seen([side.traced(normal, adjustments, sampled) for side in sides])
         if mode == "balanced":
             traced = choose_closure(after_diffuse(), traced, preview)
         shown = sides[0].reflected
