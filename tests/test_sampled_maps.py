@@ -16,12 +16,13 @@ import pytest
 from measured_materials.addon.lights import light_tables
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.lights.seen_world import surroundings_of
-from measured_materials.addon.material.build_shading_map import build_map, pack_textures
+from measured_materials.addon.material.build_shading_map import build_map
 from measured_materials.addon.material.choices import Choices, show_choices
 from measured_materials.addon.material.facts import keep_facts
 from measured_materials.addon.material.kinds import SHADING_MAP
 from measured_materials.addon.material.lighting import show_lighting
 from measured_materials.addon.material.rebuild import effects_of
+from measured_materials.addon.material.textures.packed import pack_textures
 from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.addon.scene_check.findings import SLOW, WRONG
 from measured_materials.bake.bundle.bundle import Bundle

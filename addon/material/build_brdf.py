@@ -16,12 +16,14 @@ from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
 from ...nodes.osl_material import build_osl_material
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import lamps_are_alone, sampling_of, what_to_aim_at
+from ..lights.aim_targets import GAIN_OF_SHEET, Sampling, lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
+from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
 from ..lights.seen_world import surroundings_of
 from .choices import NAMES, OF_BRDF, OSL, Choices
 from .scene_fit import BrdfPlan, plan_brdf
+from .textures.packed import pack_textures
 from .textures.script_files import texture_files
 
 
@@ -51,8 +53,7 @@ def build_brdf(
     choices = choices or usual_choices(record)
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
-    osl = choices.shader == OSL
-    targets, sampling = what_to_aim_at(report), sampling_of(report, osl=osl)
+    targets, sampling = what_to_aim_at(report), sampling_for(record, choices, report)
     plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
     behind = _brightened(record.part("behind"), plan.mode)
     plan = replace(plan, brightened=_brightened(record, plan.mode), brightened_behind=behind)
@@ -86,8 +87,19 @@ def build_brdf(
         features=plan.features,
         normals=plan.normals,
         lamp_share=plan.aim and lamps_are_alone(report),
+        scripted=plan.scripted,
     )
+    if plan.scripted:
+        pack_textures(material)
     return material, plan
+
+
+def sampling_for(record: BrdfRecord, choices: Choices, report: LampReport) -> Sampling:
+    """What a material can sample in a scene of which this is the report; of a sheet scripts ask only what rays meet."""
+    osl = choices.shader == OSL
+    if record.sheet is not None:
+        return sampling_of(report, scripted=osl, gain=GAIN_OF_SHEET)
+    return sampling_of(report, osl=osl)
 
 
 def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:

@@ -12,7 +12,6 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
-from ...nodes.group import HASH_KEY, trees_below
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import GAIN_OF_SWATCH, sampling_of, what_to_aim_at
@@ -22,8 +21,19 @@ from ..lights.light_tables import lamp_image, lamp_light_image
 from ..lights.seen_world import surroundings_of
 from .choices import OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
-from .scene_fit import SAMPLED_EFFECT, Effect, is_ready, plan_aim, plan_bounces, plan_detail, plan_sampling
+from .scene_fit import (
+    NO_RAYS,
+    RAYS,
+    SAMPLED_EFFECT,
+    Effect,
+    is_ready,
+    plan_aim,
+    plan_bounces,
+    plan_detail,
+    plan_sampling,
+)
 from .texel_footprint import texel_footprint
+from .textures.packed import pack_textures
 
 # Label of the node that lays the swatch out.
 SWATCH_MAPPING = "Swatch size and rotation"
@@ -101,27 +111,15 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
-            osl = (Effect("Open Shading Language", True, _RAYS),) if script else ()
+            osl = (Effect("Open Shading Language", True, RAYS),) if script else ()
             return MapLight(False, True, script, (*beside, sampled, plan_bounces(settings.mode), *osl))
     aim = plan_aim(choices, what_to_aim_at(report), ready=ready)
-    osl = (Effect("Open Shading Language", False, "no lamp is sampled, and nodes are as good"),) if script else ()
+    osl = (Effect("Open Shading Language", False, NO_RAYS),) if script else ()
     effects = (aim, sampled, plan_bounces(settings.mode), *osl)
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
 
 
-_RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 _NO_PASSES = "OSL cannot write them; built of nodes they can be had"
-
-
-def pack_textures(material: bpy.types.Material) -> None:
-    """Put a material's textures into the .blend: of files, Open Shading Language reads mip levels at random.
-
-    The world's picture, which its groups may sample, and pictures of the artist's own nodes stay where they are.
-    """
-    own = (tree for tree in trees_below(material.node_tree) if HASH_KEY in tree)
-    for image in {node.image for tree in own for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"}:
-        if image is not None and image.source == "FILE" and image.packed_file is None and image.is_editable:
-            image.pack()
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

@@ -151,8 +151,7 @@ class _Brdf(Kind):
         if mode == "preview":
             return ("mode",)
         mirror = ("sample", "residual") if mode != "reference" else ()
-        found = ("mode", "aim", *mirror, "filter", "shader")
-        return tuple(name for name in found if name not in _NOT_OF_SHEETS) if _is_sheet(material) else found
+        return ("mode", "aim", *mirror, "filter", "shader")
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):
@@ -167,17 +166,6 @@ class _Brdf(Kind):
             return expectation(record, choices.mode, filter, sampled=sampled)
         except BakeError:
             return ""
-
-
-# A sheet that lets light through is of nodes, and aimed at lamps, whatever is chosen.
-_NOT_OF_SHEETS = ("sample", "shader")
-
-
-def _is_sheet(material: bpy.types.Material) -> bool:
-    """Whether a measured BRDF's material is known to let light through."""
-    with contextlib.suppress(BakeError):
-        return record_of(material).sheet is not None
-    return False
 
 
 class _ShadingMap(Kind):

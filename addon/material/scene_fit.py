@@ -7,7 +7,7 @@ leave out an effect that would be missed is refused.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ...bake.brdf.record import BrdfRecord
@@ -17,9 +17,10 @@ from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
-# Of sheets, in any scene.
-_SHEET = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
+# Of nodes whose rays are scripts.
+RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
+NO_RAYS = "no lamp is sampled, and nodes are as good"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
@@ -46,7 +47,8 @@ class Effect:
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
     account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`,
-    in front and at the back of a sheet whose sides differ."""
+    in front and at the back of a sheet whose sides differ. Of a sheet that samples lamps `scripted` says whether
+    scripts ask what rays meet."""
 
     mode: str
     filter: str | None
@@ -59,6 +61,7 @@ class BrdfPlan:
     normals: bool = False
     brightened: tuple[tuple[float, Rows], ...] = ()
     brightened_behind: tuple[tuple[float, Rows], ...] = ()
+    scripted: bool = False
 
 
 def plan_brdf(
@@ -98,7 +101,6 @@ def plan_brdf(
         effects.append(effect)
     aim = sample = False
     if residual:
-        sampling = sampling_for(record, sampling)
         sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
@@ -110,7 +112,8 @@ def plan_brdf(
             effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
     sheet = record.sheet is not None
-    osl = residual and choices.shader == OSL and not sheet
+    asked = choices.shader == OSL
+    osl, scripted = residual and asked and not sheet, sample and asked and sheet
     features = passes and residual and not osl and not sheet
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
@@ -120,21 +123,22 @@ def plan_brdf(
     marked = normals and residual
     if marked:
         effects.append(Effect("Normal pass", True, "a view layer shows it"))
-    if sheet:
+    if sheet and not sample:
         effects.append(
             Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
         )
-    effects += _language(choices, residual, sheet)
-    return BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
+    if sheet and asked:
+        effects.append(Effect("Open Shading Language", scripted, RAYS if scripted else NO_RAYS))
+    else:
+        effects += _language(choices, residual)
+    plan = BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
+    return replace(plan, scripted=scripted)
 
 
-def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effect]:
+def _language(choices: Choices, mirror: bool) -> list[Effect]:
     """Of a material that is to be a script: whether it is, which takes a mirror."""
     if choices.shader != OSL:
         return []
-    if sheet:
-        why = "scripts do not hold a sheet that lets light through yet; it is built of nodes"
-        return [Effect("Open Shading Language", False, why)]
     why = (
         "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
     )
@@ -144,11 +148,6 @@ def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effec
 def is_ready(choices: Choices, ready: bool) -> bool:
     """Whether a graph that has nothing to aim at is built so that it will aim as soon as there is."""
     return ready and choices.aim == AUTO
-
-
-def sampling_for(record: BrdfRecord, sampling: Sampling) -> Sampling:
-    """What a material can sample in a scene where others can what is given."""
-    return _SHEET if record.sheet is not None else sampling
 
 
 def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:
