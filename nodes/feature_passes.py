@@ -16,11 +16,13 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bake.brdf.record import BrdfRecord
 from ..bake.errors import BakeError
 from ..bake.shading_maps.record import Record
 from . import expr
 from .adjustments import LIMITS, NEUTRAL, Adjustments
 from .group import call, node_group
+from .through_closure import seen_from_behind
 
 ALBEDO, NORMAL = "MM Albedo", "MM Normal"
 # Of the polynomial in the chord: within 0.03 of the albedo of every analytic model up to 87 degrees, 0.09 if quadratic.
@@ -32,21 +34,36 @@ _SHADER_KINDS = {"NodeSocketShader": "shader", "NodeSocketFloat": "float", "Node
 def albedo_polynomial(record: Record) -> NDArray[np.float64]:
     """Directional albedo of a bundle as a polynomial in the chord sqrt(1 - cos theta_o).
 
+    A sheet's is what it reflects and lets through together, as Cycles counts its own closures.
+
     Returns
     -------
-    (DEGREE + 1, 3), the highest power first; its values are to be clamped to [0, 1]
+    (sides, DEGREE + 1, 3), the highest power first; its values are to be clamped to [0, 1]. There are two sides, front
+    and back, where a sheet's differ; else one
 
     Raises
     ------
     BakeError : the albedo is known at too few angles
     """
     degrees = np.array(record.albedo.theta_o_deg, np.float64)
-    rows = np.clip(np.array(record.albedo.directional, np.float64), 0, 1)
     if len(degrees) <= DEGREE:
         raise BakeError(record.where, f"'albedo' is known at {len(degrees)} angles only", "bake it again")
-    chord = np.sqrt(1 - np.cos(np.radians(degrees)))
-    found: NDArray[np.float64] = np.linalg.lstsq(np.vander(chord, DEGREE + 1), rows, rcond=None)[0]
-    return found
+    powers = np.vander(np.sqrt(1 - np.cos(np.radians(degrees))), DEGREE + 1)
+    return np.stack([np.linalg.lstsq(powers, rows, rcond=None)[0] for rows in _albedos(record)])
+
+
+def _albedos(record: Record) -> list[NDArray[np.float64]]:
+    """Directional albedos (angles, 3) of the sides that differ."""
+    front = np.array(record.albedo.directional, np.float64)
+    sheet = record.sheet if isinstance(record, BrdfRecord) else None
+    if sheet is None:
+        return [np.clip(front, 0, 1)]
+    seen = {name: np.array(part.albedo.directional, np.float64) for name, part in sheet.parts.items()}
+    none = np.zeros_like(front)
+    sides = [front + seen.get("through", none)]
+    if not sheet.alike:
+        sides.append(seen.get("behind", none) + seen.get("through_behind", none))
+    return [np.clip(side, 0, 1) for side in sides]
 
 
 def with_feature_outputs(group: bpy.types.ShaderNodeTree, albedo: NDArray[np.float64]) -> bpy.types.ShaderNodeTree:
@@ -70,7 +87,9 @@ def with_feature_outputs(group: bpy.types.ShaderNodeTree, albedo: NDArray[np.flo
     def build(*arguments: Any) -> Any:
         named = dict(zip(sockets["INPUT"], arguments, strict=True))
         normal = named["Normal"]
-        write_features(normal, Adjustments.among(named).apply(_directional_albedo(normal, albedo)))
+        seen = [_directional_albedo(normal, side) for side in albedo]
+        shown = seen[0] if len(seen) < 2 else expr.where(seen_from_behind(), seen[1], seen[0])
+        write_features(normal, Adjustments.among(named).apply(shown))
         return call(group, *arguments)
 
     return node_group(f"{group.name} + passes", sockets["INPUT"], sockets["OUTPUT"], build, NEUTRAL, limits=LIMITS)

@@ -19,10 +19,16 @@ from .light_images import texel
 
 @dataclass(frozen=True)
 class LampShares:
-    """The image of `bake.envelope.lamp_shares`, and where it has what."""
+    """The image of `bake.envelope.lamp_shares`, and where it has what.
+
+    Parameters
+    ----------
+    through : of a sheet, whether it is of light from the far side; None of what is no sheet
+    """
 
     image: bpy.types.Image
     layout: ShareLayout | SlopeShareLayout
+    through: bool | None = None
 
 
 def lamp_share_group(shares: LampShares, lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
@@ -58,16 +64,42 @@ def lamp_probability(
     gloss: Any = None,
 ) -> Any:
     """The group's content, for a position and viewer."""
-    (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
-    sky, _, count = expr.components(scene)
+    centre, (sky, count, strength) = _strongest(lamps)
     to_centre = centre - position
+    if shares.through:  # as the table has it, mirrored in the sheet
+        to_centre = to_centre - expr.scale(normal, expr.dot(to_centre, normal) * 2.0)
     to_lamp = expr.normalize(to_centre)
     if gloss is not None:
         to_lamp, _ = stretched(expr, to_lamp, incoming, gloss, normal)
     u, v = _place(shares.layout, to_lamp, incoming, normal, wo, tangent)
     seen, reflected, _ = expr.components(expr.image_tap(shares.image, u, v, "Linear")[0])
     part = part_of_light(expr, to_centre, reflected, strength, count, sky)
+    if shares.through is not None:
+        part = part * (expr.dot(to_lamp, normal) > 0.0)
     return expr.where(part, seen, usual)
+
+
+def lamp_side_group(lamps: bpy.types.Image, least: float) -> bpy.types.ShaderNodeTree:
+    """(Normal, Usual) to the part of a sheet's light that its reflection brings: all of a lamp's before it.
+
+    It is the usual part as far as other light than the lamp's arrives, and lies between `least` and 1 - `least`.
+    """
+
+    def build(normal: Any, usual: Any) -> Any:
+        position = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Position"])
+        return lamp_side(lamps, position, normal, usual, least)
+
+    inputs = {"Normal": "vector", "Usual": "float"}
+    return node_group("MM Lamp's Side", inputs, {"Reflected": "float"}, build, switched="extension")
+
+
+def lamp_side(lamps: bpy.types.Image, position: Any, normal: Any, usual: Any, least: float) -> Any:
+    """The group's content, for a position."""
+    centre, (sky, count, strength) = _strongest(lamps)
+    to_centre = centre - position
+    part = part_of_light(expr, to_centre, 1.0, strength, count, sky)
+    found = expr.where(part, expr.dot(to_centre, normal) > 0.0, usual)
+    return expr.minimum(expr.maximum(found, least), 1 - least)
 
 
 def _place(
@@ -80,3 +112,10 @@ def _place(
     _, along, across = frame_of(normal, incoming, tangent)
     wi = expr.vec(*(expr.dot(to_lamp, axis) for axis in (along, across, normal)))
     return layout.coordinates(expr, wi, wo)
+
+
+def _strongest(lamps: bpy.types.Image) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Middle of the strongest lamp; irradiance of all else, number of lamps, and the lamp's own strength."""
+    (centre, _), (scene, strength) = (texel(lamps, 0.0, k) for k in (0, TEXELS - 1))
+    sky, _, count = expr.components(scene)
+    return centre, (sky, count, strength)

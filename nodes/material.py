@@ -39,7 +39,7 @@ def build_material(
     surroundings: Surroundings | None = None,
     scripted: bool = False,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle; a sheet's writes no passes.
+    """Build or rebuild a material from a bundle.
 
     Parameters
     ----------
@@ -81,8 +81,10 @@ def build_material(
             tables = None
             if lights is not None and lamps is not None:
                 tables = LightTables(lamps, lights, surroundings, scripted, sheet=True)
-            build = SheetBuild(mode, filter, stochastic, residual, lamps, tables)
-            return build.group(record, name, textures, normals=normals)
+            shared = lamp_share and lamps is not None
+            build = SheetBuild(mode, filter, stochastic, residual, lamps, shared, tables)
+            sheet = build.group(record, name, textures, normals=normals)
+            return with_feature_outputs(sheet, albedo_polynomial(record)) if features else sheet
         table = None
         if mode == "reference" or (mode != "preview" and residual):
             part = TABLE_OF[mode]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from . import expr
@@ -32,7 +33,12 @@ class _Mirror:
 
 
 def sampled_sheet(
-    parts: Sequence[tuple[BrdfParts, float]], normal: Any, adjustments: Adjustments, tables: LightTables
+    reflected: BrdfParts | None,
+    through: BrdfParts | None,
+    reflected_share: float,
+    normal: Any,
+    adjustments: Adjustments,
+    tables: LightTables,
 ) -> Any:
     """As `nodes.sampled_closure`, of what the surface reflects and what it lets through.
 
@@ -42,19 +48,20 @@ def sampled_sheet(
 
     Parameters
     ----------
-    parts : reflection and transmission, as far as there are any, each with its share of the light; one has a table
+    reflected, through : as far as there are any; one has a table
+    reflected_share : of the light under a white sky
     tables : of a sheet
     """
     numbers = drawn_numbers()
     position, incoming, u, _, random = numbers
-    frame = frame_of(normal, incoming, parts[0][0].envelope.tangent)
+    parts = [(part, share) for part, share in ((reflected, reflected_share), (through, 1 - reflected_share)) if part]
+    envelopes = [part.envelope for part, _ in parts if part.envelope is not None]
+    frame = frame_of(normal, incoming, envelopes[0].tangent)
     native: list[Callable[[Any], Any]] = []
     mirrors: list[_Mirror] = []
-    for part, share in parts:
-        weights = part.envelope.weights(frame[0])
-        native.append(
-            lambda factor, part=part, weights=weights: part.envelope.closure(weights, normal, adjustments, factor)
-        )
+    for (part, share), envelope in zip(parts, envelopes, strict=True):
+        weights = envelope.weights(frame[0])
+        native.append(partial(envelope.closure, weights, normal, adjustments))
         if part.table is not None:
             mirrors.append(_Mirror(part.table, weights[0][1] * share))
     front, mirrors = _drawn(mirrors)

@@ -11,9 +11,10 @@ from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart, luminance
 from .brdf_group import BrdfParts
-from .checked_pixels import check_closures
+from .checked_pixels import check_closures, check_shares
 from .data_image import Images
 from .lamp_light_groups import LightTables
+from .lamp_share_group import LampShares
 from .sheet_group import SheetSide, sheet_group
 from .table_groups import table_groups
 from .weighted_closures import WeightedClosures
@@ -34,6 +35,7 @@ class SheetBuild:
     stochastic: bool
     residual: bool
     lamps: bpy.types.Image | None
+    lamp_share: bool = False
     lights: LightTables | None = None
 
     def group(self, record: BrdfRecord, name: str, images: Images, *, normals: bool) -> bpy.types.ShaderNodeTree:
@@ -65,14 +67,17 @@ class SheetBuild:
         """What is seen of one side."""
         both = tuple(0.0 if record is None else _white_sky(record) for record in (reflected, through))
         made = [
-            None if record is None else self._parts(record, f"{name} {part}".strip(), _of_part(images, part))
-            for record, part in zip((reflected, through), parts, strict=True)
+            None
+            if record is None
+            else self._parts(record, f"{name} {part}".strip(), _of_part(images, part), through=through)
+            for record, part, through in zip((reflected, through), parts, (False, True), strict=True)
         ]
         if made[1] is not None:
             made[1] = _through(made[1])
-        return SheetSide(made[0], made[1], both[0] / max(sum(both), 1e-9))
+        lamps = self.lamps if self.lamp_share else None
+        return SheetSide(made[0], made[1], both[0] / max(sum(both), 1e-9), lamps)
 
-    def _parts(self, record: BrdfRecord, name: str, images: Images) -> BrdfParts:
+    def _parts(self, record: BrdfRecord, name: str, images: Images, *, through: bool) -> BrdfParts:
         table = None
         needs = record.envelope is None or not record.envelope.suffices
         if self.mode == "reference" or (self.mode != "preview" and self.residual and needs):
@@ -83,7 +88,12 @@ class SheetBuild:
         envelope = closures_of(record, "envelope", images) if self.mode in ("exact", "balanced") else None
         preview = closures_of(record, "preview_weights", images)
         lamps = self.lamps if table is not None else None
-        return BrdfParts(table, envelope, preview, lamps, anisotropic=record.anisotropic)
+        shares = None
+        # Of bundles of before, the front alone has them.
+        if self.lamp_share and lamps is not None and envelope is not None and record.has("residual_share"):
+            check_shares(record)
+            shares = LampShares(images("residual_share"), record.share_layout, through)
+        return BrdfParts(table, envelope, preview, lamps, shares, anisotropic=record.anisotropic)
 
 
 def _white_sky(record: BrdfRecord) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -15,9 +15,11 @@ from .drawn_direction import DrawnDirection
 from .gloss_group import held_gloss
 from .group import call, node_group
 from .lamp_light_groups import LightTables
+from .lamp_share_group import lamp_share_group, lamp_side_group
 from .native_closure import add_closures, choose_closure
 from .sampled_sheet import sampled_sheet
 from .surface_marker import mean_roughness, with_marker
+from .through_closure import seen_from_behind
 from .weighted_closures import WeightedClosures
 
 # Of two mirrors that exclude each other neither is drawn more rarely than this part of what it would be alone.
@@ -32,32 +34,41 @@ class SheetSide:
     ----------
     reflected, through : reflection and transmission
     share : of the light under a white sky that is reflected, by which one of two mirrors is chosen
+    lamps : table of lamps where hardly any other light arrives, whose side then decides; else None
     """
 
     reflected: BrdfParts | None
     through: BrdfParts | None
     share: float
+    lamps: bpy.types.Image | None = None
 
     @property
-    def parts(self) -> list[tuple[BrdfParts, float]]:
-        """What there is, and how the mirrors' probability is divided between them."""
-        alone = sum(part.table is not None for part, _ in self.shared) < 2
-        return [(part, 1.0 if alone else share) for part, share in self.shared]
+    def parts(self) -> list[BrdfParts]:
+        """What there is."""
+        return [part for part in (self.reflected, self.through) if part is not None]
 
     @property
-    def shared(self) -> list[tuple[BrdfParts, float]]:
-        """What there is, each with about its share of the light under a white sky."""
-        share = min(max(self.share, _LEAST), 1 - _LEAST)
-        return [(p, s) for p, s in ((self.reflected, share), (self.through, 1 - share)) if p is not None]
+    def reflected_share(self) -> float:
+        """`share`, held so that neither of two mirrors is all but forgotten."""
+        return min(max(self.share, _LEAST), 1 - _LEAST)
+
+    def shares(self, normal: Any) -> list[Any]:
+        """How the mirrors' probability is divided between the parts: all of it is that of a single mirror."""
+        if sum(part.table is not None for part in self.parts) < 2:
+            return [1.0 for _ in self.parts]
+        share: Any = self.reflected_share
+        if self.lamps is not None:
+            share = call(lamp_side_group(self.lamps, _LEAST), normal, share)
+        return [share, 1 - share]
 
     def placed(self, gloss: Any, tangent: Any) -> SheetSide:
         """The same under a gloss, and in the frame of a tangent."""
         reflected, through = (None if p is None else p.placed(gloss, tangent) for p in (self.reflected, self.through))
-        return SheetSide(reflected, through, self.share)
+        return replace(self, reflected=reflected, through=through)
 
     def preview(self, normal: Any, adjustments: Adjustments) -> Any:
         """Native closures alone."""
-        return add_closures([p.preview.alone(normal, adjustments) for p, _ in self.parts if p.preview is not None])
+        return add_closures([p.preview.alone(normal, adjustments) for p in self.parts if p.preview is not None])
 
     def traced(self, normal: Any, adjustments: Adjustments, lights: LightTables | None = None) -> Any:
         """Closure that is as good as the tables; where there are `lights`, the shader samples them.
@@ -65,11 +76,11 @@ class SheetSide:
         Mirrors and native closures exclude each other, as in `exact_closure`, and so do the two mirrors: each is drawn
         with its share of its part's light times its part's share, what is left draws the closures of both.
         """
-        if lights is not None and any(part.table is not None for part, _ in self.parts):
-            return sampled_sheet(self.shared, normal, adjustments, lights)
+        if lights is not None and any(part.table is not None for part in self.parts):
+            return sampled_sheet(self.reflected, self.through, self.reflected_share, normal, adjustments, lights)
         drawn: list[tuple[DrawnDirection, Any, Any]] = []
         native: list[Callable[[Any], Any]] = []
-        for part, share in self.parts:
+        for part, share in zip(self.parts, self.shares(normal), strict=True):
             if part.table is None:
                 assert part.envelope is not None
                 native.append(_closures(part.envelope, normal, adjustments))
@@ -78,12 +89,20 @@ class SheetSide:
             chance: Any = share
             if part.envelope is not None:
                 weights = part.envelope.weights(one.wo)
-                chance = weights[0][1] * share
+                chance = _mirror_chance(part, one, weights[0][1], normal) * share
                 native.append(_closures(part.envelope, normal, adjustments, weights))
             value = call(part.table.lookup, one.wi, one.wo, one.random[0])
             weight = expr.scale(value, expr.divide(one.cosine, one.pdf * chance))
             drawn.append((one, chance, one.mirror(adjustments.apply(weight))))
         return _one_of(drawn, native)
+
+
+def _mirror_chance(part: BrdfParts, drawn: DrawnDirection, usual: Any, normal: Any) -> Any:
+    """Of a part's mirror beside its native closures, as in `exact_closure`."""
+    if part.shares is None or part.lamps is None or part.table is None:
+        return usual
+    tangent = () if part.table.tangent is None else (part.table.tangent,)
+    return call(lamp_share_group(part.shares, part.lamps), drawn.wo, normal, usual, part.table.gloss, *tangent)
 
 
 def _closures(
@@ -150,5 +169,4 @@ def _seen(sides: list[Any]) -> Any:
     """The closure of the side that is seen."""
     if len(sides) < 2:
         return sides[0]
-    geometry = expr.node("ShaderNodeNewGeometry", {}, {})
-    return choose_closure(expr.Scalar(geometry.outputs["Backfacing"]), *sides)
+    return choose_closure(seen_from_behind(), *sides)

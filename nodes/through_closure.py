@@ -11,6 +11,12 @@ from .stochastic_mirror_group import kept_where_wanted
 # A perfect refraction leads anywhere below but within asin(1 / IOR) of the plane at right angles to the viewer, and
 # its normal still tells float32 one direction from another.
 IOR = 50.0
+PORTAL = "ShaderNodeBsdfRayPortal"
+
+
+def seen_from_behind() -> Any:
+    """1 where the surface is seen from its back, else 0."""
+    return expr.Scalar(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Backfacing"])
 
 
 def is_bent(wi_world: Any, incoming: Any) -> Any:
@@ -33,14 +39,13 @@ def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = Non
         weight = expr.scale(weight, kept_where_wanted(weight, random, wanted))
     normal = expr.normalize(expr.scale(incoming + expr.scale(wi_world, IOR), -1.0))
     # Seen from behind, Cycles takes the reciprocal.
-    index = expr.where(expr.Scalar(geometry.outputs["Backfacing"]), 1 / IOR, IOR)
+    index = expr.where(seen_from_behind(), 1 / IOR, IOR)
     refraction = expr.node(
         "ShaderNodeBsdfRefraction",
         {"distribution": "GGX"},
         {"Color": weight, "Roughness": 0.0, "IOR": index, "Normal": normal},
     )
     place = {"Position": expr.Vector(geometry.outputs["Position"]), "Direction": wi_world}
-    portal = expr.node("ShaderNodeBsdfRayPortal", {}, {"Color": weight, **place})
-    return choose_closure(
-        is_bent(wi_world, incoming), expr.Scalar(portal.outputs[0]), expr.Scalar(refraction.outputs[0])
-    )
+    portal = expr.node(PORTAL, {}, {"Color": weight, **place})
+    bent = is_bent(wi_world, incoming)
+    return choose_closure(bent, expr.Scalar(portal.outputs[0]), expr.Scalar(refraction.outputs[0]))

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image, update_scene
@@ -11,7 +13,7 @@ from measured_materials.addon.scene_check.check import mend
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.nodes.material import build_material
-from support.checked_scenes import bundle, clean_blend, painted, sound  # noqa: F401
+from support.checked_scenes import bundle, clean_blend, cloth, painted, sound, sound_sheet  # noqa: F401
 from support.scene_check_cases import (
     CASES,
     clear_blend,
@@ -35,8 +37,9 @@ def test_no_rule_lacks_a_side() -> None:
 
 
 @pytest.mark.parametrize("edge", EDGES, ids=[f"{edge.rule}-{k}" for k, edge in enumerate(EDGES)])
-def test_edge(bundle: Bundle, edge: Edge) -> None:
-    with sound(bundle) as scene:
+def test_edge(bundle: Bundle, cloth: Bundle, edge: Edge) -> None:
+    make = partial(sound_sheet, cloth) if edge.sheet else partial(sound, bundle)
+    with make() as scene:
         assert not rules(scene)
         edge.past(scene)
         assert edge.rule in rules(scene)
@@ -45,7 +48,7 @@ def test_edge(bundle: Bundle, edge: Edge) -> None:
             assert edge.rule not in rules(scene)
             return
     clear_blend()
-    with sound(bundle) as scene:
+    with make() as scene:
         edge.short(scene)
         assert edge.rule not in rules(scene)
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from measured_materials.addon.cli.main import main
+from measured_materials.addon.lights.aim_targets import Sampling
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.scene_fit import plan_brdf
-from measured_materials.addon.rendering.denoising import plan_denoising
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -230,14 +230,12 @@ def test_what_is_not_supported_yet_is_told_or_refused(baked: dict[str, BakeResul
     record = record_of(baked["lined"])
     plan = plan_brdf(record, Choices(mode="exact", shader="osl"), "", passes=True)
     told = {effect.name: effect for effect in plan.effects}
-    assert not plan.osl and "do not hold a sheet" in told["Open Shading Language"].why
-    assert not plan.features and "does not write them yet" in told["Denoiser's passes"].why
-    assert not plan.sample and "aimed at" in told["Lamps sampled in the shader"].why
-    assert "does not write" in plan_denoising("auto", 16, record).why
-    with pytest.raises(BakeError, match="--denoise always"):
-        plan_denoising("always", 16, record)
+    assert not plan.osl and not plan.scripted and "no lamp is sampled" in told["Open Shading Language"].why
+    assert plan.features and not plan.sample
     with pytest.raises(BakeError, match="Sample Lamps"):
         plan_brdf(record, Choices(mode="exact", sample="always"), "")
+    plan = plan_brdf(record, Choices(mode="exact", shader="osl"), "", passes=True, sampling=Sampling(gain="less noise"))
+    assert plan.sample and plan.scripted and not plan.osl and not plan.features
 
 
 def test_a_sheet_is_rebuilt_from_its_own_textures(

@@ -13,6 +13,7 @@ from ...bake.brdf.samplers import KINDS, USUAL_SIZE, isotropic_layout, kind_of_l
 from ...bake.brdf.settings import FILTER_CHOICES, BakeSettings, SplineFit
 from ...bake.bundle.bundle import SUFFIX, read_bundle
 from ...bake.bundle.origin import Origin, file_origin, model_origin
+from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
 from ...bake.images.storage import TABLE_STORAGES, Storage
 from ...bake.reading import Reading
@@ -23,6 +24,7 @@ from ...bake.tables.search.grid_search import BASES
 from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
 from ..summary.quality_levels import BRDF_LEVELS
+from ..summary.sheet_rows import sheet_warning
 from . import bake_photographs
 from .bake_jobs import (
     Bake,
@@ -37,7 +39,7 @@ from .bake_jobs import (
     usage_error,
 )
 from .reading_options import add_reading, reading_of
-from .result import Result
+from .result import Result, complain
 
 _SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
 
@@ -161,13 +163,18 @@ def run(options: argparse.Namespace) -> Result:
     """Bake every input; a bad one is reported and does not stop the others."""
     settings = _settings(options)
     jobs, errors = _jobs(options, settings.reading)
-    done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), replace=options.replace)
+    done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn, replace=options.replace)
     document = {
         "command": options.command,
         "bundles": [{"path": str(result.path), **result.facts} for result in done],
     }
     lines = [bake_summary(BrdfRecord.read(read_bundle(result.path)), result.seconds) for result in done]
     return Result(document, lines, errors + failed)
+
+
+def _warn(job: Job, result: BakeResult) -> None:
+    if warning := sheet_warning(BrdfRecord.read(read_bundle(result.path))):
+        complain(f"warning: {job.title}: {warning}")
 
 
 def _settings(options: argparse.Namespace) -> BakeSettings:

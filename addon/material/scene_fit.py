@@ -114,11 +114,10 @@ def plan_brdf(
     sheet = record.sheet is not None
     asked = choices.shader == OSL
     osl, scripted = residual and asked and not sheet, sample and asked and sheet
-    features = passes and residual and not osl and not sheet
+    features = passes and residual and not osl and not scripted
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
         why = "OSL cannot write them; built of nodes they can be had" if passes and osl else why
-        why = "a sheet that lets light through does not write them yet" if passes and sheet else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:

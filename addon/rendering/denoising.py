@@ -86,8 +86,6 @@ def why_not_possible() -> str:
 def _unknown_albedo(record: Record | None) -> str:
     """Why a bundle cannot write its albedo; empty if it can. A shading map's is in its texels."""
     if isinstance(record, BrdfRecord):
-        if record.sheet is not None:
-            return "a sheet that lets light through does not write the denoiser's passes yet"
         try:
             albedo_polynomial(record)
         except BakeError as error:

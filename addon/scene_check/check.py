@@ -7,7 +7,16 @@ from collections.abc import Container, Iterable
 import bpy
 
 from ...nodes.group import looking_once
-from . import camera_rules, energy_rules, light_path_rules, material_rules, mix_rules, pass_rules, scene_rules
+from . import (
+    camera_rules,
+    energy_rules,
+    light_path_rules,
+    material_rules,
+    mix_rules,
+    pass_rules,
+    scene_rules,
+    sheet_rules,
+)
 from .findings import NOTE, SEVERITIES, Finding, Subject, subject_of
 
 _ROUNDS = 3
@@ -30,6 +39,7 @@ def _found(subject: Subject) -> list[Finding] | None:
         *light_path_rules.RULES,
         *material_rules.RULES,
         *pass_rules.RULES,
+        *sheet_rules.RULES,
         mix_rules.mixed_mirror,
         *camera_rules.RULES,
         energy_rules.too_bright,

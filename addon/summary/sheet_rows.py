@@ -15,6 +15,7 @@ from .brdf_rows import Rows, colour, degrees
 _ANGLES = (0, 30, 60, 80)
 # Parts of a sheet that a side shows.
 _SIDES = ("", "through"), ("behind", "through_behind")
+_ENERGY = "above one"
 
 
 def sheet_rows(record: BrdfRecord) -> Rows:
@@ -27,6 +28,12 @@ def sheet_rows(record: BrdfRecord) -> Rows:
 def measured_sheet_rows(albedo: AlbedoRecord, sheet: Fields) -> Rows:
     """Rows of what `bake.tables.sheet.sheet_facts` found of a measurement, given the albedo of its front."""
     return _rows({"": albedo, **{name: AlbedoRecord.parse(sheet, name) for name in SHEET_PARTS if sheet.has(name)}})
+
+
+def sheet_warning(record: BrdfRecord) -> str:
+    """One line where more light leaves a side of a sheet than arrives; empty otherwise."""
+    told = [f"{name}: {words}" for name, words in sheet_rows(record) if name.endswith(_ENERGY)]
+    return f"more light leaves than arrives ({'; '.join(told)})" if told else ""
 
 
 def _rows(seen: Mapping[str, AlbedoRecord]) -> Rows:
@@ -50,7 +57,7 @@ def _above_one(reflected: AlbedoRecord, through: AlbedoRecord) -> Rows:
     total = (np.array(reflected.directional) + through.directional).max(-1)
     above = [angle for angle, most in zip(through.theta_o_deg, total) if most > 1.001]
     told = f"up to {total.max():.4g} reflected and let through, at {degrees(above)}" if above else ""
-    return [("R + T above one", told)] if above else []
+    return [(f"R + T {_ENERGY}", told)] if above else []
 
 
 def _by_angle(found: AlbedoRecord) -> str:

@@ -75,8 +75,7 @@ class PartBake:
 
         Parameters
         ----------
-        front : not of another side of a sheet: then also how different it looks, and the images of the mirror's
-            probability beside a lamp
+        front : not of another side of a sheet: then also how different it looks
 
         Raises
         ------
@@ -97,7 +96,7 @@ class PartBake:
         fit: EnvelopeFit | None = None
         shown: dict[str, Reflects] = {"table": made.kept.table}
         if self.settings.envelope:
-            fit, residual, extra, further = self.envelope(made.kept.table, seen, front)
+            fit, residual, extra, further = self.envelope(made.kept.table, seen)
             facts, images, shown = facts | extra, images | further, {"exact": Together((fit, residual)), **shown}
         if self.weighed is not None:
             facts["filter_choice"] = self.weighed.facts()
@@ -210,7 +209,7 @@ class PartBake:
         return table_errors(table, filter, self.pairs, self.truth)
 
     def envelope(
-        self, table: Table, reflection: Reflection, front: bool
+        self, table: Table, reflection: Reflection
     ) -> tuple[EnvelopeFit, Table, dict[str, Json], dict[str, StoredImage]]:
         """The envelope and the residual; facts and images of both."""
         self.say("envelope", 0.0)
@@ -229,9 +228,8 @@ class PartBake:
             "residual": kept.image(),
             "residual_sampler": StoredImage(sampler, Storage.FLOAT32),
         }
-        if front:
-            found = reflection.shares(fit, residual)
-            images |= {name: StoredImage(image, Storage.FLOAT32) for name, image in found.items()}
+        found = reflection.shares(fit, residual)
+        images |= {name: StoredImage(image, Storage.FLOAT32) for name, image in found.items()}
         # Alias tables of both are of one layout.
         own: dict[str, Json] = {"sampler": layout_facts(layout)} if kind_of_layout(layout) == "warp" else {}
         facts = {**kept.facts(), "grid": grid.facts(), "errors": errors, **own}

@@ -50,6 +50,21 @@ def sound(bundle: Bundle) -> TestScene:
     return scene
 
 
+@pytest.fixture(scope="module")
+def cloth(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """A sheet whose light straight on is its mirrors'."""
+    settings = BakeSettings(8, alpha=(0.5, 0.4), sampler=SamplerLayout(n_o=8, n_h=8, n_phi=4), envelope=True)
+    source = analytic.ThinCloth((0.3,) * 3, None, (0.1,) * 3, (0.5,) * 3, 8.0)
+    return read_bundle(bake_source(source, tmp_path_factory.mktemp("cloth") / "cloth", settings).path)
+
+
+def sound_sheet(bundle: Bundle) -> TestScene:
+    """The same of a sheet, whose lamp the camera sees."""
+    scene = sound(bundle)
+    next(obj for obj in scene.scene.objects if obj.type == "LIGHT").visible_camera = True
+    return scene
+
+
 @pytest.fixture
 def painted(bundle: Bundle) -> Iterator[TestScene]:
     """The same, removed in the end."""

@@ -267,3 +267,53 @@ def of_the_camera(kind: str, depth_of_field: bool, stop: float = 64.0) -> Change
 def sampled_by_chance(scene: TestScene) -> None:
     """A smooth sky has no bright places to miss."""
     scene.scene.world.cycles.sampling_method = "NONE"
+
+
+# --- sheets -----------------------------------------------------------------------------------------------------------
+
+
+def lamp_seen_by(rays: str, seen: bool) -> Change:
+    def apply(scene: TestScene) -> None:
+        setattr(lamp_of(scene), f"visible_{rays}", seen)
+        update_scene(scene.scene)
+
+    return apply
+
+
+def world_rays(rays: str, seen: bool) -> Change:
+    def apply(scene: TestScene) -> None:
+        setattr(scene.scene.world.cycles_visibility, rays, seen)
+        update_scene(scene.scene)
+
+    return apply
+
+
+def card_only(scene: TestScene) -> None:
+    """The sheet is flat, with camera and lamp on the same side of it."""
+    mesh = bpy.data.meshes.new("card")
+    mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
+    mesh.materials.append(material_of(scene))
+    scene.sphere.data = mesh
+    towards = lamp_of(scene).location + scene.scene.camera.location
+    scene.sphere.rotation_mode = "QUATERNION"
+    scene.sphere.rotation_quaternion = towards.to_track_quat("Z", "Y")
+    update_scene(scene.scene)
+
+
+def film(transparent: bool, glass: bool = False) -> Change:
+    def apply(scene: TestScene) -> None:
+        scene.scene.render.film_transparent = transparent
+        scene.scene.cycles.film_transparent_glass = glass
+
+    return apply
+
+
+def ground_catches(caught: bool) -> Change:
+    def apply(scene: TestScene) -> None:
+        next(o for o in scene.scene.objects if o.type == "MESH" and o != scene.sphere).is_shadow_catcher = caught
+
+    return apply
+
+
+def layer_shows(name: str, shown: bool) -> Change:
+    return lambda scene: setattr(scene.scene.view_layers[0], name, shown)

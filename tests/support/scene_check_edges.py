@@ -14,6 +14,7 @@ from measured_materials.addon.scene_check import (
     mix_rules,
     pass_rules,
     scene_rules,
+    sheet_rules,
 )
 
 from support.scene_check_cases import (
@@ -32,16 +33,21 @@ from support.scene_check_changes import (
     added,
     both,
     bounces,
+    card_only,
     changed_value,
     colour_space,
     dark_lamp,
     far,
+    film,
+    ground_catches,
     ground_emits,
     haze,
     just_large_enough,
     lamp_nodes,
+    lamp_seen_by,
     lamp_value,
     lamps_moved,
+    layer_shows,
     lost,
     lost_but_packed,
     moved_nodes,
@@ -56,10 +62,13 @@ from support.scene_check_changes import (
     without_lamps,
     without_light_tree,
     world_nodes,
+    world_rays,
     world_seen_by,
 )
 
-MODULES = (scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules, energy_rules)
+MODULES = (
+    scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules, energy_rules, sheet_rules
+)  # fmt: skip
 STOP = 0.4392  # at which 50 mm that focus at 2.53 blur over one of 32 pixels of 36 mm
 
 
@@ -72,12 +81,14 @@ class Edge:
     past : the least change that is reported, of a scene that the check has nothing to say about
     short : the largest that is not, or what takes the reason away while the setting stays; applied after `past`, which
         it undoes, or to a scene of its own where `anew`
+    sheet : in a scene that shows a sheet
     """
 
     rule: str
     past: Change
     short: Change
     anew: bool = False
+    sheet: bool = False
 
 
 EDGES = [
@@ -164,6 +175,22 @@ EDGES = [
         of_the_camera("PERSP", True, STOP * 0.98),
     ),
     Edge("emission_light_path", ground_emits("Is Glossy Ray"), ground_emits("Ray Depth"), anew=True),
+    # Of what is opaque, and of a lamp that lights the side which is seen, it does not matter.
+    Edge("lamp_camera", lamp_seen_by("camera", False), both(lamp_seen_by("camera", False), card_only), sheet=True),
+    *(
+        Edge(f"{kind}_{rays}", owner(rays, False), both(owner(rays, False), owner("diffuse", False)), sheet=True)
+        for kind, owner in (("lamp", lamp_seen_by), ("world", world_rays))
+        for rays in ("camera", "transmission")
+    ),
+    *(
+        Edge(name, cycles(name, 3), cycles(name, 4), sheet=True)
+        for name in ("transmission_bounces", "transparent_max_bounces")
+    ),
+    Edge("refractive_caustics", cycles("caustics_refractive", False), cycles("caustics_refractive", True), sheet=True),
+    Edge("film_transparent", film(True), film(False), sheet=True),
+    Edge("transparent_glass", film(True, True), film(False, True), sheet=True),
+    Edge("sheet_catcher", ground_catches(True), ground_catches(False), sheet=True),
+    Edge("sheet_passes", layer_shows("use_pass_z", True), layer_shows("use_pass_z", False), sheet=True),
 ]
 # A switch has no value between: a scene that is as it should be is the other side, which every case starts from.
 SWITCHES = {
@@ -189,7 +216,8 @@ ELSEWHERE = {
 def told_rules() -> set[str]:
     """Names of all rules, from the code that reports them."""
     told = {setting.rule for setting in scene_rules._SETTINGS}
-    told |= {"glossy_bounces", "max_bounces"}  # named by their setting
+    # Named by their setting.
+    told |= {"glossy_bounces", "max_bounces", "transmission_bounces", "transparent_max_bounces"}
     for module in MODULES:
         for name in re.findall(r'Finding\(\s*f?"([\w{}]+)"', Path(str(module.__file__)).read_text()):
             kinds = ("world", "lamp", "emission") if "kind" in name else ("world", "lamp")
