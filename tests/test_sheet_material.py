@@ -33,6 +33,8 @@ from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.scenes import add_lamp
 from support.sheet_scenes import (
+    BEFORE,
+    BEHIND,
     BELOW,
     LINED,
     SETTINGS,
@@ -72,9 +74,6 @@ def test_no_mode_is_biased_under_a_sky(baked: dict[str, BakeResult], mode: str, 
     with sheet_scene(build_material(record, mode=mode), theta) as scene:
         set_sky(scene.scene)
         assert_shows(scene, under_sky(record, mode, theta))
-
-
-BEHIND, BEFORE = (1, 1, -3), (1, 1, 3)
 
 
 @pytest.mark.parametrize(
