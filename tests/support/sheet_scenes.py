@@ -35,6 +35,19 @@ T_OF_PARTS = 3.77
 BEHIND, BEFORE = (1, 1, -3), (1, 1, 3)
 
 
+class Glazed(ThinCloth):
+    """A thin cloth whose reflection has a highlight too, so that both parts need a mirror."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return super().evaluate(wi, wo) + 0.5 * self.transmitted(wi * BELOW, wo)
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        return super().reflected_behind(wi, wo) + 0.5 * self.transmitted(wi * BELOW, wo)
+
+
+GLAZED = Glazed((0.2, 0.1, 0.1), None, (0.1, 0.2, 0.1), (0.3, 0.3, 0.2), 8.0)
+
+
 def record_of(result: BakeResult) -> BrdfRecord:
     return BrdfRecord.read(read_bundle(result.path))
 
