@@ -264,7 +264,7 @@ class Recorder:
     def template_icon(self, *, icon_value: int, scale: float) -> None:
         assert scale > 0
 
-    def prop_enum(self, properties: Any, name: str, value: str, *, text: str) -> None:
+    def prop_enum(self, properties: Any, name: str, value: str, *, text: str = "") -> None:
         assert value in properties.bl_rna.properties[name].enum_items
         self.texts.append(text)
 
@@ -318,6 +318,11 @@ def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:
     lacquer.measured_materials.advanced = True
     texts = Stage(lacquer).drawn(panel._BakePanel)
     assert {"resolution", "alpha_theta", "measured_materials.bake_again"} <= set(texts) and "spline" not in texts
+    others = {"rendering": "sampler", "files": "storage", "reading": "read_merl", "rights": "license"}
+    for lacquer.measured_materials.part, name in others.items():
+        texts = set(Stage(lacquer).drawn(panel._BakePanel))
+        assert texts & {"resolution", *others.values()} == {name}
+    lacquer.measured_materials.part = "table"
     lacquer.measured_materials.filter, lacquer.measured_materials.parameterization = "bspline", "uniform"
     texts = Stage(lacquer).drawn(panel._BakePanel)
     assert "spline" in texts and "alpha" not in texts

@@ -21,10 +21,13 @@ from test_addon import registered  # noqa: F401
 
 def test_words_of_every_mode() -> None:
     known = brdf_record()
-    assert expectation(known, "exact", "trilinear").endswith("Principled BSDF; 0.4 % of the reflected light off")
+    assert expectation(known, "exact", "trilinear").endswith("Principled BSDF; error 0.4 % of the reflected light")
     assert expectation(known, "reference", "trilinear").startswith("About 2.0 times")
-    assert "; 4 % of" in expectation(known, "reference", "nearest")
-    assert expectation(known, "preview", "trilinear").endswith("; 20 % off from the measurement, relative")
+    assert "; error 4 % of" in expectation(known, "reference", "nearest")
+    assert (
+        expectation(known, "preview", "trilinear")
+        == "About the render time of a Principled BSDF; error 20 % of the reflected light"
+    )
 
 
 def test_a_filter_that_was_not_measured_gives_the_time_alone() -> None:

@@ -266,6 +266,18 @@ def test_the_probe_of_the_world_is_no_scene_to_follow(scene: TestScene) -> None:
         bpy.data.scenes.remove(probe)
 
 
+def test_at_rest_no_table_asks_to_be_saved(scene: TestScene) -> None:
+    """Blender asks an artist of every image that was written and not packed."""
+    add_lamp(scene.scene, (0, -3, 3))
+    light_tables.update_scene(scene.scene)
+    tables = light_tables._tables()
+    assert any(image.is_dirty for image in tables)
+    before = [list(image.pixels) for image in tables]
+    assert light_tables.pack_when_at_rest() is None
+    assert not any(image.is_dirty for image in bpy.data.images)
+    assert [list(image.pixels) for image in tables] == before and any(map(any, before))
+
+
 def test_frames_make_no_datablock(scene: TestScene) -> None:
     """Where all tables are linked, as here all but in name."""
     add_lamp(scene.scene, (0, -1, 3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ def test_the_dialogue_opens_when_they_were_read(felt: Path, followed: Any) -> No
     draw_look(Layout(texts := []), felt.parent)  # others
     assert not texts
     draw_lines(Layout(texts := []), "word " * 40, "ERROR")
-    assert len(texts) > 3 and max(map(len, texts)) <= 58 and " ".join(texts).split() == ["word"] * 40
+    assert len(texts) > 2 and max(map(len, texts)) <= 72 and " ".join(texts).split() == ["word"] * 40
 
 
 def test_the_dialogue_does_not_wait_for_ever(felt: Path, followed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,6 +118,22 @@ def test_the_dialogue_does_not_wait_for_ever(felt: Path, followed: Any, monkeypa
     assert texts == ["The photographs are being read"]
     looking.stop()
     assert not looking.step() and len(opened) == 1
+
+
+def test_the_dialogue_is_no_higher_for_many_photographs_and_doubts(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, doubts = 49, tuple(f"Doubt {k} {'is long ' * 12}." for k in range(8))
+    elevations = tuple(np.linspace(3, 88, count).tolist())
+    look = Look(("x",) * count, elevations, elevations, np.zeros((count, 4, 6, 3), np.uint8), doubts)
+    monkeypatch.setattr(looking, "look", look)
+    monkeypatch.setattr(looking, "source", "many")
+    place = draw_look(Layout(texts := []), "many")
+    degrees = [text for text in texts if text.endswith("°") and text[0].isdigit()]
+    assert len(degrees) == 10 and (degrees[0], degrees[-1]) == ("3°", "88°") and place.texts is texts
+    assert "49 photographs, lit from 3° to 88°; 10 of them" in texts
+    assert sum(text.startswith("Doubt") for text in texts) == 1 and "7 more, which are told after the bake" in texts
+    monkeypatch.setattr(looking, "look", replace(look, doubts=("Doubt.",) * 4))
+    draw_look(Layout(texts := []), "many")
+    assert texts.count("Doubt.") == 4 and not any("more" in text for text in texts)
 
 
 def test_the_plot_rises_with_the_brightness() -> None:

@@ -214,6 +214,8 @@ def _write(image: bpy.types.Image, table: np.ndarray) -> bool:
         return False
     image.pixels.foreach_set(pixels)
     image.update()
+    if _is_main_thread() and not bpy.app.background and not bpy.app.timers.is_registered(pack_when_at_rest):
+        bpy.app.timers.register(pack_when_at_rest, first_interval=_PATIENCE)
     return True
 
 
@@ -229,8 +231,18 @@ def pack_tables() -> None:
     A table that was lost holds zeros, and nothing is aimed by it. (That of the world is packed whenever it is written.)
     """
     for image in (*_tables(), *_light_tables(), *seen_world.world_light_images()):
-        if image.is_dirty and image.library is None and image.users:
+        if image.is_dirty and image.library is None:
             image.pack()
+
+
+def pack_when_at_rest() -> float | None:
+    """For a timer: pack the tables before Blender asks, as it does at every save from 5.2 on, whether images that the
+    artist does not know of are to be saved; seconds to the next try.
+    """
+    if bpy.app.is_job_running("RENDER"):
+        return _PATIENCE
+    pack_tables()
+    return None
 
 
 def _in_use() -> bool:
@@ -368,6 +380,7 @@ def register() -> None:
 def unregister() -> None:
     """Called by `addon.unregister`."""
     stop_listening(_HANDLERS)
-    if bpy.app.timers.is_registered(_try_again):
-        bpy.app.timers.unregister(_try_again)
+    for timer in (_try_again, pack_when_at_rest):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
     _needs.clear()

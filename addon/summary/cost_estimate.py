@@ -24,12 +24,12 @@ def expectation(record: BrdfRecord, mode: str, filter: str, *, sampled: bool = F
     """
     traced = mode != "preview"
     factor = (SAMPLED_TIME if sampled else MODE_TIME.get(mode, 1.0)) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)
-    words = f"About {factor:.1f} times the render time of a Principled BSDF"
+    many = f"{factor:.1f}"
+    words = f"About {'' if many == '1.0' else f'{many} times '}the render time of a Principled BSDF"
     error = _error(record, mode, filter)
     if error is None:
         return words
-    kind = "off from the measurement, relative" if mode == "preview" else "of the reflected light off"
-    return f"{words}; {100 * error:.2g} % {kind}"
+    return f"{words}; error {100 * error:.2g} % of the reflected light"
 
 
 def _error(record: BrdfRecord, mode: str, filter: str) -> float | None:

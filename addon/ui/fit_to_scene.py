@@ -54,7 +54,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """One material; Esc leaves what was not reached as it is. All else waits, or undo would come between."""
         if event.type == "ESC" and event.value == "PRESS":
-            return self._end(context, "stopped: ")
+            return self._end(context, "Stopped: ")
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}
         try:

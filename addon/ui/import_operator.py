@@ -21,7 +21,7 @@ _OBJECT = bpy.props.StringProperty(
     name="Object", description="Object that gets the material; the active one by default", options=_HIDDEN
 )
 _BUNDLES = bpy.props.StringProperty(
-    name="Bundles",
+    name="Baked Files",
     description="Folder for the baked textures. Automatic: beside the .blend file or, before it is saved, beside the "
     "measurement or the photographs' folder",
     subtype="DIR_PATH",

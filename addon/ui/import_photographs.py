@@ -22,7 +22,6 @@ from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
-from .properties.quality_choice import heading
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
@@ -70,17 +69,15 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             draw_lines(self.layout, "Choose the photographs, or one of them for the whole folder.", letters=_SIDE)
             draw_lines(self.layout, "They are shown, and settings offered, before the bake.", letters=_SIDE)
             return
-        if not self.advanced:  # both together are higher than most screens
-            draw_look(self.layout, _given(chosen_photographs(self)))
-        draw_arc_settings(self.layout, self, self)
-        if self.advanced:
-            draw_lighting(
-                heading(self.layout, "Rendering, which can be changed later"),
-                self,
-                fitted=self.fit_lobe,
-                with_mode=True,
-            )
+        place = self.layout
+        if not self.advanced:  # both together are higher than many a screen
+            place = draw_look(place, _given(chosen_photographs(self)))
+        draw_arc_settings(place, self, self, self._draw_rendering)
         self.draw_results()
+
+    def _draw_rendering(self, layout: bpy.types.UILayout) -> None:
+        layout.label(text="Can be changed later")
+        draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake, and put the material onto the object."""

@@ -31,11 +31,13 @@ from ..baking.request import BakeRequest
 _PAUSE = 0.05
 # Seconds after which the dialogue opens in any case: photographs of a large camera take longer.
 _PATIENCE = 12.0
-_COLUMNS = 8
 # Of the dialogue: pixels at a UI scale of 1, and letters that surely fit beside an icon.
-WIDTH, LETTERS = 420, 58
-# Texels of the plot's side, and of its border.
+WIDTH, LETTERS = 520, 72
+# Photographs in the strip, and lines of doubts: all is to fit a screen of 1080 lines at a UI scale of 2.
+_STRIP, _DOUBTS = 10, 4
+# Texels of the plot's side, and of its border; icons that it is high.
 _SIDE, _BORDER = 160, 12
+_PLOT = 5.5
 _INK, _GRID = (0.9, 0.55, 0.2, 1.0), (0.5, 0.5, 0.5, 0.5)
 
 
@@ -123,38 +125,61 @@ def tick() -> float | None:
     return _PAUSE if looking.step() else None
 
 
-def draw_look(layout: bpy.types.UILayout, source: Any) -> None:
-    """Draw what is known of these photographs, a folder or a tuple of files, in a dialogue `WIDTH` wide."""
+def draw_look(layout: bpy.types.UILayout, source: Any) -> bpy.types.UILayout:
+    """Draw what is known of these photographs, a folder or a tuple of files, in a dialogue `WIDTH` wide.
+
+    Returns
+    -------
+    where settings go: beside the plot, or below where there is none
+    """
     if looking.source != source:
-        return
+        return layout
     if looking.is_looking():
         layout.label(text="The photographs are being read", icon="TIME")
     elif looking.problem:
         draw_lines(layout, looking.problem, "ERROR")
     elif looking.look is not None:
-        _draw(layout, looking.look)
+        return _draw(layout, looking.look)
+    return layout
 
 
-def _draw(layout: bpy.types.UILayout, look: Look) -> None:
+def _draw(layout: bpy.types.UILayout, look: Look) -> bpy.types.UILayout:
     count, known = len(look.names), look.elevations
     span = f", lit from {known[0]:.0f}° to {known[-1]:.0f}°" if known else ", in order of brightness"
-    layout.label(text=f"{count} photographs{span}")
-    strip = layout.grid_flow(row_major=True, columns=min(count, _COLUMNS), even_columns=True, align=True)
-    for k in range(count):
+    shown = range(count) if count <= _STRIP else np.linspace(0, count - 1, _STRIP).round().astype(int).tolist()
+    layout.label(text=f"{count} photographs{span}{f'; {_STRIP} of them' if count > _STRIP else ''}")
+    strip = layout.grid_flow(row_major=True, columns=len(shown), even_columns=True, align=True)
+    for k in shown:
         cell = strip.column(align=True)
         cell.template_icon(icon_value=looking.icon(f"picture {k}", lambda k=k: _as_pixels(look.pictures[k])), scale=2.4)
         if known:
             below = cell.row()
             below.alignment = "CENTER"  # as the picture is
             below.label(text=f"{known[k]:.0f}°")
-    if known:
-        split = layout.split(factor=0.42)
-        split.template_icon(icon_value=looking.icon("plot", lambda: plot(known, look.brightness)), scale=5.5)
-        words = split.column()
-        words.label(text="Brightness over elevation")
-        draw_lines(words, "From left to right 0° to 90°, upwards to the brightest photograph.", letters=LETTERS // 2)
-    for doubt in look.doubts:
+    _draw_doubts(layout, look.doubts)
+    return _draw_plot(layout, known, look.brightness) if known else layout
+
+
+def _draw_doubts(layout: bpy.types.UILayout, doubts: tuple[str, ...]) -> None:
+    """Whole ones as far as there is room; one at least."""
+    left = _DOUBTS
+    for number, doubt in enumerate(doubts):
+        left -= len(textwrap.wrap(doubt, LETTERS))
+        if number and left < (number < len(doubts) - 1):
+            layout.label(text=f"{len(doubts) - number} more, which are told after the bake", icon="ERROR")
+            break
         draw_lines(layout, doubt, "ERROR")
+
+
+def _draw_plot(
+    layout: bpy.types.UILayout, elevations: tuple[float, ...], brightness: tuple[float, ...]
+) -> bpy.types.UILayout:
+    """On the left; returns what is beside it."""
+    split = layout.split(factor=0.42)
+    column = split.column(align=True)
+    column.label(text="Brightness over elevation")
+    column.template_icon(icon_value=looking.icon("plot", lambda: plot(elevations, brightness)), scale=_PLOT)
+    return split.column()
 
 
 def draw_lines(layout: bpy.types.UILayout, text: str, icon: str = "NONE", letters: int = LETTERS) -> None:

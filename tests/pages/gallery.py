@@ -14,13 +14,13 @@ _SIZE, _SAMPLES = 300, 96
 
 
 def make(out: Path, folder: Path) -> None:
-    """Bake, render, and lay out three in a row."""
+    """Bake, render, and lay out four in a row."""
     cells = []
     for command in commands_of("gallery.md"):
         picture = rendered(baked(command, folder), _SIZE)
         cells.append(Cell(np.asarray(picture), _name(command)))
     cells.append(Cell(np.asarray(rendered(photographed("denim", folder), _SIZE)), "Denim"))
-    write_sheet(folder / "gallery.png", cells, 3)
+    write_sheet(folder / "gallery.png", cells, 4)
     save(Image.open(folder / "gallery.png"), out / "gallery.jpg")
 
 

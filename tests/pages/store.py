@@ -80,7 +80,7 @@ def _frame(scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
 def _icon(record: BrdfRecord) -> object:
     """A sphere alone, without background."""
     material = bpy.data.materials.new("icon")
-    scene = build_studio(material, resolution=(256, 256), samples=64, shape="sphere")
+    scene = build_studio(material, resolution=(256, 256), samples=1024, shape="sphere")
     for obj in scene.objects:
         if obj.type == "MESH" and obj.active_material != material:
             obj.visible_camera = False

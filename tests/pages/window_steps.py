@@ -149,6 +149,6 @@ def run():
     return None
 
 
-open_panels({"check"})
+open_panels({"adjust", "check"})
 walk = steps()
 bpy.app.timers.register(run, first_interval=2.0)

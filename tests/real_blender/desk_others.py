@@ -21,7 +21,7 @@ def steps(desk, material):
     yield from fitting(desk)
     yield from loading(desk)
     yield from photographs(desk)
-    yield from in_process(desk)
+    yield from importlib.import_module("desk_times").steps(desk)
     # Back to where the walk was.
     for _ in range(40):
         if not desk.measured():
@@ -184,17 +184,6 @@ def photographs(desk):
     desk.check("one swatch", len(made) == 1 and desk.bakes.queue.task is None)
     yield 0.5
     desk.felt("photographs")
-
-
-def in_process(desk):
-    """The same bake as the import's by a script, for the time it takes."""
-    start = time.monotonic()
-    bpy.ops.measured_materials.import_brdf(
-        directory=str(desk.SOURCE.parent), files=[{"name": desk.SOURCE.name}], bundles=str(desk.SOURCE.parent)
-    )
-    desk.found["seconds_in_process"] = time.monotonic() - start
-    yield 0.5
-    desk.felt("in process, which waits")
 
 
 if __name__ == "__main__":

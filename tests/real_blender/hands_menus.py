@@ -1,5 +1,7 @@
 """Inside a real Blender window: menus, the file browser, lists of choices and dialogues, by mouse and keys."""
 
+import functools
+
 import bpy
 from hands import (
     across,
@@ -90,7 +92,8 @@ def choose_file(name):
     yield from browser_open()
     area = area_of("FILE_BROWSER")
     region = region_of(area)
-    yield from move(across(region, 0.5), region.y + region.height / 2)
+    yield from move(across(region, 0.5), region.y + region.height / 3)
+    yield from click()  # where no file is: ends the editing of the folder's path
     for _ in range(40):
         if area.spaces.active.params.filename == name:
             return
@@ -123,6 +126,7 @@ def watch_dialogue(operator):
     """Keep an operator's dialogue as it draws."""
     draw = operator.draw
 
+    @functools.wraps(draw)
     def noted(self, context):
         dialogues[operator.__name__] = (self, getattr(context, "region_popup", None) or context.region)
         draw(self, context)
@@ -144,26 +148,27 @@ def _in_dialogue(operator, part):
     return [(x + part * width, y + 2.6 * unit() + step * number) for number in range(int(height / step) - 6)]
 
 
-def switch_in_dialogue(operator, name):
-    """Click at the left of each row, from the lowest up, until this switch of the operator changes."""
-    for place in _in_dialogue(operator, 0.12):
-        before = getattr(dialogues[operator][0], name)
-        yield from move(*place)
-        yield from click()
-        if getattr(dialogues[operator][0], name) != before:
-            yield 0.5
-            return
-    raise RuntimeError(f"no {name} in the dialogue")
+def switch_in_dialogue(operator, name, part):
+    """Click this switch of the operator; `part` is its place in the width."""
+    before = getattr(dialogues[operator][0], name)
+    yield from hover_in_dialogue(operator, name, part)
+    yield from click()
+    yield from soon(f"{name} is switched", lambda: getattr(dialogues[operator][0], name) != before)
+    yield 0.5
 
 
-def hover_in_dialogue(operator, name):
-    """Put the mouse onto a property of the dialogue: what each is, a click with the right button tells."""
+def hover_in_dialogue(operator, name, part=0.75, above=0.0):
+    """Put the mouse onto the lowest button of a property, above a height: what each is, a click with the right button
+    tells. Returns its height.
+    """
     told = []
     menu = bpy.types.UI_MT_button_context_menu
     tell = lambda self, context: told.append(getattr(getattr(context, "button_prop", None), "identifier", ""))  # noqa: E731
     menu.append(tell)
     try:
-        for place in _in_dialogue(operator, 0.75):
+        for place in _in_dialogue(operator, part):
+            if place[1] <= above:
+                continue
             told.clear()
             yield from move(*place)
             yield from click(3)
@@ -171,10 +176,19 @@ def hover_in_dialogue(operator, name):
                 yield from keys("Escape")
             if name in told:
                 yield from move(*place)
-                return
+                return place[1]
     finally:
         menu.remove(tell)
     raise RuntimeError(f"no {name} in the dialogue")
+
+
+def open_part(operator, name, part):
+    """Click this of the tabs, which stand in rows of three; `part` is its place in the row."""
+    height = 0.0
+    while dialogues[operator][0].part != name:
+        height = yield from hover_in_dialogue(operator, "part", part, height)
+        yield from click()
+        yield 0.3
 
 
 def leave_buttons(operator):

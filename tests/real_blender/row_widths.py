@@ -29,7 +29,7 @@ class Layout:
     """A tree of what is drawn: leaves are words with the pixels that they need."""
 
     def __init__(self, kind="column", factor=0.0, split=False, grown=1.0):
-        self.kind, self.factor, self.parts = kind, factor, []
+        self.kind, self.factor, self.parts, self.columns = kind, factor, [], 1
         self.use_property_split, self.scale_y = split, grown
 
     def __getattr__(self, name):
@@ -46,8 +46,10 @@ class Layout:
     def row(self, **_):
         return self._inner("row")
 
-    def grid_flow(self, **_):
-        return self._inner("row")
+    def grid_flow(self, columns=1, **_):
+        made = self._inner("grid")
+        made.columns = columns
+        return made
 
     def split(self, factor=0.0, **_):
         return self._inner("split", factor)
@@ -65,8 +67,8 @@ class Layout:
         self._words(text, _BUTTON + (_ICON if icon != "NONE" else 0))
         return _Anything()
 
-    def prop_enum(self, _data, _name, _value, text="", **_):
-        self._words(text, _BUTTON)
+    def prop_enum(self, data, name, value, text=None, **_):
+        self._words(data.bl_rna.properties[name].enum_items[value].name if text is None else text, _BUTTON)
 
     def template_node_view(self, _tree, _node, socket):
         self._named(socket.name, "")
@@ -112,6 +114,8 @@ class Layout:
             return [width * self.factor, width * (1 - self.factor)]
         if self.kind == "column":
             return [width] * len(self.parts)
+        if self.kind == "grid":
+            return [width / self.columns] * len(self.parts)
         icons = sum(1 for part in self.parts if not isinstance(part, Layout) and not part[0])
         equal = (width - icons * _ICON) / max(len(self.parts) - icons, 1)
         return [_ICON if not isinstance(part, Layout) and not part[0] else equal for part in self.parts]

@@ -172,26 +172,26 @@ def rendered():
 
 
 def adjusted(properties):
-    """Adjust, of which the tutorial has no heading: a number typed, and undone."""
+    """Heading 6: a number typed, and undone."""
     yield from open_panel(properties, "adjust", MODE)
     _, node = next(iter(tree.measured_nodes(measured()[0].node_tree)))
     yield from type_into(properties, f"inputs[{node.inputs.find('Brightness')}]", "0.5")
     value = lambda: next(iter(tree.measured_nodes(measured()[0].node_tree)))[1].inputs["Brightness"].default_value  # noqa: E731
-    yield from soon("Adjust: the number typed is set", lambda: abs(value() - 0.5) < 1e-6)
-    yield from picture("measurement_adjust")
+    yield from soon("6 the number typed is set", lambda: abs(value() - 0.5) < 1e-6)
+    yield from picture("measurement_6_adjust")
     yield from move(*on_object())
     yield from keys("ctrl+z")
-    yield from soon("Adjust: undone", lambda: abs(value() - 1) < 1e-6)
+    yield from soon("6 undone", lambda: abs(value() - 1) < 1e-6)
 
 
 def kept(properties):
-    """Heading 6."""
+    """Heading 7."""
     yield from open_panel(properties, "asset", MODE)
     yield from press(properties, "measured_materials.mark_asset")
-    yield from picture("measurement_6_mark")
+    yield from picture("measurement_7_mark")
     yield from keys("Return")
-    yield from soon("6 it is an asset", lambda: measured()[0].asset_data is not None)
+    yield from soon("7 it is an asset", lambda: measured()[0].asset_data is not None)
     yield from move(*on_object())
     yield from keys("ctrl+s")
-    yield from soon("6 the file is saved", lambda: not bpy.data.is_dirty)
-    yield from picture("measurement_6_kept")
+    yield from soon("7 the file is saved", lambda: not bpy.data.is_dirty)
+    yield from picture("measurement_7_kept")

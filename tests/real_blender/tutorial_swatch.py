@@ -23,6 +23,7 @@ from hands_menus import (
     file_import,
     hover_in_dialogue,
     leave_buttons,
+    open_part,
     open_tab,
     switch_in_dialogue,
 )
@@ -46,7 +47,8 @@ def steps():
     yield 1.0
     yield from picture("swatch_5_dialogue")
     yield from leave_buttons(ARC)
-    yield from switch_in_dialogue(ARC, "advanced")
+    yield from switch_in_dialogue(ARC, "advanced", 0.5)
+    yield from open_part(ARC, "brightness", 0.5)
     yield from hover_in_dialogue(ARC, "scale_by")
     yield from click()
     yield from keys("a")
@@ -80,7 +82,8 @@ def lit(properties):
     yield from picture("swatch_6_sheen")
     yield from press(properties, "measured_lighting.sigma_auto")
     yield from type_into(properties, "measured_lighting.sigma", "0.5")
-    yield from soon("6 the Strength is the number typed", lambda: abs(facts()["render"]["sigma"] - 0.5) < 1e-6)
+    sigma = lambda: facts()["render"]["sigma"] or 0.0  # noqa: E731  None as calibrated
+    yield from soon("6 the Strength is the number typed", lambda: abs(sigma() - 0.5) < 1e-6)
     check("6 without a bake", not bakes.queue.is_busy())
     yield from picture("swatch_6_strength")
     yield from close_panel(properties, "lighting")

@@ -1,7 +1,8 @@
 """Both tutorials of addon/docs repeated in a real Blender window by mouse and keys; see window.sh.
 
 What is done there is in tutorial_measurement.py and tutorial_swatch.py, by the hands of hands.py; each step is checked
-where it is done. Then all rows of the panels are drawn, and their texts measured, by tutorial_rows.py.
+where it is done. Then the dialogue of photographs is opened at twice the size, by tutorial_dialogues.py, and all rows
+of the panels are drawn, and their texts measured, by tutorial_rows.py.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.merl import write_merl
 from PIL import Image
 
-_STEPS = ("steps", "measurement", "swatch", "rows")
+_STEPS = ("steps", "measurement", "swatch", "dialogues", "rows")
 _SCRIPTS = ("hands.py", "hands_menus.py", "row_widths.py", *(f"tutorial_{name}.py" for name in _STEPS))
 # A common screen, and one on which every row of the panels has its place.
 _SCREEN, _TALL = (1920, 1080), (2600, 2400)
@@ -25,7 +26,8 @@ _START = """
 import bpy
 preferences = bpy.context.preferences
 preferences.view.show_splash, preferences.view.smooth_view = False, 0
-preferences.view.filebrowser_display_type = "SCREEN"  # there is nothing that manages windows
+# There is nothing that manages windows: keys would go to whichever was opened last.
+preferences.view.filebrowser_display_type = preferences.view.render_display_type = "SCREEN"
 preferences.view.ui_scale, preferences.system.viewport_aa = 1, "OFF"
 bpy.ops.wm.save_userpref()
 for area in (area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"):
@@ -73,8 +75,8 @@ def repeat_tutorials(place: Path, pictures: Path | None) -> None:
         print(f"tutorials: ok   install: {blender.install()}", flush=True)
         blender.run("--python-exit-code", "9", "--python", "start.py")
         try:
-            for parts, size in ((("tutorial_measurement", "tutorial_swatch"), _SCREEN), (("tutorial_rows",), _TALL)):
-                _walk(blender, parts, size)
+            _walk(blender, ("tutorial_measurement", "tutorial_swatch", "tutorial_dialogues"), _SCREEN)
+            _walk(blender, ("tutorial_rows",), _TALL)
         finally:
             if pictures is not None:
                 pictures.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ from ....bake.tables.grids.parameterization import Parameterization
 from ....bake.tables.search.grid_search import BASES
 from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
-from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
+from .quality_choice import advanced, draw_part, draw_quality_choice, part_choice, quality_choice
 from .reading import ReadingProperties, draw_reading, reading_of, show_reading
 from .registration import registration
 from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_rights
@@ -60,6 +60,8 @@ def _enum(
 
 _QUALITY = quality_choice(BRDF_LEVELS)
 _ADVANCED = advanced()
+_PARTS = {"table": "Table", "rendering": "Rendering", "files": "Files", "reading": "Reading", "rights": "License"}
+_PART = part_choice(_PARTS)
 _RESOLUTION = bpy.props.IntProperty(
     name="Resolution",
     description="N of an N x N x 2N table, or of one of as many bytes. Time and memory grow with its cube",
@@ -129,6 +131,7 @@ class BakeProperties(ReadingProperties):
     source_url: SOURCE_URL
     quality: _QUALITY
     advanced: _ADVANCED
+    part: _PART
     resolution: _RESOLUTION
     basis: _BASIS
     parameterization: _PARAMETERIZATION
@@ -193,9 +196,11 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
 def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     """Draw the quality of a BRDF's bake and, where they are asked for, the settings that have an effect."""
     inner = draw_quality_choice(layout, properties, BRDF_LEVELS, settings_of)
-    if inner is None:
-        return
-    column = heading(inner, "Table")
+    if inner is not None:
+        _DRAWN[properties.part](draw_part(inner, properties, tuple(_PARTS)), properties)
+
+
+def _draw_table(column: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "resolution")
     column.prop(properties, "basis")
     column.prop(properties, "parameterization")
@@ -208,14 +213,26 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "filter")
     if tries_spline(properties.filter, properties.envelope, properties.storage):
         column.prop(properties, "spline")
-    column = heading(inner, "Rendering")
+
+
+def _draw_rendering(column: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "sampler")
     column.prop(properties, "envelope")
-    column = heading(inner, "Files")
+
+
+def _draw_files(column: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "storage")
     column.prop(properties, "pack")
-    draw_reading(inner, properties)
-    draw_rights(inner, properties)
+
+
+# By the names of the parts.
+_DRAWN = {
+    "table": _draw_table,
+    "rendering": _draw_rendering,
+    "files": _draw_files,
+    "reading": draw_reading,
+    "rights": draw_rights,
+}
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_bake, "measured_materials")

@@ -1,6 +1,7 @@
 """What the artist can set for the bake of a shading map, as Blender properties."""
 
 # No postponed annotations here: Blender reads the properties from them.
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,20 @@ from ...material.lighting import MEASURED, lighting_of, number
 from ...summary.bake_stages import USUAL_SIZE
 from ...summary.quality_levels import MAP_LEVELS
 from .enum_items import enum
-from .quality_choice import advanced, draw_quality_choice, heading, quality_choice
+from .quality_choice import advanced, draw_part, draw_quality_choice, part_choice, quality_choice
 from .registration import registration
 from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_rights
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
 _MAP = ("slices", "storage", "compression", "rank", "tileable")
+_PARTS = {
+    "swatch": "Swatch",
+    "brightness": "Brightness",
+    "lights": "Lights",
+    "rendering": "Rendering",
+    "files": "Files",
+    "rights": "License",
+}
 _CORNERS = ("corner_top_left", "corner_top_right", "corner_bottom_right", "corner_bottom_left")
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
@@ -77,6 +86,10 @@ def _corner(name: str) -> Any:
     return bpy.props.FloatVectorProperty(name=name, description=words, size=2, min=-1, max=1 << 24, precision=1)
 
 
+def _corner_title(name: str) -> str:
+    return name.removeprefix("corner_").replace("_", " ").title()
+
+
 def _path(name: str, description: str, subtype: str = "FILE_PATH") -> Any:
     return bpy.props.StringProperty(name=name, description=description, subtype=subtype)
 
@@ -91,6 +104,7 @@ class ArcProperties:
     __annotations__ = {
         "quality": quality_choice(MAP_LEVELS),
         "advanced": advanced(),
+        "part": part_choice(_PARTS),
         "full_size": bpy.props.BoolProperty(
             name="Full Size",
             description="Keep the swatch in the photographs' own size",
@@ -108,7 +122,7 @@ class ArcProperties:
         "storage": _enum("Storage", "Format of the texels", tuple(map(str, IMAGE_STORAGES)), _USUAL.storage),
         "frame": _enum("Frame", "Where the swatch is in the photographs", ("whole", "crop", "corners"), "whole"),
         "crop": _rectangle("Crop (px)", "The swatch"),
-        **{name: _corner(name.removeprefix("corner_").replace("_", " ").title()) for name in _CORNERS},
+        **{name: _corner(_corner_title(name)) for name in _CORNERS},
         "decode": _enum(
             "Decode",
             "Curve of JPEG, PNG and TIFF files; their primaries are read from them",
@@ -195,28 +209,52 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
         setattr(p, name, "" if path is None else str(path))
 
 
-def draw_arc_settings(layout: bpy.types.UILayout, properties: Any, light: Any) -> None:
-    """Draw the quality of a bake of photographs and, where they are asked for, the settings that have an effect."""
+def draw_arc_settings(
+    layout: bpy.types.UILayout,
+    properties: Any,
+    light: Any,
+    draw_rendering: Callable[[bpy.types.UILayout], None] | None = None,
+) -> None:
+    """Draw the quality of a bake of photographs and, where they are asked for, the settings that have an effect.
+
+    Parameters
+    ----------
+    draw_rendering : draws those that can be changed without a bake, where this is the place for them
+    """
     p = properties
     inner = draw_quality_choice(layout, p, MAP_LEVELS, _settings_to_weigh)
     if inner is None:
         return
-    for words, names in _parts(p, light):
-        column = heading(inner, words)
-        for name in names:
-            if name in _WHERE_EMPTY:
-                column.prop(p, name, placeholder=_WHERE_EMPTY[name])
-            else:
-                column.prop(p, name)
-    draw_rights(inner, p)
+    column = draw_part(inner, p, [part for part in _PARTS if draw_rendering or part != "rendering"])
+    if p.part == "rendering" and draw_rendering:
+        draw_rendering(column)
+    elif p.part == "rights":
+        draw_rights(column, p)
+    for name in _shown(p, light).get(p.part, ()):
+        if name in _CORNERS:
+            _draw_corner(column, p, name)
+        elif name in _WHERE_EMPTY:
+            column.prop(p, name, placeholder=_WHERE_EMPTY[name])
+        else:
+            column.prop(p, name)
+
+
+def _draw_corner(layout: bpy.types.UILayout, p: Any, name: str) -> None:
+    """Both numbers in one row."""
+    split = layout.split(factor=0.4)
+    left, right = split.row(), split.row(align=True)
+    left.alignment = "RIGHT"  # as the names of the other settings
+    left.label(text=_corner_title(name))
+    right.use_property_split = False
+    right.prop(p, name, text="")
 
 
 # What an empty path means.
 _WHERE_EMPTY = {"lights": "Automatic", "flat_field": "None"}
 
 
-def _parts(p: Any, light: Any) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Headings, and the names of the settings under them that have an effect."""
+def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
+    """Parts, and the names of the settings in them that have an effect."""
     size = ("full_size",) if p.full_size else ("full_size", "size")
     rank = ("rank",) if p.compression == "basis" else ()
     frame = {"crop": ("crop",), "corners": _CORNERS}.get(p.frame, ())
@@ -224,12 +262,12 @@ def _parts(p: Any, light: Any) -> tuple[tuple[str, tuple[str, ...]], ...]:
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("azimuth",) if p.one_plane else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
-    return (
-        ("Swatch", (*size, "slices", "tileable", "frame", *frame)),
-        ("Brightness", ("decode", *gamma, "scale_by", *scale, "flat_field", "align")),
-        ("Light", ("lights", "one_plane", *plane, "spread", "sides", "fit_lobe", *brdf)),
-        ("Files", ("compression", *rank, "storage", "pack")),
-    )
+    return {
+        "swatch": (*size, "slices", "tileable", "frame", *frame),
+        "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
+        "lights": ("lights", "one_plane", *plane, "spread", "sides", "fit_lobe", *brdf),
+        "files": ("compression", *rank, "storage", "pack"),
+    }
 
 
 def _settings_to_weigh(p: Any) -> ArcSettings:

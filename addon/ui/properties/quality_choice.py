@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -17,6 +17,8 @@ _ITEMS = [
     ("fine", "Fine", "For what fills the picture"),
     (CUSTOM, "Custom", "Settings of your own, under Advanced"),
 ]
+# Side by side, at the usual width of a panel.
+_TABS = 3
 _NUMBERS = {name: number for number, (name, *_) in enumerate(_ITEMS)}
 
 
@@ -76,10 +78,24 @@ def draw_quality_choice(
     return layout.column() if properties.advanced else None
 
 
-def heading(layout: bpy.types.UILayout, words: str) -> bpy.types.UILayout:
-    """A column under a heading."""
+def part_choice(parts: Mapping[str, str]) -> Any:
+    """A property: which part of the second level is shown, of these keys with their words. All at once are higher than
+    many a screen.
+    """
+    return bpy.props.EnumProperty(
+        name="Part",
+        description="Part of the settings that is shown",
+        items=[(key, words, f"Show these settings: {words}") for key, words in parts.items()],
+        options={"SKIP_SAVE"},
+    )
+
+
+def draw_part(layout: bpy.types.UILayout, properties: Any, parts: Sequence[str]) -> bpy.types.UILayout:
+    """Draw the tabs of these parts; returns the column for the settings of the one that is open."""
+    tabs = layout.grid_flow(row_major=True, columns=min(len(parts), _TABS), even_columns=True, align=True)
+    for name in parts:
+        tabs.prop_enum(properties, "part", name)
     column = layout.column()
-    column.label(text=words)
     column.use_property_split, column.use_property_decorate = True, False
     return column
 

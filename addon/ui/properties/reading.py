@@ -8,7 +8,6 @@ import bpy
 
 from ....bake.reading import READING_CHOICES, READING_NAMES, Reading
 from .enum_items import enum
-from .quality_choice import heading
 
 _USUAL = asdict(Reading())
 
@@ -102,7 +101,7 @@ def show_reading(properties: Any, reading: Reading) -> None:
 
 
 def draw_reading(layout: bpy.types.UILayout, properties: Any) -> None:
-    """Draw the choices under their heading."""
-    column = heading(layout, "What the File Leaves Open")
+    """Draw the choices."""
+    layout.label(text="What the File Leaves Open")
     for name in READING_NAMES:
-        column.prop(properties, _PREFIX + name)
+        layout.prop(properties, _PREFIX + name)

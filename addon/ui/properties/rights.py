@@ -11,7 +11,6 @@ from ....bake.bundle.origin import file_origin, is_same
 from ....bake.errors import BakeError
 from ....bake.rights import MOST_LETTERS, RIGHTS, Rights
 from ...material.facts import record_of, source_file
-from .quality_choice import heading
 
 
 def _text(name: str, description: str) -> Any:
@@ -19,9 +18,9 @@ def _text(name: str, description: str) -> Any:
     return bpy.props.StringProperty(name=name, description=description, maxlen=MOST_LETTERS, options={"SKIP_SAVE"})
 
 
-AUTHOR = _text("Author", "Who measured it or took the photographs; kept in the bundle")
-LICENSE = _text("License", "What others may do with it, for example CC0 or CC-BY 4.0; kept in the bundle")
-SOURCE_URL = _text("Found At", "Where it was found, an address or a citation; kept in the bundle")
+AUTHOR = _text("Author", "Who measured it or took the photographs; kept with the baked files")
+LICENSE = _text("License", "What others may do with it, for example CC0 or CC-BY 4.0; kept with the baked files")
+SOURCE_URL = _text("Found At", "Where it was found, an address or a citation; kept with the baked files")
 
 
 def rights_of(properties: Any) -> Rights:
@@ -57,7 +56,6 @@ def rights_beside(material: bpy.types.Material, rights: Rights) -> Rights:
 
 
 def draw_rights(layout: bpy.types.UILayout, properties: Any) -> None:
-    """Draw them under their heading."""
-    column = heading(layout, "Author and License")
+    """Draw all of them."""
     for name in RIGHTS:
-        column.prop(properties, name)
+        layout.prop(properties, name)
