@@ -80,8 +80,10 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
     with monkeypatch.context() as newer:
         newer.setattr(aim_targets, "can_raycast", lambda: True)
         assert "not_sampled" in rules(scene)
+    assert "lamp_camera" in rules(scene)
     rebuild_brdf(cloth, Choices(mode=mode, shader="osl"), scene.scene)
-    assert not rules(scene) & {"not_sampled", "not_aimed", "osl_files"}
+    update_scene(scene.scene)
+    assert not rules(scene) & {"not_sampled", "not_aimed", "osl_files", "lamp_camera"}
     scripts = [n for tree in trees_below(cloth.node_tree) for n in tree.nodes if n.bl_idname == "ShaderNodeScript"]
     assert scripts and cloth.cycles.emission_sampling == "NONE"
 
