@@ -120,7 +120,7 @@ def test_a_lamp_hidden_from_the_camera_loses_nothing(
         lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
         assert not lamp.visible_camera
         dress(scene, glazed)
-        assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=16)
+        assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=48)
 
 
 @pytest.mark.slow

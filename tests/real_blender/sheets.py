@@ -77,7 +77,9 @@ def main(place: Path, names: list[str]) -> None:
         for name, case in cases.items():
             found = json.loads((share / f"{name}.json").read_text(encoding="utf-8"))
             good, words = verdict(np.array(found["sampled"]["parts"]), truth(record, case))
-            figures = [
+            told = found["native"]
+            figures = [f"native {100 * told['noise']:.2f} %, {told['time']:.1f} s per million"]
+            figures += [
                 f"{what} {found['sampled'][what] / found[other][what]:.2f} of {other}'s"
                 for what in ("noise", "time")
                 for other in ("native", "aimed")
