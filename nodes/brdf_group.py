@@ -37,6 +37,7 @@ class BrdfParts:
     around : the world's picture, where it is to be sampled too
     anisotropic : the parts lie in the frame of a tangent, which the group then takes
     normals : a view layer shows the Normal pass, which mirrors would spoil
+    scripted : a script of OSL asks what rays meet, in place of Cycles' Raycast node
     """
 
     table: TableGroups | None = None
@@ -48,6 +49,7 @@ class BrdfParts:
     around: Surroundings | None = None
     anisotropic: bool = False
     normals: bool = False
+    scripted: bool = False
 
     def placed(self, gloss: Any, tangent: Any = None) -> BrdfParts:
         """The same parts under a gloss, and in the frame of this tangent, in world space."""
@@ -65,7 +67,7 @@ class BrdfParts:
         if self.table is None:
             return self.envelope.alone(normal, adjustments)
         if self.lamps is not None and self.lights is not None:
-            tables = LightTables(self.lamps, self.lights, self.around)
+            tables = LightTables(self.lamps, self.lights, self.around, self.scripted)
             return sampled_closure(self.envelope, self.table, normal, adjustments, tables)
         return exact_closure(self.envelope, self.table, normal, adjustments, self.lamps, self.shares)
 

@@ -284,12 +284,21 @@ def _properties(node: Any, kind: str, switched: str, known: dict[int, str]) -> d
     if names is None:
         skipped = _SKIPPED.union(switched.split())
         found = (p for p in node.bl_rna.properties if p.type != "COLLECTION" and not p.identifier.startswith("bl_"))
-        names = _names[kind, switched] = tuple(p.identifier for p in found if p.identifier not in skipped)
-    return {name: _plain(getattr(node, name), known) for name in names}
+        names = _names[kind, switched] = tuple(
+            (p.identifier, _is_plain(p)) for p in found if p.identifier not in skipped
+        )
+    return {name: getattr(node, name) if plain else _plain(getattr(node, name), known) for name, plain in names}
 
 
-# Settings of nodes of a kind that count, where some are switched.
-_names: dict[tuple[str, str], tuple[str, ...]] = {}
+def _is_plain(setting: bpy.types.Property) -> bool:
+    """Whether a setting is one number or word, which `_plain` would leave as it is."""
+    if setting.type == "ENUM":
+        return not setting.is_enum_flag
+    return setting.type == "STRING" or (setting.type in ("BOOLEAN", "INT", "FLOAT") and not setting.is_array)
+
+
+# Settings of nodes of a kind that count, where some are switched, and whether each is plain.
+_names: dict[tuple[str, str], tuple[tuple[str, bool], ...]] = {}
 
 
 def _defaults(node: Any, known: dict[int, str]) -> list[Any]:

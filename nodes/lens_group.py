@@ -115,10 +115,15 @@ def value_node(group: bpy.types.NodeTree, name: str) -> bpy.types.Node | None:
 def _numbers_group() -> bpy.types.ShaderNodeTree:
     outputs = {"Share": "float", "Turns": "float", "Known": "float"}
     group = node_group(NAME, {}, outputs, _numbers)
-    group[LENS_KEY] = True
+    fresh = LENS_KEY not in group
+    if fresh:
+        group[LENS_KEY] = True
     for name, value in _VALUES.items():
         node = value_node(group, name)
-        if node is not None and (group.animation_data is None or not group.animation_data.drivers.find(_path(node))):
+        # Whatever is written has Blender evaluate every material that holds the group once more.
+        if node is None or not (fresh or value.expression):
+            continue
+        if group.animation_data is None or not group.animation_data.drivers.find(_path(node)):
             node.outputs[0].default_value = value.usual
             if value.expression:
                 _drive(node.outputs[0], value.expression)

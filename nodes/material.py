@@ -59,8 +59,8 @@ def build_material(
     lights : table of what the lamps emit, see `bake.sampling.lamp_light`, where the shader is to sample them; that
         takes `lamps`, a mirror beside native closures, and Blender 5.1 or `scripted` rays
     surroundings : the world's picture, to be sampled too; used with `lights` only
-    scripted : a script of OSL asks what rays meet; of sheets only. Textures have to be packed where Open Shading
-        Language is on
+    scripted : a script of OSL asks what rays meet, in any Blender. All else is nodes, whose textures have to be packed
+        where Open Shading Language is on; where it is off no light is sampled
 
     Raises
     ------
@@ -100,7 +100,9 @@ def build_material(
             check_shares(record)
             shares = LampShares(textures("residual_share"), record.share_layout)
         direct, around = (lights, surroundings) if sampled else (None, None)
-        parts = BrdfParts(table, envelope, preview, lamps, shares, direct, around, record.anisotropic, normals)
+        parts = BrdfParts(
+            table, envelope, preview, lamps, shares, direct, around, record.anisotropic, normals, scripted
+        )
         group = brdf_group(f"Measured {name}", mode, parts)
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 

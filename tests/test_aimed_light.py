@@ -80,6 +80,7 @@ def test_aimed_mirror_is_diffuse_under_every_lamp(tmp_path: Path, lighting: str)
         assert_same(reference, scene.render(20, range(100, 108)), scene.mask(), 0.0, 0.01)
 
 
+@pytest.mark.slow
 def test_aimed_table_is_the_table(tmp_path: Path) -> None:
     """A measured BRDF, glossy, with the alias tables' density: aimed against not aimed under a lamp that both find."""
     source = analytic.Ggx(alpha=0.35, f0=(0.9, 0.6, 0.3))

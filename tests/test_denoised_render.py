@@ -25,6 +25,7 @@ from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat
 from support.clean_blend import clean_blend  # noqa: F401
+from support.osl import skip_without_osl
 from support.swatches import map_bundle, rough_map
 
 PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.1)
@@ -115,6 +116,25 @@ def test_texture_of_a_swatch_stays(tmp_path: Path, capsys: pytest.CaptureFixture
     # Found: 0.93 (of the noisy picture 0.68), and 0.88.
     assert np.corrcoef(detail.ravel(), kept.ravel())[0, 1] > 0.88
     assert 0.78 < kept.std() / detail.std() < 1.1
+
+
+def test_a_swatch_by_osl_shows_the_same_and_is_denoised_by_a_twin(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its script tells which lamps are seen; the twin, which writes the passes, lies as often along the ball."""
+    skip_without_osl()
+    bundle = map_bundle(tmp_path / "rough.mmat", rough_map(size=16), RenderSettings(sigma=0.5)).path
+    large = ("--repeat", "1")
+    many, _ = rendered(bundle, tmp_path, capsys, "--denoise", "never", "--samples", "256", *large)
+    noisy, said = rendered(bundle, tmp_path, capsys, "--osl", "--denoise", "never", *large)
+    assert said["osl"] and not said["denoised"]
+    assert abs(noisy.mean() / many.mean() - 1) < 0.02
+    clean, said = rendered(bundle, tmp_path, capsys, "--osl", *large)
+    assert said["osl"] and said["denoised"]
+    assert error(noisy, many) > 1.3 * error(clean, many)
+    # What shows nothing of lamps by itself is built of nodes, and says so.
+    _, said = rendered(bundle, tmp_path, capsys, "--osl", "--mode", "preview", *large)
+    assert not said["osl"]
 
 
 def test_older_bundles_are_rendered_as_they_are(paint: Path) -> None:

@@ -84,8 +84,10 @@ def test_gloss_one_is_nothing_in_osl(stand_in: Bundles, kind: str) -> None:
 
 
 def osl_material(bundle: Bundle, kind: str) -> bpy.types.Material:
-    """Mode Exact, aimed at lamps or sampling them, or Reference."""
-    lights = lamp_light_image() if kind == "sampled" else None
+    """Mode Exact, aimed at lamps or sampling them, by a script as a whole or by nodes and rays of one, or Reference."""
+    lights = lamp_light_image() if kind in ("sampled", "nodes") else None
+    if kind == "nodes":
+        return build_material(bundle, mode="exact", lamps=lamp_image(), lights=lights, scripted=True, pack=True)
     mode = "reference" if kind == "reference" else "exact"
     return build_osl_material(bundle, mode=mode, lamps=lamp_image(), lights=lights)
 
@@ -120,27 +122,37 @@ def test_a_gloss_is_its_quadrature(stand_in: Bundles, material: str, light: str,
 
 
 @pytest.mark.parametrize(
-    "kind, gloss",
+    "kind, light, gloss",
     [
-        ("sampled", 2.0),
-        ("aimed", 0.5),
-        pytest.param("sampled", 0.5, marks=pytest.mark.slow),
-        pytest.param("reference", 2.0, marks=pytest.mark.slow),
+        ("sampled", "disk", 4.0),
+        ("nodes", "disk", 4.0),
+        ("aimed", "small lamp", 0.5),
+        pytest.param("sampled", "three lamps", 2.0, marks=pytest.mark.slow),
+        pytest.param("sampled", "three lamps", 0.5, marks=pytest.mark.slow),
+        pytest.param("nodes", "three lamps", 1.0, marks=pytest.mark.slow),
+        pytest.param("reference", "small lamp", 2.0, marks=pytest.mark.slow),
     ],
 )
-def test_a_gloss_in_osl_is_its_quadrature(stand_in: Bundles, kind: str, gloss: float) -> None:
-    """With lamps aimed at, and sampled in the shader: wide ones, which mirror and sampling share."""
+def test_a_gloss_in_osl_is_its_quadrature(stand_in: Bundles, kind: str, light: str, gloss: float) -> None:
+    """With lamps aimed at, and sampled in the shader: wide ones, which mirror and sampling share.
+
+    Under the disk of 2 m a highlight four times as sharp is far narrower than the lamp: there the mirror's density is
+    most of what both share, and a density without the map's own would show.
+    """
     skip_without_osl()
     bundle = stand_in("metallic paint")
-    with stage("three lamps" if kind == "sampled" else "small lamp") as lit:
+    with stage(light) as lit:
         use_osl(lit.scene.scene)
         lit.scene.show(glossy(osl_material(bundle, kind), gloss))
         update_scene(lit.scene.scene)
-        truth = lit.truth(glossy_brdf(bundle, "reference" if kind == "reference" else "exact", gloss))
+        brdf = glossy_brdf(bundle, "reference" if kind == "reference" else "exact", gloss)
+        # Of 34 nodes to a point those of a wide lamp miss such a highlight: 0.9 % too dark in red.
+        truth = lit.truth(brdf, finer=2, nodes=144) if light == "disk" else lit.truth(brdf)
         assert_agree(lit.judged(truth), FINDS)
 
 
-@pytest.mark.parametrize("gloss", [2.0, pytest.param(0.5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("gloss", [2.0, 0.5])
 def test_along_a_tangent_aiming_changes_nothing(brushed: Bundle, gloss: float) -> None:
     """Not aimed, no density is ever asked for: of a wrong one aimed pictures would tell. A planted 2 % is found."""
     pictures = []

@@ -198,7 +198,8 @@ def _check_opened(file: Path, names: list[str]) -> None:
 
 
 def test_a_camera_that_moves_is_told_to_all_groups() -> None:
-    """Until told, it is taken for moving; and a driven lens is no animation of the material."""
+    """Until told, it is taken for moving; another build forgets nothing; a driven lens is no animation of the
+    material."""
     with lens_scene() as scene:
         group = lens_groups()[0]
 
@@ -207,6 +208,8 @@ def test_a_camera_that_moves_is_told_to_all_groups() -> None:
 
         assert value() == 1
         follow_cameras()
+        assert value() == 0
+        lens_group()
         assert value() == 0
         moving(1e-3)(scene)
         follow_cameras()

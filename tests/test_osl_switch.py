@@ -9,11 +9,14 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.lights.aim_targets import Sampling, sampling_of
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.facts import record_of
 from measured_materials.addon.material.kinds import BRDF
 from measured_materials.addon.material.rebuild import current_choices, effects_of, rebuild_brdf
+from measured_materials.addon.material.scene_fit import plan_brdf
 from measured_materials.addon.material.textures import script_files
 from measured_materials.addon.material.textures.kept import image_nodes, textures_of
 from measured_materials.addon.scene_check.check import check_scene, mend
@@ -26,11 +29,15 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
-from measured_materials.nodes.osl_script import is_scripted, use_osl
+from measured_materials.nodes.osl_script import is_one_script, is_scripted, use_osl
 from support.clean_blend import clean_blend  # noqa: F401
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
 from test_addon import registered  # noqa: F401
+
+# A script as a whole, whose textures are files, is built where nodes would sample nothing.
+NODES = Choices(sample="never")
+SCRIPT = Choices(sample="never", shader="osl")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -92,7 +99,8 @@ def rules(scene: TestScene) -> set[str]:
 
 
 def test_one_switch_builds_materials_and_sets_the_scene(scene: TestScene, bundle: Bundle) -> None:
-    material = worn(scene, bundle)
+    """Of nodes, whose textures are packed, and a script that tells which lamps are seen."""
+    material = worn(scene, bundle, pack=False)
     switch(scene)
     assert is_scripted(material) and material.measured_quality.shader == "osl"
     assert scene.scene.cycles.shading_system and scene.scene.cycles.device == "CPU"
@@ -101,8 +109,10 @@ def test_one_switch_builds_materials_and_sets_the_scene(scene: TestScene, bundle
     assert found["Open Shading Language"] and found["Lamps sampled in the shader"]
     assert not rules(scene) - {"lamp_table"}
     assert BRDF.cost(material).startswith("About 3.8 times")
+    files = [node.image for node in image_nodes(material.node_tree) if node.image.source == "FILE"]
+    assert not is_one_script(material) and files and all(image.packed_file for image in files)
     scripted = scene.render(16, 3)
-    twin = build_osl_material(bundle, lamps=lamp_image(), lights=lamp_light_image())
+    twin = build_material(bundle, lamps=lamp_image(), lights=lamp_light_image(), scripted=True, pack=True)
     scene.show(twin)
     assert np.array_equal(scene.render(16, 3), scripted), "the material of the switch is another than the builder's"
     scene.show(material)
@@ -110,6 +120,17 @@ def test_one_switch_builds_materials_and_sets_the_scene(scene: TestScene, bundle
     switch(scene, nodes=True)
     assert not is_scripted(material) and material.measured_quality.shader == "nodes"
     assert not scene.scene.cycles.shading_system
+
+
+def test_where_nodes_would_sample_nothing_one_script_does(scene: TestScene, bundle: Bundle) -> None:
+    """A world that is no picture, beside a lamp: nodes would aim at it and leave the lamp to the mirror."""
+    material = worn(scene, bundle)
+    known, record = survey_scene(scene.scene), record_of(material)
+    for sample in ("auto", "always"):
+        choices = Choices(shader="osl", sample=sample)
+        for by_script, whole in ((sampling_of(known, scripted=True), False), (Sampling(needless="a world"), True)):
+            plan = plan_brdf(record, choices, "", sampling=sampling_of(known, osl=True), by_script=by_script)
+            assert plan.sample and (plan.osl, plan.scripted) == (whole, not whole)
 
 
 def test_other_scripts_keep_the_language_on(scene: TestScene, bundle: Bundle) -> None:
@@ -123,6 +144,7 @@ def test_other_scripts_keep_the_language_on(scene: TestScene, bundle: Bundle) ->
 def test_textures_are_the_bundle_s_while_it_is_there(scene: TestScene, bundle: Bundle, folder: Path) -> None:
     material = worn(scene, bundle)
     use_osl(scene.scene)
+    material.measured_quality.sample = "never"
     material.measured_quality.shader = "osl"
     assert not material.measured_quality.problem and is_scripted(material)
     assert not folder.exists()
@@ -132,11 +154,11 @@ def test_textures_are_the_bundle_s_while_it_is_there(scene: TestScene, bundle: B
 def test_packed_textures_are_copied_where_the_bundle_is_gone(scene: TestScene, bundle: Bundle, folder: Path) -> None:
     material = worn(scene, bundle)
     use_osl(scene.scene)
-    rebuild_brdf(material, Choices(shader="osl"), scene.scene)
+    rebuild_brdf(material, SCRIPT, scene.scene)
     before = scene.render(8, 2)
     shutil.rmtree(bundle.path)
-    rebuild_brdf(material, Choices(), scene.scene)
-    rebuild_brdf(material, Choices(shader="osl"), scene.scene)
+    rebuild_brdf(material, NODES, scene.scene)
+    rebuild_brdf(material, SCRIPT, scene.scene)
     assert np.array_equal(scene.render(8, 2), before)
     files = {path.stem: path for path in folder.iterdir()}
     assert {"residual", "residual_sampler", "envelope"} <= {
@@ -146,7 +168,7 @@ def test_packed_textures_are_copied_where_the_bundle_is_gone(scene: TestScene, b
     path = next(iter(files.values()))
     data = path.read_bytes()
     path.write_bytes(b"nothing")
-    rebuild_brdf(material, Choices(shader="osl"), scene.scene)
+    rebuild_brdf(material, SCRIPT, scene.scene)
     assert path.read_bytes() == data
 
 
@@ -155,7 +177,7 @@ def test_textures_in_files_are_read_where_they_are(scene: TestScene, bundle: Bun
     material = worn(scene, bundle, pack=False)
     document = (bundle.path / "material.json").read_text()
     (bundle.path / "material.json").write_text("{}")
-    rebuild_brdf(material, Choices(shader="osl"), scene.scene)
+    rebuild_brdf(material, SCRIPT, scene.scene)
     assert is_scripted(material) and not folder.exists()
     (bundle.path / "material.json").write_text(document)
 
@@ -163,6 +185,7 @@ def test_textures_in_files_are_read_where_they_are(scene: TestScene, bundle: Bun
 def test_what_is_lost_is_said_and_nothing_changes(scene: TestScene, bundle: Bundle, folder: Path) -> None:
     material = worn(scene, bundle, pack=False)
     shutil.rmtree(bundle.path)
+    material.measured_quality.sample = "never"
     material.measured_quality.shader = "osl"
     assert material.measured_quality.problem and material.measured_quality.shader == "nodes"
     assert not is_scripted(material) and not folder.exists()
@@ -174,7 +197,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(scene: TestScene, bundle: B
     folder.parent.mkdir()
     folder.write_text("in the way")
     with pytest.raises(BakeError, match="OSL reads textures from files only; make room there"):
-        rebuild_brdf(material, Choices(shader="osl"), scene.scene)
+        rebuild_brdf(material, SCRIPT, scene.scene)
     assert not is_scripted(material)
 
 

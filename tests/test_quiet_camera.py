@@ -153,7 +153,7 @@ def pictures(scene: TestScene, quiet: bool, samples: int, seeds: range) -> np.nd
 
 
 SAMPLES_OF = {"exact": 64, "osl sampled": 16, "reference": 64, "map": 64, "osl aimed": 48}
-SLOW = {"reference", "map", "osl aimed"}
+SLOW = {"reference", "map", "osl aimed", "osl sampled"}
 
 
 @pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.slow] * (k in SLOW)) for k in SAMPLES_OF])

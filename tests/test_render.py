@@ -38,12 +38,6 @@ def grey(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     return read_bundle(bake_file(folder / "grey.binary", folder / "grey", settings).path)
 
 
-def tint(material: bpy.types.Material, factor: float) -> bpy.types.Material:
-    """The same material, planted with an error."""
-    group_node(material).inputs["Tint"].default_value = (*(factor,) * 3, 1)
-    return material
-
-
 def group_node(material: bpy.types.Material) -> bpy.types.Node:
     """The node that holds the measured BRDF."""
     return next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
@@ -57,12 +51,8 @@ def test_grey_lambert_equals_diffuse(grey: Bundle, segments: int) -> None:
         # with the default offset of 0.1 it lies 0.46 % above us on 12 segments, in the worst tile 2 %.
         scene.leave_terminator()
         reference = scene.render(64, 6)
-        material = build_material(grey)
-        scene.show(material)
-        assert_agree(compare(reference, scene.render(128, range(100, 108)), scene.mask()), EFFECT)
-        tint(material, 1.02)
-        planted = compare(reference, scene.render(128, range(200, 208)), scene.mask())
-        assert not planted.passed, f"a planted error of 2 % was not found: {planted}"
+        scene.show(build_material(grey))
+        assert_same(reference, scene.render(128, range(100, 108)), scene.mask(), 0.0, EFFECT)
 
 
 def test_bump_map_correction_would_bias_a_coarse_sphere(grey: Bundle) -> None:

@@ -107,8 +107,8 @@ def rough(tmp_path: Path) -> Bundle:
 @pytest.mark.parametrize(
     "lobe, above, name",
     [
-        (Lobe("lambert"), "clamp", "three lamps"),
-        pytest.param(Lobe("ggx", 0.3), "scale", "small lamp", marks=pytest.mark.slow),
+        (Lobe("ggx", 0.3), "scale", "small lamp"),
+        pytest.param(Lobe("lambert"), "clamp", "three lamps", marks=pytest.mark.slow),
         pytest.param(Lobe("phong", 12.0, 0.4), "clamp", "hard point", marks=pytest.mark.slow),
         pytest.param(Lobe("ggx", 0.3), "clamp", "room", marks=pytest.mark.slow),
         pytest.param(Lobe("oren_nayar", 0.5), "scale", "disk", marks=pytest.mark.slow),

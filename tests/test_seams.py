@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,8 +37,13 @@ class Import(NamedTuple):
     deferred: bool
 
 
-def imports(folder: str) -> Iterator[Import]:
+@cache
+def imports(folder: str) -> tuple[Import, ...]:
     """Every import of a folder; `module` is counted from the repository root if it is relative."""
+    return tuple(_read_imports(folder))
+
+
+def _read_imports(folder: str) -> Iterator[Import]:
     for file in sorted((ROOT / folder).rglob("*.py")):
         parts = file.relative_to(ROOT).parts[:-1]
         tree = ast.parse(file.read_text(encoding="utf-8"), str(file))

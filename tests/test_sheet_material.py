@@ -233,7 +233,9 @@ def test_what_is_not_supported_yet_is_told_or_refused(baked: dict[str, BakeResul
     assert plan.features and not plan.sample
     with pytest.raises(BakeError, match="Sample Lamps"):
         plan_brdf(record, Choices(mode="exact", sample="always"), "")
-    plan = plan_brdf(record, Choices(mode="exact", shader="osl"), "", passes=True, sampling=Sampling(gain="less noise"))
+    plan = plan_brdf(
+        record, Choices(mode="exact", shader="osl"), "", passes=True, by_script=Sampling(gain="less noise")
+    )
     assert plan.sample and plan.scripted and not plan.osl and not plan.features
 
 

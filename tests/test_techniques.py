@@ -237,6 +237,7 @@ os._exit(0)  # Blender's own end may hang once OpenGL has been used
 """
 
 
+@pytest.mark.slow
 def test_eevee_shows_what_numpy_finds(tmp_path: Path) -> None:
     """Under two suns of different strength and colour. In a process of its own: without OpenGL it ends there."""
     render = RenderSettings(Lobe("lambert"), sigma=0.8, a_max=0.3)

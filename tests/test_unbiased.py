@@ -11,7 +11,7 @@ import contextlib
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -176,9 +176,13 @@ class Stage:
     lights: list[Light]
     lighting: Lighting
 
-    def truth(self, brdf: Brdf, finer: int = 1) -> Array:
-        """The picture by quadrature; `finer` for lobes much narrower than a pixel of the sphere."""
-        return picture(brdf, self.camera, self.mask, self.lights, finer * self.lighting.grid)
+    def truth(self, brdf: Brdf, finer: int = 1, nodes: int | None = None) -> Array:
+        """The picture by quadrature; `finer` for lobes much narrower than a pixel of the sphere, more `nodes`, a
+        Fibonacci number, for those much narrower than a lamp."""
+        lights: list[Any] = self.lights
+        if nodes is not None:
+            lights = [replace(light, nodes=nodes) for light in lights]
+        return picture(brdf, self.camera, self.mask, lights, finer * self.lighting.grid)
 
     def judged(self, truth: Array, finer: int = 1) -> Result:
         """What the scene shows against the truth, under so many seeds as it takes to find 1 %.

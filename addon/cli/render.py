@@ -55,7 +55,7 @@ def add_to(commands: Any) -> None:
         "--sample-lamps",
         choices=("auto", "always", "never"),
         default="auto",
-        help="of a BRDF: let the shader sample lamps itself, where it can, rather than send a mirror (%(default)s)",
+        help="let the shader sample lamps itself, where it can, rather than send a mirror (%(default)s)",
     )
     parser.add_argument(
         "--quiet-camera",
@@ -70,7 +70,12 @@ def add_to(commands: Any) -> None:
         default="auto",
         help="by albedo and normals that the material writes; auto: below 256 samples (%(default)s)",
     )
-    parser.add_argument("--osl", action="store_true", help="of a BRDF: as one OSL shader instead of nodes, on the CPU")
+    parser.add_argument(
+        "--osl",
+        action="store_true",
+        help="with Open Shading Language, on the CPU: a script tells nodes which lamps are seen; where nodes would not "
+        "sample any, a BRDF is a script as a whole",
+    )
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run, command="render")
@@ -127,7 +132,7 @@ def run(options: argparse.Namespace) -> Result:
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        linear, denoised = _render(record, settings, options, out, mark, progress)
+        linear, denoised, scripted = _render(record, settings, options, out, mark, progress)
     mean = linear.mean((0, 1))
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
@@ -137,6 +142,7 @@ def run(options: argparse.Namespace) -> Result:
         "resolution": options.resolution,
         "samples": options.samples,
         "mean_linear": [float(value) for value in mean],
+        "osl": scripted,
         "denoised": denoised.done,
         "denoised_why": denoised.why,
     }
@@ -174,9 +180,8 @@ def _settings(record: Record, options: argparse.Namespace) -> RenderSettings | N
         if given:
             raise argparse.ArgumentTypeError(f"--{given[0].replace('_', '-')} is for shading maps, not BRDFs")
         return None
-    if options.filter is not None or options.osl:
-        option = "filter" if options.filter is not None else "osl"
-        raise argparse.ArgumentTypeError(f"--{option} is for BRDFs, not shading maps")
+    if options.filter is not None:
+        raise argparse.ArgumentTypeError("--filter is for BRDFs, not shading maps")
     usual = record.render
     lobe = usual.lobe
     if options.lobe == ["measured"]:
@@ -193,8 +198,8 @@ def _render(
     out: Path,
     mark: str,
     progress: Progress,
-) -> tuple[Any, Any]:
-    """Write the files and return the picture, linear, and what was done about its noise."""
+) -> tuple[Any, Any, bool]:
+    """Write the files and return the picture, linear, what was done about its noise, and whether a script took part."""
     import bpy
 
     from ...bake.images.image_io import write_png
@@ -213,14 +218,14 @@ def _render(
             environment=options.environment,
         )
         try:
-            linear = _shown(record, settings, options, (scene, material), denoised, out, progress)
+            linear, scripted = _shown(record, settings, options, (scene, material), denoised, out, progress)
         finally:
             remove_studio(scene)
     finally:
         bpy.data.materials.remove(material)
     progress("writing", 0.0)
     write_png(out, to_display(linear), mark)
-    return linear, denoised
+    return linear, denoised, scripted
 
 
 def _shown(
@@ -231,33 +236,35 @@ def _shown(
     denoised: Any,
     out: Path,
     progress: Progress,
-) -> Any:
-    """Build the material into the studio, a scene and the material it shows, and render it."""
+) -> tuple[Any, bool]:
+    """Build the material into the studio, a scene and the material it shows, and render it; with whether it is of
+    OSL."""
     from ..material.choices import NEVER
-    from ..rendering.denoising import denoise_by_twin, denoise_renders
+    from ..rendering.denoising import denoise_by_twin, denoise_renders, twin_of
     from ..rendering.quiet_camera import quiet_camera
     from ..studio.studio import render_linear
 
     scene, material = studio
     exr = out.with_suffix(".exr") if options.exr else None
     say = partial(progress, "rendering")
-    scripted = settings is None and options.osl and _build_brdf(record, options, scene, material)
+    build = (
+        partial(_build_brdf, record, options) if settings is None else partial(_build_map, record, settings, options)
+    )
+    scripted = options.osl and build(scene, material)
     if not scripted:
         if denoised.done:
             denoise_renders(scene)  # first, for the material then knows of its passes
-        if settings is None:
-            _build_brdf(record, options, scene, material)
-        else:
-            _build_map(record, settings, options, material, features=denoised.done)
+        build(scene, material)
     if options.quiet_camera != NEVER:
         quiet_camera(scene, [obj for obj in scene.objects if _wears(obj, material)])
     if scripted and denoised.done:
-        return denoise_by_twin(record, scene, material, render_linear(scene, progress=say), exr)
-    return render_linear(scene, exr, progress=say)
+        twin = twin_of(record) if settings is None else _map_twin(record, settings, options)
+        return denoise_by_twin(twin, scene, material, render_linear(scene, progress=say), exr), True
+    return render_linear(scene, exr, progress=say), scripted
 
 
 def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> bool:
-    """Whether it is a script, for which the scene is then set."""
+    """Whether a script takes part, for which the scene is then set."""
     from ...nodes.osl_script import use_osl
     from ..material.build_brdf import build_brdf, usual_choices
     from ..material.choices import OSL
@@ -266,22 +273,42 @@ def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: 
     given |= {} if options.filter is None else {"filter": options.filter}
     given |= {"shader": OSL} if options.osl else {}
     choices = replace(usual_choices(record, options.mode), **given)
-    scripted: bool = build_brdf(record, material, choices=choices, scene=scene)[1].osl
+    plan = build_brdf(record, material, choices=choices, scene=scene)[1]
+    scripted: bool = plan.osl or plan.scripted
     if scripted:
         use_osl(scene)
     return scripted
 
 
 def _build_map(
-    record: Any, settings: RenderSettings, options: argparse.Namespace, material: Any, *, features: bool
-) -> None:
+    record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace, scene: Any, material: Any
+) -> bool:
+    """As `_build_brdf`, of a shading map."""
+    from ...nodes.feature_passes import asks_for_passes
+    from ...nodes.osl_script import use_osl
+    from ..lights.kept_surveys import surveyed
+    from ..material.bake_photographs import set_repeat
+    from ..material.build_shading_map import build_lit_map, plan_map_light
+    from ..material.choices import NODES, OSL, Choices
+
+    report = surveyed(scene)
+    choices = Choices(aim=options.aim, sample=options.sample_lamps, shader=OSL if options.osl else NODES)
+    light = plan_map_light(settings, choices, report, ready=False)
+    if light.scripted:
+        use_osl(scene)
+    build_lit_map(record, material, settings, light, report, features=asks_for_passes(scene) and not light.scripted)
+    set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
+    return light.scripted
+
+
+def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace) -> Any:
+    """A shading map's material that writes the denoiser's passes, whatever lights it."""
     from ...nodes.shading_map_material import build_shading_map
-    from ..lights.light_tables import lamp_image
     from ..material.bake_photographs import set_repeat
 
-    lamps = None if options.aim == "never" else lamp_image()
-    build_shading_map(record, material, settings=settings, lamps=lamps, features=features)
-    set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
+    twin = build_shading_map(record, settings=settings, features=True)
+    set_repeat(twin, options.repeat or USUAL_REPEAT, record.map.layout)
+    return twin
 
 
 def _wears(obj: Any, material: Any) -> bool:

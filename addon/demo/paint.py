@@ -35,7 +35,7 @@ from ..lights.light_tables import lamp_image
 from ..material.build_brdf import build_brdf
 from ..material.choices import ALWAYS, OSL, Choices
 from ..rendering.contact_sheet import Cell, to_display, write_sheet
-from ..rendering.denoising import denoise_by_twin, denoise_renders, why_not_possible
+from ..rendering.denoising import denoise_by_twin, denoise_renders, twin_of, why_not_possible
 from ..studio.studio import build_studio, remove_studio, render_linear
 
 Progress = Callable[[str, float], None]
@@ -155,7 +155,7 @@ def _render_usual(path: Path, size: int, samples: int, progress: Callable[[float
         build_brdf(record, material, choices=Choices(sample=ALWAYS, shader=OSL), scene=scene)
         use_osl(scene)
         noisy = render_linear(scene, progress=progress)
-        return noisy if why_not_possible() else denoise_by_twin(record, scene, material, noisy)
+        return noisy if why_not_possible() else denoise_by_twin(twin_of(record), scene, material, noisy)
 
 
 @contextmanager

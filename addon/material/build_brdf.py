@@ -54,7 +54,16 @@ def build_brdf(
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
     targets, sampling = what_to_aim_at(report), sampling_for(record, choices, report)
-    plan = plan_brdf(record, choices, targets, passes, ready=ready, sampling=sampling, normals=shows_normals(scene))
+    plan = plan_brdf(
+        record,
+        choices,
+        targets,
+        passes,
+        ready=ready,
+        sampling=sampling,
+        by_script=_sampling_by_script(record, report),
+        normals=shows_normals(scene),
+    )
     behind = _brightened(record.part("behind"), plan.mode)
     plan = replace(plan, brightened=_brightened(record, plan.mode), brightened_behind=behind)
     lamps = lamp_image() if plan.aim or plan.sample else None
@@ -100,6 +109,16 @@ def sampling_for(record: BrdfRecord, choices: Choices, report: LampReport) -> Sa
     if record.sheet is not None:
         return sampling_of(report, scripted=osl, gain=GAIN_OF_SHEET)
     return sampling_of(report, osl=osl)
+
+
+def _sampling_by_script(record: BrdfRecord, report: LampReport) -> Sampling:
+    """What nodes can sample that a script tells which lamps are seen, as far as that is as good as one script."""
+    if record.sheet is not None:  # which no script holds as a whole
+        return sampling_of(report, scripted=True, gain=GAIN_OF_SHEET)
+    if report.slots + (not report.world_inexact) > 1:
+        # Nodes draw one of the lights. Tried on bronze under three lamps: 1.4 times the noise at equal time.
+        return Sampling(needless="there are several lights, of which one script as a whole samples each")
+    return sampling_of(report, scripted=True)
 
 
 def usual_choices(record: BrdfRecord, mode: str | None = None) -> Choices:

@@ -62,27 +62,55 @@ def build_map(
     light = plan_map_light(settings, choices, report, ready=ready)
     effects += light.effects
     passes = asks_for_passes(scene)
-    build_shading_map(
+    build_lit_map(
         record,
         material,
-        settings=settings,
+        settings,
+        light,
+        report,
         images=images,
         pack=pack,
-        lamps=lamp_image() if light.aim or light.sample else None,
-        lights=lamp_light_image() if light.sample else None,
-        surroundings=surroundings_of(report) if light.sample else None,
-        scripted=light.scripted,
         reduce=reduce,
         features=passes and not light.scripted,
         normals=shows_normals(scene),
     )
-    if light.scripted:
-        pack_textures(material)
     if passes and settings.mode != "preview":
         why = _NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(choices, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
+
+
+def build_lit_map(
+    record: ShadingMapRecord,
+    material: bpy.types.Material,
+    settings: RenderSettings,
+    light: MapLight,
+    report: LampReport,
+    **asked: Any,
+) -> None:
+    """Rebuild a shading map's material for the light of a scene that was surveyed; Cycles can read its textures then.
+
+    Parameters
+    ----------
+    asked : what else `nodes.shading_map_material.build_shading_map` takes
+
+    Raises
+    ------
+    BakeError : the material cannot be built, or this Blender has no OSL for a script
+    """
+    build_shading_map(
+        record,
+        material,
+        settings=settings,
+        lamps=lamp_image() if light.aim or light.sample else None,
+        lights=lamp_light_image() if light.sample else None,
+        surroundings=surroundings_of(report) if light.sample else None,
+        scripted=light.scripted,
+        **asked,
+    )
+    if light.scripted:
+        pack_textures(material)
 
 
 @dataclass(frozen=True)

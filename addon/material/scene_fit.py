@@ -7,7 +7,7 @@ leave out an effect that would be missed is refused.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...bake.brdf.record import BrdfRecord
@@ -47,8 +47,8 @@ class Effect:
 class BrdfPlan:
     """Plan of a tabulated BRDF's graph: what it is to hold, arguments of `nodes.material.build_material`, and the
     account of it; and how much more its closures reflect by gloss, `bake.envelope.gloss_energy.brightened_by_gloss`,
-    in front and at the back of a sheet whose sides differ. Of a sheet that samples lamps `scripted` says whether
-    scripts ask what rays meet."""
+    in front and at the back of a sheet whose sides differ. `osl` is the material as one script, `scripted` one of nodes
+    that a script tells which lamps are seen."""
 
     mode: str
     filter: str | None
@@ -72,6 +72,7 @@ def plan_brdf(
     *,
     ready: bool = False,
     sampling: Sampling = UNKNOWN,
+    by_script: Sampling = UNKNOWN,
     normals: bool = False,
 ) -> BrdfPlan:
     """The least that the mode needs.
@@ -83,6 +84,7 @@ def plan_brdf(
     passes : a view layer asks for the denoiser's
     ready : prepared for lights added later
     sampling : whether the shader can sample the scene's lamps
+    by_script : whether nodes can that a script tells which are seen; of a material that is to be OSL it goes first
     normals : a view layer shows the Normal pass
 
     Raises
@@ -99,8 +101,10 @@ def plan_brdf(
         effect = plan_residual(record, choices)
         residual = effect.kept
         effects.append(effect)
-    aim = sample = False
+    aim = sample = scripted = False
     if residual:
+        if choices.shader == OSL and plan_script(choices, by_script):
+            sampling, scripted = by_script, True
         sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
@@ -112,12 +116,11 @@ def plan_brdf(
             effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
     sheet = record.sheet is not None
-    asked = choices.shader == OSL
-    osl, scripted = residual and asked and not sheet, sample and asked and sheet
+    osl = residual and choices.shader == OSL and not sheet and not scripted
     features = passes and residual and not osl and not scripted
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
-        why = "OSL cannot write them; built of nodes they can be had" if passes and osl else why
+        why = "OSL cannot write them; built of nodes they can be had" if passes and (osl or scripted) else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:
@@ -126,12 +129,15 @@ def plan_brdf(
         effects.append(
             Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
         )
-    if sheet and asked:
-        effects.append(Effect("Open Shading Language", scripted, RAYS if scripted else NO_RAYS))
+    if scripted:
+        effects.append(Effect("Open Shading Language", True, RAYS))
+    elif sheet and choices.shader == OSL:
+        effects.append(Effect("Open Shading Language", False, NO_RAYS))
     else:
         effects += _language(choices, residual)
-    plan = BrdfPlan(choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked)
-    return replace(plan, scripted=scripted)
+    return BrdfPlan(
+        choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked, scripted=scripted
+    )
 
 
 def _language(choices: Choices, mirror: bool) -> list[Effect]:
@@ -142,6 +148,16 @@ def _language(choices: Choices, mirror: bool) -> list[Effect]:
         "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
     )
     return [Effect("Open Shading Language", mirror, why)]
+
+
+def plan_script(choices: Choices, by_script: Sampling) -> bool:
+    """Whether nodes sample as much, and as well, as one script would, once a script tells which lamps are seen.
+
+    Textures stay in the .blend then. Under several lights, or lamps and a world of no picture, one script does more.
+    """
+    if by_script.impossible or by_script.needless:
+        return False
+    return plan_sampling(choices, by_script).kept
 
 
 def is_ready(choices: Choices, ready: bool) -> bool:

@@ -99,22 +99,31 @@ def denoise_renders(scene: bpy.types.Scene) -> None:
 
 
 def denoise_by_twin(
-    record: BrdfRecord, scene: bpy.types.Scene, material: bpy.types.Material, noisy: Array, path: Path | None = None
+    twin: bpy.types.Material,
+    scene: bpy.types.Scene,
+    material: bpy.types.Material,
+    noisy: Array,
+    path: Path | None = None,
 ) -> Array:
-    """The scene's picture (H, W, 3) without its noise, where the bundle's material cannot write the passes itself.
+    """The scene's picture (H, W, 3) without its noise, where its material cannot write the passes itself.
 
     Parameters
     ----------
+    twin : of nodes, and writes the passes, as `twin_of` makes one; it is removed
     path : where to keep the 32-bit OpenEXR file as well
     """
-    # Of Preview, whose closures are cheap; any mode writes the same passes.
-    twin = build_material(
-        record, mode="preview" if record.has("preview_weights") else usual_mode(record), features=True
-    )
     try:
         return denoised(noisy, *features_of(scene, material, twin), path)
     finally:
         bpy.data.materials.remove(twin)
+
+
+def twin_of(record: BrdfRecord) -> bpy.types.Material:
+    """A BRDF's material of nodes that writes the passes: of Preview, whose closures are cheap; any mode writes the
+    same."""
+    return build_material(
+        record, mode="preview" if record.has("preview_weights") else usual_mode(record), features=True
+    )
 
 
 def features_of(scene: bpy.types.Scene, material: bpy.types.Material, twin: bpy.types.Material) -> tuple[Array, Array]:

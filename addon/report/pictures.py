@@ -28,7 +28,7 @@ from ...nodes.osl_script import use_osl, why_no_osl
 from ..material.build_brdf import build_brdf
 from ..material.choices import ALWAYS, OSL, Choices
 from ..rendering.contact_sheet import to_display
-from ..rendering.denoising import ENOUGH, denoise_by_twin, denoise_renders, why_not_possible
+from ..rendering.denoising import ENOUGH, denoise_by_twin, denoise_renders, twin_of, why_not_possible
 from ..studio.studio import build_studio, remove_studio, render_linear
 from .principled_match import fit_principled
 
@@ -136,7 +136,11 @@ def _shown(bundle: Bundle, source: BrdfSource, variant: str) -> Iterator[_Render
                 scene.render.resolution_x = scene.render.resolution_y = edge
                 scene.cycles.samples, scene.cycles.seed = samples, seed
                 picture = render_linear(scene)
-                return picture if variant != SAMPLED_DENOISED else denoise_by_twin(record, scene, material, picture)
+                return (
+                    picture
+                    if variant != SAMPLED_DENOISED
+                    else denoise_by_twin(twin_of(record), scene, material, picture)
+                )
 
             yield render
         finally:

@@ -165,7 +165,7 @@ def denoising(subject: Subject) -> Iterator[Finding]:
 
 
 def open_shading_language(subject: Subject) -> Iterator[Finding]:
-    """Materials built as a script, and swatches that ask by one which lamps are seen."""
+    """Materials built as a script, and those of nodes that ask by one which lamps are seen."""
     cycles, where = subject.scene.cycles, _scene(subject)
     trees = {tree for material in subject.wearers for tree in measured_trees(material)}
     scripts = [tree for tree in trees if any(node.bl_idname == "ShaderNodeScript" for node in tree.nodes)]
@@ -183,7 +183,7 @@ def open_shading_language(subject: Subject) -> Iterator[Finding]:
         yield Finding("osl_gpu", severity, where, "Device is GPU", "CPU", why, mend)
 
 
-_UNASKED = "swatches cannot ask then which lamps are seen, and a mirror brings all of their light, noisier"
+_UNASKED = "materials cannot ask then which lamps are seen, and a mirror brings all of their light, noisier"
 
 
 # --- world ----------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ import bpy
 from engine_limits import LIMITS, noise_limits
 from engine_materials import KINDS, QUICK, Kind, bake_all, bundle_path
 from engine_plot import plot
-from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit
+from engine_scenes import FOLD, LIGHTS, Noise, Sizes, compare, lit, one_script
 from materials import SHARED
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import AUTO, NEVER, Choices
@@ -37,7 +37,7 @@ from rich.console import Console
 from rich.table import Table
 
 PRINCIPLED, EXACT, UNAIMED_MIRROR = "Principled", "exact", "reference, not aimed"
-# As OSL, whose shaders can sample lamps in this Blender; those of nodes can from 5.1 on.
+# As one script of OSL, which can sample lamps in this Blender; nodes can from 5.1 on, or by rays of a script.
 SAMPLED = "exact, lamps sampled"
 VARIANTS = {
     "preview": Choices(mode="preview"),
@@ -127,7 +127,7 @@ def _in_light(bundle: Bundle, stand_in: Principled, light: str, sizes: Sizes) ->
             if light != "sky" or choices.aim == AUTO:
                 materials[name] = build_brdf(bundle, choices=choices, scene=scene)[0]
         if light in SAMPLED_LIGHTS:
-            materials[SAMPLED] = build_brdf(bundle, choices=Choices(mode="exact", shader="osl"), scene=scene)[0]
+            materials[SAMPLED] = one_script(bundle, scene)
         found = compare(scene, materials, sizes)
     for material in materials.values():
         bpy.data.materials.remove(material)

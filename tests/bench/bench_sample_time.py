@@ -19,7 +19,7 @@ from unittest.mock import patch
 
 import bpy
 from engine_materials import KINDS, Kind, bake_all, bundle_path
-from engine_scenes import lit, show
+from engine_scenes import lit, one_script, show
 from materials import SHARED
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import NEVER, Choices
@@ -37,6 +37,7 @@ from rich.console import Console
 from rich.table import Table
 
 PRINCIPLED, PRINCIPLED_OSL, WHOLE, NODES = "Principled", "Principled by OSL", "exact, OSL", "exact, nodes"
+BY_SCRIPT = "exact, nodes and rays by OSL"
 _FEW, _EDGE = 2, 40
 # (step, text of the shader, what stands there instead), each on top of those before.
 _FIXED = 'BSDF += 0.2 * (diffuse(Normal) + microfacet("ggx", Normal, vector(0), 0.02, 0.02, 0.0, 0))'
@@ -119,10 +120,10 @@ def _without(steps: int) -> Iterator[None]:
 def _variants(bundle: Bundle, source: BrdfSource, scene: bpy.types.Scene) -> dict[str, bpy.types.Material]:
     stand_in = fit_principled(source)
     found = {PRINCIPLED: stand_in.material(), PRINCIPLED_OSL: stand_in.material()}
-    scripted = Choices(mode="exact", shader="osl")
     for steps, name in enumerate((WHOLE, *(name for name, _, _ in CUTS))):
         with _without(steps):
-            found[name] = build_brdf(bundle, choices=scripted, scene=scene)[0]
+            found[name] = one_script(bundle, scene)
+    found[BY_SCRIPT] = build_brdf(bundle, choices=Choices(mode="exact", shader="osl"), scene=scene)[0]
     found[NODES] = build_brdf(bundle, choices=Choices(mode="exact"), scene=scene)[0]
     found["nodes, not aimed"] = build_brdf(bundle, choices=Choices(mode="exact", aim=NEVER), scene=scene)[0]
     with patch.object(exact_closure, "choose_closure", lambda mirrored, native, mirror: native):

@@ -11,13 +11,16 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
-from measured_materials.addon.lights.light_tables import update_scene
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
+from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.addon.studio import studio_meshes
 from measured_materials.addon.studio.studio import OWNED, remove_studio, render_linear
+from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
 from measured_materials.nodes.group import trees_below
+from measured_materials.nodes.osl_material import build_osl_material
 
 # A pixel of the fireflies' picture is so many times so many, each of one sample: 256 samples a pixel, all of them kept.
 FOLD = 16
@@ -160,6 +163,12 @@ def show(scene: bpy.types.Scene, material: bpy.types.Material) -> None:
         node.bl_idname == "ShaderNodeScript" for tree in trees_below(material.node_tree) for node in tree.nodes
     )
     update_scene(scene)
+
+
+def one_script(bundle: Bundle, scene: bpy.types.Scene) -> bpy.types.Material:
+    """Mode Exact as one script of OSL, which samples the scene's lamps and its picture."""
+    around = surroundings_of(survey_scene(scene))
+    return build_osl_material(bundle, mode="exact", lamps=lamp_image(), lights=lamp_light_image(), surroundings=around)
 
 
 def _grey() -> bpy.types.Material:

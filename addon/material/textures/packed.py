@@ -1,4 +1,4 @@
-"""Textures inside the .blend, which materials of nodes need where Open Shading Language is on."""
+"""Textures put into the .blend, where Open Shading Language reads them as Cycles' own nodes do."""
 
 from __future__ import annotations
 
