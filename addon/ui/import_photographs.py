@@ -72,12 +72,13 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         place = self.layout
         if not self.advanced:  # both together are higher than many a screen
             place = draw_look(place, _given(chosen_photographs(self)))
-        draw_arc_settings(place, self, self, self._draw_rendering)
-        self.draw_results()
+        draw_arc_settings(place, self, self, self._draw_in_part)
+        if not self.advanced or self.part == "files":
+            self.draw_results()
 
-    def _draw_rendering(self, layout: bpy.types.UILayout) -> None:
-        layout.label(text="Can be changed later")
-        draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True)
+    def _draw_in_part(self, layout: bpy.types.UILayout) -> None:
+        if self.part == "rendering":
+            draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake, and put the material onto the object."""

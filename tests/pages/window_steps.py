@@ -12,6 +12,7 @@ from mathutils import Euler
 
 PACKAGE = "bl_ext.user_default.measured_materials"
 HERE = Path.cwd()
+_PANELS = ("panel", "asset_panel", "check_scene")
 taken = {}
 
 
@@ -62,7 +63,9 @@ def split(view):
 
 def open_panels(names):
     """Have these sub-panels open and all others closed, from their first drawing on."""
-    for cls in bpy.types.Panel.__subclasses__():
+    # In the order in which the extension registers them, which is that of the panels on the screen.
+    modules = [importlib.import_module(f"{PACKAGE}.addon.ui.panels.{name}") for name in _PANELS]
+    for cls in (cls for module in modules for cls in module.classes):
         name = cls.__name__
         if not name.startswith("MEASURED_MATERIALS_PT_material_"):
             continue
@@ -114,7 +117,7 @@ def steps():
     check = importlib.import_module(f"{PACKAGE}.addon.ui.panels.live_check")
     check.check_now(bpy.context.scene)
     yield 0.5
-    yield from scrolled(panel, 8)
+    yield from scrolled(panel, 14)
     yield 1.0
     take("window_check", panel)
     with within(panel):

@@ -218,6 +218,7 @@ def steps():
     yield 2.0
     felt("rest")
     # One import from the drop to the end.
+    found["load"] = os.getloadavg()[0]
     watch = importlib.import_module("desk_times").Stopwatch(types.SimpleNamespace(**globals()))
     yield from drop()
     check("the dialog was confirmed and the bake goes on beside the window", bakes.queue.is_busy())

@@ -6,6 +6,7 @@ is wanted draws. Menus and dialogues are in hands_menus.py.
 """
 
 import ctypes
+import re
 import subprocess
 import time
 from pathlib import Path
@@ -160,9 +161,15 @@ def on_screen(area, region, part, until=None):
     for y in rows_in(region):
         yield from move(across(region, part), y)
         found.append((y, hovered(area, region)))
-        if until and until in found[-1][1]:
+        if until and is_meant(until, found[-1][1]):
             break
     return found
+
+
+def is_meant(wanted, words):
+    """Whether this is the button; older versions of Blender leave out what lies between a datablock and a property."""
+    whole = re.search(rf"{re.escape(wanted)}(?!\w)", words)  # no other property whose name only begins so
+    return whole is not None or words.endswith(f": {wanted.rpartition('.')[2]}")
 
 
 def hover(area, wanted, region="WINDOW", part=0.7):
@@ -172,7 +179,7 @@ def hover(area, wanted, region="WINDOW", part=0.7):
         return
     for turn in range(12):
         seen = yield from on_screen(area, place, part, wanted)
-        if wanted in seen[-1][1]:
+        if is_meant(wanted, seen[-1][1]):
             # A busy machine may have told late where the mouse was: one row higher.
             for y in (seen[-1][0], seen[-2][0] if len(seen) > 1 else seen[-1][0]):
                 lately[wanted] = across(place, part), y
@@ -191,7 +198,7 @@ def _is_at(area, region, place, wanted):
     """Whether the button is there; a busy machine may see late that the mouse has moved."""
     yield from move(*place)
     for _ in range(5):
-        if wanted in hovered(area, region):
+        if is_meant(wanted, hovered(area, region)):
             return True
         yield 0.1
     return False

@@ -183,7 +183,7 @@ def hover_in_dialogue(operator, name, part=0.75, above=0.0):
 
 
 def open_part(operator, name, part):
-    """Click this of the tabs, which stand in rows of three; `part` is its place in the row."""
+    """Click this of the tabs; `part` is its place in the width."""
     height = 0.0
     while dialogues[operator][0].part != name:
         height = yield from hover_in_dialogue(operator, "part", part, height)

@@ -213,22 +213,24 @@ def draw_arc_settings(
     layout: bpy.types.UILayout,
     properties: Any,
     light: Any,
-    draw_rendering: Callable[[bpy.types.UILayout], None] | None = None,
+    draw_in_dialogue: Callable[[bpy.types.UILayout], None] | None = None,
 ) -> None:
     """Draw the quality of a bake of photographs and, where they are asked for, the settings that have an effect.
 
     Parameters
     ----------
-    draw_rendering : draws those that can be changed without a bake, where this is the place for them
+    draw_in_dialogue : draws what only the wide dialogue has in a part: what can be changed without a bake
     """
     p = properties
     inner = draw_quality_choice(layout, p, MAP_LEVELS, _settings_to_weigh)
     if inner is None:
         return
-    column = draw_part(inner, p, [part for part in _PARTS if draw_rendering or part != "rendering"])
-    if p.part == "rendering" and draw_rendering:
-        draw_rendering(column)
-    elif p.part == "rights":
+    if draw_in_dialogue is None:
+        column = draw_part(inner, p, [part for part in _PARTS if part != "rendering"])
+    else:
+        column = draw_part(inner, p, tuple(_PARTS), len(_PARTS))
+        draw_in_dialogue(column)
+    if p.part == "rights":
         draw_rights(column, p)
     for name in _shown(p, light).get(p.part, ()):
         if name in _CORNERS:
@@ -246,7 +248,8 @@ def _draw_corner(layout: bpy.types.UILayout, p: Any, name: str) -> None:
     left.alignment = "RIGHT"  # as the names of the other settings
     left.label(text=_corner_title(name))
     right.use_property_split = False
-    right.prop(p, name, text="")
+    for index, axis in enumerate("XY"):
+        right.prop(p, name, index=index, text=axis)
 
 
 # What an empty path means.

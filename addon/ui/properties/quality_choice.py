@@ -90,9 +90,11 @@ def part_choice(parts: Mapping[str, str]) -> Any:
     )
 
 
-def draw_part(layout: bpy.types.UILayout, properties: Any, parts: Sequence[str]) -> bpy.types.UILayout:
-    """Draw the tabs of these parts; returns the column for the settings of the one that is open."""
-    tabs = layout.grid_flow(row_major=True, columns=min(len(parts), _TABS), even_columns=True, align=True)
+def draw_part(
+    layout: bpy.types.UILayout, properties: Any, parts: Sequence[str], columns: int = _TABS
+) -> bpy.types.UILayout:
+    """Draw the tabs of these parts in rows; returns the column for the settings of the one that is open."""
+    tabs = layout.grid_flow(row_major=True, columns=min(len(parts), columns), even_columns=True, align=True)
     for name in parts:
         tabs.prop_enum(properties, "part", name)
     column = layout.column()
