@@ -16,8 +16,16 @@ from typing import Any
 import bpy
 
 from ..bake.sampling.lamp_light import ENDLESS, SHORT, beam_factor, distance_along, facing_aim
-from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
-from ..bake.sampling.world import expected_world_light
+from ..bake.sampling.lamps import (
+    TEXELS,
+    Aim,
+    aim_at,
+    density_towards,
+    draw_towards,
+    expected_light,
+    expected_light_on_sheet,
+)
+from ..bake.sampling.world import expected_world_light, expected_world_light_on_sheet
 from ..bake.source import LUMINANCE
 from . import expr
 from .aimed_light_group import (
@@ -54,36 +62,37 @@ _POINT = {"wi": "vector", "Density": "float", "Light": "vector", "Length": "floa
 class LightTables:
     """The tables of `bake.sampling.lamps` and of `bake.sampling.lamp_light`, and the world's picture, if it is one.
 
-    `scripted` where an OSL script asks what rays meet, in place of Cycles' Raycast node.
+    `scripted` where an OSL script asks what rays meet, in place of Cycles' Raycast node. `sheet` where light of both
+    sides is sampled, for a sheet that lets it through: groups then take, as Front, the part of its light that comes
+    from where the normal points.
     """
 
     lamps: bpy.types.Image
     lights: bpy.types.Image
     around: Surroundings | None = None
     scripted: bool = False
+    sheet: bool = False
+
+    @property
+    def place(self) -> dict[str, str]:
+        """Inputs of groups that are lit."""
+        return {"Position": "vector", "Normal": "vector"} | ({"Front": "float"} if self.sheet else {})
 
 
 def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
-    """(Position, Normal, three random numbers) to a direction towards a lamp's point or the world's bright parts.
+    """(place, three random numbers) to a direction towards a lamp's point or the world's bright parts.
 
     Its density, by the light's share of all of it too, and the radiance that comes from there, 0 where something stands
     between; below the horizon of the normal nobody asks.
     """
 
-    def results(slots: int, world: bool, position: Any, normal: Any, *numbers: Any) -> tuple[Any, ...]:
-        chosen = call(chosen_group(tables, slots, world), position, normal, *numbers)
-        wi, density, radiance, length = chosen
-        # From below the horizon nothing is reflected, whatever the ray would meet.
-        length = length * (expr.dot(wi, normal) > 0)
+    def results(slots: int, world: bool, position: Any, *arguments: Any) -> tuple[Any, ...]:
+        wi, density, radiance, length = call(chosen_group(tables, slots, world), position, *arguments)
+        if not tables.sheet:  # from below the horizon nothing is reflected, whatever the ray would meet
+            length = length * (expr.dot(wi, arguments[0]) > 0)
         return wi, density, expr.scale(radiance, light_ray(position, wi, length, tables.scripted)[0])
 
-    inputs = {
-        "Position": "vector",
-        "Normal": "vector",
-        "Random Light": "float",
-        "Random 1": "float",
-        "Random 2": "float",
-    }
+    inputs = tables.place | dict.fromkeys(("Random Light", "Random 1", "Random 2"), "float")
     outputs = {"wi": "vector", "Density": "float", "Light": "vector"}
     nothing = expr.vec(0.0, 0.0, 1.0), 1.0, expr.vec(0.0, 0.0, 0.0)
     return _switched_group("MM Light Point", inputs, outputs, results, nothing, tables)
@@ -96,11 +105,12 @@ def chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.Shad
     """
     seen_group, point_group = _seen_group(tables), _point_group()
 
-    def build(position: Any, normal: Any, u_light: Any, u1: Any, u2: Any) -> tuple[Any, ...]:
-        seen = [call(seen_group, float(k), position, normal) for k in range(slots)]
+    def build(position: Any, *arguments: Any) -> tuple[Any, ...]:
+        lit, (u_light, u1, u2) = arguments[:-3], arguments[-3:]
+        seen = [call(seen_group, float(k), position, *lit)[: len(_SEEN)] for k in range(slots)]
         light = [found[len(_AIM)] for found in seen]
         if world:
-            light.append(call(_world_light_group(tables), normal))
+            light.append(call(_world_light_group(tables), *lit))
         if slots == 0:
             return *call(_world_point_group(tables), u1, u2, u_light, 1.0), ENDLESS
         target, share = seen[0], 1.0
@@ -110,7 +120,7 @@ def chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.Shad
         number = u_light * total
         index = which_light(number, light)
         if slots > 1:
-            target = call(seen_group, index, position, normal)
+            target = call(seen_group, index, position, *lit)[: len(_SEEN)]
         found = call(point_group, *target, position, u1, u2)
         brought = target[len(_AIM)]
         if world:
@@ -122,25 +132,31 @@ def chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.Shad
         share = expr.divide(brought, total)
         return found[0], found[1] * share, *found[2:]
 
-    inputs = {"Position": "vector", "Normal": "vector"} | dict.fromkeys(("Light", "Random 1", "Random 2"), "float")
+    inputs = tables.place | dict.fromkeys(("Light", "Random 1", "Random 2"), "float")
     return node_group(f"MM Point of {targets(slots, world)}", inputs, _POINT, build, switched=_SWITCHED)
 
 
 def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
-    """(Position, Normal, wi, density of the sampler for wi) to lamps' and world's light along wi, and what is counted.
+    """(place, wi, density of the sampler for wi) to lamps' and world's light along wi, and what is counted.
 
     Counted is the part that `light_point_group` gives by the balance heuristic; both are 0 where wi meets no light, or
     something stands between. Behind is about the radiance of what is seen past the lamp, or 0 where a ray that is sent
-    there may end before it arrives. Together is 1 where it should be sent even so, beside the closures.
+    there may end before it arrives. Together is 1 where it should be sent even so, beside the closures. Of a sheet,
+    Straight is the part of all light that a ray meets which goes on as what it is, as one of a Ray Portal does.
     """
 
-    def results(slots: int, world: bool, position: Any, normal: Any, wi: Any, density: Any) -> tuple[Any, ...]:
-        seen = [call(_seen_group(tables), float(k), position, normal) for k in range(slots)]
+    def results(slots: int, world: bool, position: Any, *arguments: Any) -> tuple[Any, ...]:
+        lit, (wi, density) = arguments[:-2], arguments[-2:]
+        seen = [call(_seen_group(tables), float(k), position, *lit) for k in range(slots)]
+        rays = [found[len(_SEEN)] for found in seen] if tables.sheet else []
+        seen = [found[: len(_SEEN)] for found in seen]
         light = [found[len(_AIM)] for found in seen]
         if world:
-            light.append(call(_world_light_group(tables), normal))
+            light.append(call(_world_light_group(tables), *lit))
+            rays.append(call(lit_group(_around(tables).table))[-1])
         total = sum(light[1:], start=light[0])
         clear, distance = light_ray(position, wi, ENDLESS, tables.scripted) if world else (None, None)
+        leaves = _leaves(wi, lit[0] if tables.sheet else None) if world or tables.sheet else 1.0
         out: Any = 0.0
         every: list[Any] = []
         counted: list[Any] = []
@@ -151,26 +167,49 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
                 shown = expr.maximum(clear, distance > length)
             else:
                 shown, _ = light_ray(position, wi, length, tables.scripted)
-            every.append(expr.scale(radiance, shown))
+            every.append(expr.scale(radiance, shown * leaves if tables.sheet else shown))
             towards = towards * expr.divide(own, total)
             counted.append(expr.scale(every[-1], expr.divide(towards, towards + density)))
         if world:
-            surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
-            # A mirror reflects nothing that comes from below the surface proper, which a ray may pass.
-            leaves = clear * (expr.dot(wi, surface) > 0)
-            radiance = expr.scale(call(radiance_group(_around(tables)), wi), leaves)
+            radiance = expr.scale(call(radiance_group(_around(tables)), wi), clear * leaves)
             towards = call(world_density_group(world_table()), wi) * expr.divide(light[-1], total)
             out = (expr.dot(radiance, expr.vec(1.0, 1.0, 1.0)) > 0) * 1.0
             every.append(radiance)
             counted.append(expr.scale(radiance, expr.divide(towards, towards + density)))
         whole = sum(every[1:], start=every[0])
         sky, _, _ = expr.components(texel(tables.lamps, 0.0, TEXELS - 1)[0])
-        return whole, sum(counted[1:], start=counted[0]), *_behind(whole, sky, out)
+        found = whole, sum(counted[1:], start=counted[0]), *_behind(whole, sky, out)
+        if not tables.sheet:
+            return found
+        straight = [expr.scale(light, _goes_straight(which)) for light, which in zip(every, rays, strict=True)]
+        return *found, sum(straight[1:], start=straight[0])
 
-    inputs = {"Position": "vector", "Normal": "vector", "wi": "vector", "Density": "float"}
+    inputs = tables.place | {"wi": "vector", "Density": "float"}
     outputs = {"All": "vector", "Counted": "vector", "Behind": "float", "Together": "float"}
     dark = expr.vec(0.0, 0.0, 0.0)
-    return _switched_group("MM Light Met", inputs, outputs, results, (dark, dark, 0.0, 0.0), tables)
+    nothing: tuple[Any, ...] = (dark, dark, 0.0, 0.0)
+    if tables.sheet:
+        outputs, nothing = outputs | {"Straight": "vector"}, (*nothing, dark)
+    return _switched_group("MM Light Met", inputs, outputs, results, nothing, tables)
+
+
+def _leaves(wi: Any, normal: Any = None) -> Any:
+    """Whether a direction is one in which a mirror reflects: none from below the surface proper, which a ray may pass.
+
+    Of a sheet, whose normal is given, what is above or below must be so of the surface proper too: nothing else keeps
+    rays of an open surface from a lamp.
+    """
+    facing = expr.dot(wi, expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"]))
+    return (facing if normal is None else facing * expr.dot(wi, normal)) > 0
+
+
+def _goes_straight(rays: Any) -> Any:
+    """Whether a ray that is still what it was meets a light, by the number of `bake.sampling.lamp_light`."""
+    path = expr.node("ShaderNodeLightPath", {}, {}).outputs
+    diffuse = rays > 1.5
+    camera = rays - diffuse * 2
+    of_others = expr.where(expr.Scalar(path["Is Diffuse Ray"]), diffuse, 1.0)
+    return expr.where(expr.Scalar(path["Is Camera Ray"]), camera, of_others)
 
 
 def _behind(every: Any, sky: Any, out: Any) -> tuple[Any, Any]:
@@ -213,6 +252,8 @@ def _switched_group(
         family += f", {around.image.name_full} {around.interpolation} by {around.table.name_full}"
     if tables.scripted:
         family += ", rays by OSL"
+    if tables.sheet:
+        family += ", of both sides"
     if (known := made_before(family)) is not None:
         return known
     group = node_group(name, inputs, outputs, build, switched=_SWITCHED)
@@ -229,15 +270,18 @@ def _seen_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     """(Row, Position, Normal) to what `Aim` holds of a lamp, about the irradiance it brings, and what it emits."""
     lamps, lights = tables.lamps, tables.lights
 
-    def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
+    def build(row: Any, position: Any, normal: Any, front: Any = None) -> tuple[Any, ...]:
         (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(lamps, row, k) for k in range(4))
-        (radiance, facing), (beam, _) = (texel(lights, row, k) for k in range(2))
+        (radiance, facing), (beam, rays) = (texel(lights, row, k) for k in range(2))
         aim = facing_aim(expr, aim_at(expr, position, centre, kind, u, v, axis, fourth), facing)
-        light = expected_light(expr, aim, normal, power)
-        return *(getattr(aim, name) for name in _AIM), light, radiance, beam, facing
+        known = (*(getattr(aim, name) for name in _AIM),)
+        if front is None:
+            return *known, expected_light(expr, aim, normal, power), radiance, beam, facing
+        light = expected_light_on_sheet(expr, aim, normal, power, front)
+        return *known, light, radiance, beam, facing, rays
 
-    inputs = {"Row": "float", "Position": "vector", "Normal": "vector"}
-    return node_group("MM Lamp Seen", inputs, _SEEN, build, switched=_SWITCHED)
+    outputs = _SEEN | ({"Rays": "float"} if tables.sheet else {})
+    return node_group("MM Lamp Seen", {"Row": "float"} | tables.place, outputs, build, switched=_SWITCHED)
 
 
 def _point_group() -> bpy.types.ShaderNodeTree:
@@ -270,13 +314,16 @@ def _met_group() -> bpy.types.ShaderNodeTree:
 
 
 def _world_light_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
-    """(Normal) to about the irradiance of what stands out of the world; 0 where its light is not known exactly."""
+    """(Normal, and Front of a sheet) to about the irradiance of what stands out of the world; 0 where its light is not
+    known exactly."""
     lit = lit_group(_around(tables).table)
 
-    def build(normal: Any) -> Any:
-        return expected_world_light(expr, *texel(tables.lamps, 1.0, TEXELS - 1), normal) * (call(lit)[0] > 0)
+    def build(*side: Any) -> Any:
+        expected = expected_world_light_on_sheet if tables.sheet else expected_world_light
+        return expected(expr, *texel(tables.lamps, 1.0, TEXELS - 1), *side) * (call(lit)[0] > 0)
 
-    return node_group("MM World Light", {"Normal": "vector"}, {"Light": "float"}, build, switched=_SWITCHED)
+    inputs = {name: kind for name, kind in tables.place.items() if name != "Position"}
+    return node_group("MM World Light", inputs, {"Light": "float"}, build, switched=_SWITCHED)
 
 
 def _world_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:

@@ -12,6 +12,7 @@ from .brdf_group import BrdfParts, brdf_group
 from .checked_pixels import check_shares
 from .data_image import Images, bundle_images
 from .feature_passes import albedo_polynomial, with_feature_outputs
+from .lamp_light_groups import LightTables
 from .lamp_share_group import LampShares
 from .material_tree import build_from, lit_by_emission
 from .osl_script import require_osl
@@ -38,7 +39,7 @@ def build_material(
     surroundings: Surroundings | None = None,
     scripted: bool = False,
 ) -> bpy.types.Material:
-    """Build or rebuild a material from a bundle; a sheet's aims at lamps but samples none.
+    """Build or rebuild a material from a bundle.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def build_material(
     lamp_share : let the mirror's probability follow the residual's share of the strongest of `lamps`, where the bundle
         holds it: it pays where hardly any other light arrives
     lights : table of what the lamps emit, see `bake.sampling.lamp_light`, where the shader is to sample them; that
-        takes Blender 5.1, `lamps`, and a mirror beside native closures
+        takes `lamps`, a mirror beside native closures, and Blender 5.1 or `scripted` rays
     surroundings : the world's picture, to be sampled too; used with `lights` only
     scripted : a script of OSL asks what rays meet, in any Blender. All else is nodes, whose textures have to be packed
         where Open Shading Language is on; where it is off no light is sampled
@@ -77,7 +78,11 @@ def build_material(
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
         if record.sheet is not None:
-            build = SheetBuild(mode, filter, stochastic, residual, lamps, lamp_share and lamps is not None)
+            tables = None
+            if lights is not None and lamps is not None:
+                tables = LightTables(lamps, lights, surroundings, scripted, sheet=True)
+            shared = lamp_share and lamps is not None
+            build = SheetBuild(mode, filter, stochastic, residual, lamps, shared, tables)
             sheet = build.group(record, name, textures, normals=normals)
             return with_feature_outputs(sheet, albedo_polynomial(record)) if features else sheet
         table = None
@@ -102,7 +107,7 @@ def build_material(
         return with_feature_outputs(group, albedo_polynomial(record)) if features else group
 
     built = build_from(record, material, make)
-    samples = lights is not None and lamps is not None and record.sheet is None
+    samples = lights is not None and lamps is not None
     lit_by_emission(built, samples and mode in ("exact", "balanced") and residual)
     return built
 

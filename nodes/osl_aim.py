@@ -53,6 +53,7 @@ def aimed_inputs(
     seen |= {"Lamps": count} | told if lights is None else {}
     sampled = surroundings is not None and lights is not None
     lit = dict(zip(LIT, call(lit_group(surroundings.table)))) if sampled else {}
+    lit.pop("Rays", None)  # of sheets, which this shader does not hold
     aim = script_node(AIM_SHADER, shader_source(AIM_SHADER), seen | lit)
     texel, _ = call(_world_group(world), output(aim, "Place"))
     drawn = {name: output(aim, name) for name in ("Direction", "Densities")} | {"WorldTexel": texel}

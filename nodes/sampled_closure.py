@@ -36,18 +36,58 @@ def sampled_closure(
     ----------
     table : of the residual, with its density
     """
-    position, incoming, u, more, random = drawn_numbers()
+    numbers = drawn_numbers()
+    position, incoming, u, more, random = numbers
     frame = frame_of(normal, incoming, table.tangent)
     weights = envelope.weights(frame[0])
     # About how often the mirror is followed beside the closures: the balance heuristic may take any number.
     chance = weights[0][1]
+    ahead = draw_ahead(table, normal, frame, numbers, tables)
+    weight, aims = adjustments.apply(ahead.weight), ahead.aims
+    met = met_light(tables, (position, normal), ahead.wi_world, (chance, ahead.of_table, u[5]), aims)
+    point = call(light_point_group(tables), position, normal, *random)
+    surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
+    # As a mirror does, nothing reflects light that comes from below the surface proper.
+    lit = expr.dot(point[0], surface) > 0
+    direct, reached = direct_light(table, normal, frame, (*point, lit), u[4], chance, adjustments)
+    return add_closures(
+        [
+            envelope.closure(weights, normal, adjustments, met.of_closures),
+            mirror_closure(ahead.wi_world, incoming, expr.scale(weight, met.of_mirror), more[2], aims),
+            emission(weight * met.rest, met.meets),
+            emission(direct * adjustments.gain, reached),
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A direction in world space, f cos(theta_i) / pdf there, the table's own density of it, and 1 where it was aimed
+    at what cannot be sampled."""
+
+    wi_world: Any
+    weight: Any
+    of_table: Any
+    aims: Any
+
+
+def draw_ahead(table: TableGroups, up: Any, frame: tuple[Any, Any, Any], numbers: Any, tables: LightTables) -> Ahead:
+    """Draw a direction by a table with its density; lights that cannot be sampled now are aimed at.
+
+    Parameters
+    ----------
+    up : to the side of the surface from which the table's light comes
+    frame : of `frame_of`
+    numbers : of `drawn_numbers`
+    """
+    position, _, u, more, _ = numbers
     drawn, of_drawn = call(table.sampler, frame[0], *u[:4])
     seen, narrowed = (drawn, 1.0) if table.gloss is None else seen_from_table(drawn, frame[0], table.gloss)
     # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
     instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted)
-    ahead = to_world(seen, *frame[1:], normal)
-    wi_world, aimed, unaimed, aims = call(instead, position, normal, ahead, *more[:2], *u[:2])
-    turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], normal)))
+    ahead = to_world(seen, *frame[1:], up)
+    wi_world, aimed, unaimed, aims = call(instead, position, up, ahead, *more[:2], *u[:2])
+    turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], up)))
     stored, facing, spread = lit_in_table(turned, frame[0], table.gloss)
     wi = expr.where_vector(aims, stored, drawn)
     # The heuristic against what is sampled takes the table's own density all the same: it may take any.
@@ -58,22 +98,13 @@ def sampled_closure(
     else:
         straight = expr.maximum(expr.components(drawn)[2], 0.0) * narrowed * seen_above(seen, table.gloss)
         facing = expr.where(aims, facing, straight)
-    weight = adjustments.apply(expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(facing, pdf)))
-    met = met_light(tables, (position, normal), wi_world, (chance, of_table, u[5]), aims)
-    direct, reached = _direct_light(table, tables, (position, normal), frame, u[4], random, chance, adjustments)
-    return add_closures(
-        [
-            envelope.closure(weights, normal, adjustments, met.of_closures),
-            mirror_closure(wi_world, incoming, expr.scale(weight, met.of_mirror), more[2], aims),
-            emission(weight * met.rest, met.meets),
-            emission(direct * adjustments.gain, reached),
-        ]
-    )
+    weight = expr.scale(call(table.lookup, wi, frame[0], u[4]), expr.divide(facing, pdf))
+    return Ahead(wi_world, weight, of_table, aims)
 
 
 @dataclass(frozen=True)
 class Met:
-    """Factors of the mirror and of the closures, what is emitted of the mirror's weight, and 1 where it meets light."""
+    """Factors of the mirror and of the closures, what is emitted of the mirror's weight, and 1 where anything is."""
 
     of_mirror: Any
     of_closures: Any
@@ -92,19 +123,27 @@ def drawn_numbers() -> tuple[Any, Any, tuple[Any, ...], tuple[Any, ...], tuple[A
 
 
 def met_light(
-    tables: LightTables, place: tuple[Any, Any], wi_world: Any, drawing: tuple[Any, Any, Any], aims: Any
+    tables: LightTables,
+    place: tuple[Any, ...],
+    wi_world: Any,
+    drawing: tuple[Any, Any, Any],
+    aims: Any,
+    bent: Any = None,
 ) -> Met:
     """What becomes of a mirror whose direction may meet a light that is sampled too.
 
     Parameters
     ----------
-    place : position and normal
+    place : of the tables
     drawing : about how often the mirror is followed, the material's own density of the direction, and a random number
     aims : 1 where the direction was aimed at what cannot be sampled
+    bent : of what leads through a sheet, 1 where its ray is one of its own kind; a Ray Portal's may meet fewer lights
     """
     chance, of_table, number = drawing
-    every, counted, behind, together = call(light_met_group(tables), *place, wi_world, chance * of_table)
-    lamp = expr.dot(every, expr.vec(*LUMINANCE))
+    found = call(light_met_group(tables), *place, wi_world, chance * of_table)
+    every, counted, behind, together = found[:4]
+    brought = every if bent is None else expr.where_vector(bent, every, found[4])
+    lamp = expr.dot(brought, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     # Of a mirror that is aimed the weight says nothing of its light: Cycles would hardly ever follow one at the sun.
     followed = expr.where(aims, chance, followed)
@@ -112,27 +151,34 @@ def met_light(
     apart = expr.where(aims, 1.0, meets * (1 - together))
     of_mirror = expr.where(apart, expr.divide(mirrored, followed), 1.0)
     of_closures = expr.where(apart, expr.divide(1 - mirrored, 1 - followed), 1.0)
-    return Met(of_mirror, of_closures, expr.scale(every, 1 - of_mirror) - counted, meets)
+    if bent is None:
+        return Met(of_mirror, of_closures, expr.scale(every, 1 - of_mirror) - counted, meets)
+    rest = every - expr.scale(brought, of_mirror) - counted
+    return Met(of_mirror, of_closures, rest, expr.dot(every, expr.vec(1.0, 1.0, 1.0)) > 0)
 
 
-def _direct_light(
+def direct_light(
     table: TableGroups,
-    tables: LightTables,
-    place: tuple[Any, Any],
+    up: Any,
     frame: tuple[Any, Any, Any],
+    point: tuple[Any, Any, Any, Any],
     u_slice: Any,
-    random: tuple[Any, Any, Any],
     chance: Any,
     adjustments: Adjustments,
 ) -> tuple[Any, Any]:
-    """What the table, saturated, reflects of one point of a lamp or the world, and 1 where any of its light arrives."""
-    (_, normal), (wo, along, across) = place, frame
-    surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
-    world, density, light = call(light_point_group(tables), *place, *random)
-    local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, normal)))
+    """What the table, saturated, reflects of one point of a lamp or the world, and 1 where any of its light arrives.
+
+    Parameters
+    ----------
+    up, frame : as of `draw_ahead`
+    point : its direction in world space, density and light, and 1 where that may be reflected
+    chance : about how often a direction of the table is followed
+    """
+    world, density, light, lit = point
+    wo, along, across = frame
+    local = expr.vec(*(expr.dot(world, axis) for axis in (along, across, up)))
     stored, facing, spread = lit_in_table(local, wo, table.gloss)
-    # As a mirror does, nothing reflects light that comes from below the surface proper.
-    facing = facing * (expr.dot(world, surface) > 0)
+    facing = facing * lit
     shared = density + chance * call(table.density, stored, wo) * spread
     reflectance = adjustments.saturated(call(table.lookup, stored, wo, u_slice))
     direct = reflectance * expr.scale(light, expr.divide(facing, shared))

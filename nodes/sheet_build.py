@@ -13,6 +13,7 @@ from ..bake.source import SheetPart, luminance
 from .brdf_group import BrdfParts
 from .checked_pixels import check_closures, check_shares
 from .data_image import Images, of_part
+from .lamp_light_groups import LightTables
 from .lamp_share_group import LampShares
 from .sheet_group import SheetSide, sheet_group
 from .table_groups import table_groups
@@ -26,6 +27,7 @@ class SheetBuild:
     Parameters
     ----------
     residual : whether parts get a mirror, of which those do whose native closures leave something
+    lights : tables of the lamps and the world that the shader is to sample; None where it is not
     """
 
     mode: str
@@ -34,6 +36,7 @@ class SheetBuild:
     residual: bool
     lamps: bpy.types.Image | None
     lamp_share: bool = False
+    lights: LightTables | None = None
 
     def group(self, record: BrdfRecord, name: str, images: Images, *, normals: bool) -> bpy.types.ShaderNodeTree:
         """The group. Raises BakeError where a part does not hold what the mode needs."""
@@ -43,7 +46,15 @@ class SheetBuild:
         if not record.sheet.alike:
             behind = record.part("behind"), record.part("through_behind")
             back = self._side(*behind, name, images, ("behind", "through_behind"))
-        return sheet_group(f"Measured {name}", self.mode, front, back, anisotropic=record.anisotropic, normals=normals)
+        return sheet_group(
+            f"Measured {name}",
+            self.mode,
+            front,
+            back,
+            anisotropic=record.anisotropic,
+            normals=normals,
+            lights=self.lights,
+        )
 
     def _side(
         self,

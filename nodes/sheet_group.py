@@ -15,8 +15,10 @@ from .drawn_direction import DrawnDirection
 from .exclusive_closures import one_of
 from .gloss_group import held_gloss
 from .group import call, node_group
+from .lamp_light_groups import LightTables
 from .lamp_share_group import lamp_share_group, lamp_side_group
 from .native_closure import add_closures, choose_closure
+from .sampled_sheet import sampled_sheet
 from .surface_marker import mean_roughness, with_marker
 from .through_closure import seen_from_behind
 from .weighted_closures import WeightedClosures
@@ -46,11 +48,16 @@ class SheetSide:
         """What there is."""
         return [part for part in (self.reflected, self.through) if part is not None]
 
+    @property
+    def reflected_share(self) -> float:
+        """`share`, held so that neither of two mirrors is all but forgotten."""
+        return min(max(self.share, _LEAST), 1 - _LEAST)
+
     def shares(self, normal: Any) -> list[Any]:
         """How the mirrors' probability is divided between the parts: all of it is that of a single mirror."""
         if sum(part.table is not None for part in self.parts) < 2:
             return [1.0 for _ in self.parts]
-        share: Any = min(max(self.share, _LEAST), 1 - _LEAST)
+        share: Any = self.reflected_share
         if self.lamps is not None:
             share = call(lamp_side_group(self.lamps, _LEAST), normal, share)
         return [share, 1 - share]
@@ -64,12 +71,14 @@ class SheetSide:
         """Native closures alone."""
         return add_closures([p.preview.alone(normal, adjustments) for p in self.parts if p.preview is not None])
 
-    def traced(self, normal: Any, adjustments: Adjustments) -> Any:
-        """Closure that is as good as the tables.
+    def traced(self, normal: Any, adjustments: Adjustments, lights: LightTables | None = None) -> Any:
+        """Closure that is as good as the tables; where there are `lights`, the shader samples them.
 
         Mirrors and native closures exclude each other, as in `exact_closure`, and so do the two mirrors: each is drawn
         with its share of its part's light times its part's share, what is left draws the closures of both.
         """
+        if lights is not None and any(part.table is not None for part in self.parts):
+            return sampled_sheet(self.reflected, self.through, self.reflected_share, normal, adjustments, lights)
         drawn: list[tuple[DrawnDirection, Any, Any]] = []
         native: list[Callable[[Any], Any]] = []
         for part, share in zip(self.parts, self.shares(normal), strict=True):
@@ -107,9 +116,19 @@ def _closures(
 
 
 def sheet_group(
-    name: str, mode: str, front: SheetSide, back: SheetSide | None, *, anisotropic: bool, normals: bool
+    name: str,
+    mode: str,
+    front: SheetSide,
+    back: SheetSide | None,
+    *,
+    anisotropic: bool,
+    normals: bool,
+    lights: LightTables | None = None,
 ) -> bpy.types.ShaderNodeTree:
-    """The inputs of `brdf_inputs` to a shader, and to one for EEVEE; without a back, the front is both."""
+    """The inputs of `brdf_inputs` to a shader, and to one for EEVEE; without a back, the front is both.
+
+    With `lights` the shader samples what they hold, in modes "exact" and "balanced".
+    """
     inputs = brdf_inputs(anisotropic)
 
     def build(*values: Any) -> Any:
@@ -119,7 +138,8 @@ def sheet_group(
         preview = _seen([side.preview(normal, adjustments) for side in sides])
         if mode == "preview":
             return preview, preview
-        traced = _seen([side.traced(normal, adjustments) for side in sides])
+        sampled = None if mode == "reference" else lights
+        traced = _seen([side.traced(normal, adjustments, sampled) for side in sides])
         if mode == "balanced":
             traced = choose_closure(after_diffuse(), traced, preview)
         shown = sides[0].reflected

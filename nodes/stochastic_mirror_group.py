@@ -75,10 +75,7 @@ def mirror_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None
     if random is None:
         return _mirror(half, weight)
     mean = expr.dot(weight, expr.vec(*[1 / 3] * 3))
-    raised = kept_alive(weight, random)
-    # A constant that is 0 takes all that hangs on it out of Cycles' graph.
-    raised = raised if isinstance(wanted, float) else expr.where(wanted, raised, 1.0)
-    glossy = _mirror(half, expr.scale(weight, raised))
+    glossy = _mirror(half, expr.scale(weight, kept_where_wanted(weight, random, wanted)))
     faint, carries = _faint_mirror(half, incoming, weight)
     return choose_closure(carries * (mean < FAINT_WEIGHT) * wanted, glossy, faint)
 
@@ -88,6 +85,13 @@ def kept_alive(weight: Any, random: Any) -> Any:
     1."""
     keep = expr.minimum(expr.dot(weight, expr.vec(*[1 / 3] * 3)) * (1 / LEAST_WEIGHT), 1.0)
     return expr.divide(random < keep, keep)
+
+
+def kept_where_wanted(weight: Any, random: Any, wanted: Any) -> Any:
+    """`kept_alive` where that is wanted, else 1."""
+    raised = kept_alive(weight, random)
+    # A constant that is 0 takes all that hangs on it out of Cycles' graph.
+    return raised if isinstance(wanted, float) else expr.where(wanted, raised, 1.0)
 
 
 def _mirror(half: Any, weight: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 
 from . import expr
 from .native_closure import choose_closure
-from .stochastic_mirror_group import kept_alive
+from .stochastic_mirror_group import kept_where_wanted
 
 # A perfect refraction leads anywhere below but within asin(1 / IOR) of the plane at right angles to the viewer, and
 # its normal still tells float32 one direction from another.
@@ -19,7 +19,12 @@ def seen_from_behind() -> Any:
     return expr.Scalar(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["Backfacing"])
 
 
-def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None) -> Any:
+def is_bent(wi_world: Any, incoming: Any) -> Any:
+    """1 where a perfect Refraction BSDF leads along wi, as a ray of its own kind; else a Ray Portal has to."""
+    return expr.dot(incoming, wi_world) < -1 / IOR - 1e-4
+
+
+def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = None, wanted: Any = 1.0) -> Any:
     """Closure that sends the path along wi, on the far side of the surface, with this weight (f cos / pdf).
 
     A perfect Refraction BSDF by Snell's law about the normal -(wo + n wi), which keeps Cycles' ray types and passes,
@@ -27,11 +32,11 @@ def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = Non
 
     Parameters
     ----------
-    random : as of `mirror_closure`, where weights may be as small as lamps are
+    random, wanted : as of `mirror_closure`, where weights may be as small as lamps are
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     if random is not None:
-        weight = expr.scale(weight, kept_alive(weight, random))
+        weight = expr.scale(weight, kept_where_wanted(weight, random, wanted))
     normal = expr.normalize(expr.scale(incoming + expr.scale(wi_world, IOR), -1.0))
     # Seen from behind, Cycles takes the reciprocal.
     index = expr.where(seen_from_behind(), 1 / IOR, IOR)
@@ -42,5 +47,5 @@ def through_closure(wi_world: Any, incoming: Any, weight: Any, random: Any = Non
     )
     place = {"Position": expr.Vector(geometry.outputs["Position"]), "Direction": wi_world}
     portal = expr.node(PORTAL, {}, {"Color": weight, **place})
-    bends = expr.dot(incoming, wi_world) < -1 / IOR - 1e-4
-    return choose_closure(bends, expr.Scalar(portal.outputs[0]), expr.Scalar(refraction.outputs[0]))
+    bent = is_bent(wi_world, incoming)
+    return choose_closure(bent, expr.Scalar(portal.outputs[0]), expr.Scalar(refraction.outputs[0]))

@@ -13,7 +13,7 @@ from .light_images import WORLD_LIGHT_TEXELS
 
 # Name of the groups that hold a world's picture.
 PICTURE = "MM World Picture"
-LIT = {"Lit": "float", "Row1": "vector", "Row2": "vector", "Row3": "vector"}
+LIT = {"Lit": "float", "Row1": "vector", "Row2": "vector", "Row3": "vector", "Rays": "float"}
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,8 @@ class Surroundings:
     """A world's picture, how it is interpolated, and the table of its strength and rotation.
 
     Texel k of the table is row k of the matrix that turns directions of the world to those of the picture; in alpha of
-    the first, the picture's strength, or 0 where its light is not known exactly.
+    the first, the picture's strength, or 0 where its light is not known exactly; in that of the second which rays show
+    it, as `bake.sampling.lamp_light` has it of lamps.
     """
 
     image: bpy.types.Image
@@ -36,7 +37,7 @@ def lit_group(table: bpy.types.Image) -> bpy.types.ShaderNodeTree:
         taps = [
             expr.image_tap(table, (k + 0.5) / WORLD_LIGHT_TEXELS, 0.5, "Closest") for k in range(WORLD_LIGHT_TEXELS)
         ]
-        return taps[0][1], *(row for row, _ in taps)
+        return taps[0][1], *(row for row, _ in taps), taps[1][1]
 
     return node_group("MM World Strength", {}, LIT, build, switched="extension")
 
@@ -59,7 +60,7 @@ def radiance_group(around: Surroundings) -> bpy.types.ShaderNodeTree:
     lit, picture = lit_group(around.table), picture_group(around)
 
     def build(wi: Any) -> Any:
-        strength, *rows = call(lit)
+        strength, *rows, _ = call(lit)
         colour = call(picture, expr.vec(*(expr.dot(row, wi) for row in rows)))
         return expr.vector_node("MAXIMUM", expr.scale(colour, strength), expr.vec(0.0, 0.0, 0.0))
 

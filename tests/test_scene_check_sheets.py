@@ -21,7 +21,7 @@ from support.checked_scenes import bundle, clean_blend, cloth, sound, sound_shee
 from support.scene_check_cases import lamp_of, material_of, rules
 from support.scene_check_changes import card_only
 from support.scenes import TestScene, add_lamp
-from test_sheet_material import SETTINGS, record_of, sheet_scene
+from support.sheet_scenes import SETTINGS, record_of, sheet_scene
 
 WHITE = ThinCloth((1e-4,) * 3, None, (0.999,) * 3, (0.0,) * 3)
 

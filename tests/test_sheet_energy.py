@@ -18,7 +18,8 @@ from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import Lambert
 from support.coarse_bakes import coarse  # noqa: F401
-from test_sheet_material import SETTINGS, TURNED, baked, record_of  # noqa: F401
+from support.sheet_scenes import SETTINGS, TURNED, record_of
+from test_sheet_material import baked  # noqa: F401
 
 
 class Lamp:

@@ -28,20 +28,20 @@ from support.cards import card, data_image
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.scenes import add_lamp
-from test_denoiser_passes import denoiser_input
-from test_lamp_share import SCENES, random_shares, reordered, shading_points, tap
-from test_sheet_material import (
+from support.sheet_scenes import (
     BEHIND,
     BELOW,
     LINED,
     SETTINGS,
     TURNED,
-    baked,  # noqa: F401
     record_of,
     sheet_scene,
     upper_hemisphere,
     viewer,
 )
+from test_denoiser_passes import denoiser_input
+from test_lamp_share import SCENES, random_shares, reordered, shading_points, tap
+from test_sheet_material import baked  # noqa: F401
 from test_surface_marker import baked as baked_onto
 from test_surface_marker import degrees_off, plane  # noqa: F401
 

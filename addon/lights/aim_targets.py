@@ -44,6 +44,10 @@ GAIN_OF_SWATCH = Gain(
     "about a fifth of the noise under a small lamp", "less noise under the world", "about twice the time of a sample"
 )
 
+GAIN_OF_SHEET = Gain(
+    "a tenth of the noise under a lamp", "less noise under the world", "about twice the time of a mirror that is aimed"
+)
+
 
 @dataclass(frozen=True)
 class Sampling:

@@ -19,13 +19,14 @@ _LEAST_SPREAD = 0.02
 _EVEN_SCALE = 1e-3
 
 
-def emitted_light(lamp: Lamp, colour: Array, data: bpy.types.Light) -> LampLight:
+def emitted_light(lamp: Lamp, colour: Array, data: bpy.types.Light, rays: int) -> LampLight:
     """What a lamp emits, by its plain settings.
 
     Parameters
     ----------
     lamp : with its power towards its axis
     colour : (3,) of luminance above 0, to which the power is in proportion
+    rays : of `rays_of_lamp`
     """
     whole = float(luminance(colour))
     bright = radiance_of(lamp) / whole if whole > 0 else 0.0
@@ -37,7 +38,20 @@ def emitted_light(lamp: Lamp, colour: Array, data: bpy.types.Light) -> LampLight
     elif data.type == "AREA":
         beam = spread_beam(data.spread)
     red, green, blue = (float(bright * c) for c in colour)
-    return LampLight((red, green, blue), facing, beam)
+    return LampLight((red, green, blue), facing, beam, rays)
+
+
+def rays_of_lamp(obj: bpy.types.Object) -> int:
+    """Which rays meet a lamp besides those of mirrors, as `LampLight` has it."""
+    return obj.visible_camera + 2 * obj.visible_diffuse
+
+
+def rays_of_world(scene: bpy.types.Scene) -> int:
+    """The same of a scene's world; where the film is transparent, the camera's do not."""
+    if scene.world is None:
+        return 0
+    seen = scene.world.cycles_visibility
+    return (seen.camera and not scene.render.film_transparent) + 2 * seen.diffuse
 
 
 def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
@@ -54,6 +68,8 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
         return "it casts no shadows"
     if obj.lightgroup:
         return f"its light goes to light group {obj.lightgroup}"
+    if not obj.visible_transmission:
+        return "it is hidden from transmission rays"
     linking = obj.light_linking
     if linking.receiver_collection is not None or linking.blocker_collection is not None:
         return "Light Linking or Shadow Linking singles out objects"
@@ -70,6 +86,8 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
 
 def why_world_not_exact(world: bpy.types.World) -> str:
     """Why the light of a world of one picture is not known exactly to a shader; empty if it is."""
+    if not world.cycles_visibility.transmission:
+        return "the world is hidden from transmission rays"
     if world.lightgroup:
         return f"the world's light goes to light group {world.lightgroup}"
     if world.cycles.max_bounces < _BOUNCES:

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ...nodes.keeping import Keeping
-from .exact_lamps import volume_in_file, why_not_exact, why_not_in, why_world_not_exact
+from .exact_lamps import rays_of_world, volume_in_file, why_not_exact, why_not_in, why_world_not_exact
 from .lamp_survey import LampReport, lamp_settings, rendered_layers, survey_scene
 from .motion import changes
 from .world_survey import world_light
@@ -57,7 +57,8 @@ def _state(scene: bpy.types.Scene) -> Any:
     volume = volume_in_file()
     unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"]
     unknown += why_not_in(scene, volume), volume, why_world_not_exact(scene.world) if scene.world else ""
-    return scene.frame_current_final, places, shown, lamps, layers, world_light(scene.world), unknown
+    world = world_light(scene.world), rays_of_world(scene)
+    return scene.frame_current_final, places, shown, lamps, layers, world, unknown
 
 
 def _is_moved(lamp: bpy.types.Object) -> bool:

@@ -19,7 +19,15 @@ from ...nodes import compat
 from ...nodes.aimed_light_group import MAX_SLOTS
 from ...nodes.group import is_measured_tree
 from . import world_survey
-from .exact_lamps import emitted_light, volume_in_file, why_not_exact, why_not_in, why_world_not_exact
+from .exact_lamps import (
+    emitted_light,
+    rays_of_lamp,
+    rays_of_world,
+    volume_in_file,
+    why_not_exact,
+    why_not_in,
+    why_world_not_exact,
+)
 from .motion import changes
 from .world_survey import WorldLight
 
@@ -41,6 +49,7 @@ class LampReport:
     inexact : why that is not known exactly enough for a shader to sample it, in words; empty if it is
     volume : the file's first volume, in words; empty if there is none
     world_inexact : why no shader may sample the world, in words; empty if one may
+    world_rays : which rays see the world besides those of mirrors, as `LampLight` has it of a lamp
     """
 
     lamps: list[Lamp]
@@ -52,6 +61,7 @@ class LampReport:
     inexact: str = ""
     volume: str = ""
     world_inexact: str = ""
+    world_rays: int = 0
 
     @property
     def slots(self) -> int:
@@ -93,7 +103,7 @@ def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
 
 def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampReport:
     """Lamps of an evaluated scene's view layers that a mirror can meet, the strongest first, and its world."""
-    found, left_out, inexact, seen, to_come = [], [], [], set(), set()
+    found, rays, left_out, inexact, seen, to_come = [], [], [], [], set(), set()
     for obj, matrix in (entry for graph in depsgraphs for entry in _lamp_objects(graph, for_render)):
         original, place = obj.original, tuple(map(tuple, matrix))
         if (original, place) in seen:
@@ -103,6 +113,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
         power = 0.0 if why_not else _lamp(obj.data, matrix).power
         if power > 0:
             found.append((original.name, _lamp(obj.data, matrix), obj.data, matrix))
+            rays.append(rays_of_lamp(obj))
             if reason := why_not_exact(original, matrix):
                 inexact.append(f"{original.name}: {reason}")
         elif _may_shine_later(original):
@@ -112,7 +123,9 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     shown = {original for original, _ in seen}
     hidden = (obj for obj in depsgraphs[0].scene.objects if obj.type == "LIGHT" and obj not in shown)
     to_come |= {obj for obj in hidden if changes(obj, _HIDING)}
-    named, rest = [(name, lamp, emitted_light(lamp, _colour(data), data)) for name, lamp, data, matrix in found], 0.0
+    named, rest = [], 0.0
+    for (name, lamp, data, _), which in zip(found, rays, strict=True):
+        named.append((name, lamp, emitted_light(lamp, _colour(data), data, which)))
     if len(found) > 1 or any(_has_beam(data) for _, _, data, _ in found):
         target = _lit_place(depsgraphs)  # the slow part, of use only where there is a choice
         named = [
@@ -129,21 +142,25 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     volume = volume_in_file()
     everywhere = why_not_in(depsgraphs[0].scene, volume)
     unknown = inexact[0] if inexact else everywhere
-    of_world = everywhere or _why_world_inexact(depsgraphs[0].scene.world, world)
-    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown, volume, of_world)
+    scene = depsgraphs[0].scene
+    of_world = everywhere or _why_world_inexact(scene, world)
+    world_rays = rays_of_world(scene)
+    return LampReport(lamps, sky, left_out, world, len(to_come), lights, unknown, volume, of_world, world_rays)
 
 
-def _why_world_inexact(world: bpy.types.World | None, light: WorldLight) -> str:
-    if world is None or not light.aimed:
+def _why_world_inexact(scene: bpy.types.Scene, light: WorldLight) -> str:
+    if scene.world is None or not light.aimed:
         return light.why_not
-    return why_world_not_exact(world) if light.picture else "the world is more than one picture"
+    if scene.render.film_transparent and scene.cycles.film_transparent_glass:
+        return "Transparent Glass of the film hides the world from what comes through a sheet"
+    return why_world_not_exact(scene.world) if light.picture else "the world is more than one picture"
 
 
 def lamp_settings(obj: bpy.types.Object) -> Any:
     """What a survey goes by of a lamp that neither is an instance nor hangs on anything but its parents' settings."""
     data, place = obj.data, _place(obj)
     beam = tuple(getattr(data, name, None) for name in ("type", "spot_size", "spot_blend", "spread"))
-    return obj.session_uid, _why_not(obj), _why_not_there(data, place), _lamp(data, place), beam
+    return obj.session_uid, _why_not(obj), _why_not_there(data, place), _lamp(data, place), beam, rays_of_lamp(obj)
 
 
 def _may_shine_later(obj: bpy.types.Object) -> bool:

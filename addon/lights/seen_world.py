@@ -44,7 +44,7 @@ def world_light_table(report: LampReport) -> Array:
     picture = report.world.picture
     if picture is not None and not report.world_inexact and all_show(picture):
         table[0, :, :3] = picture.rows
-        table[0, 0, 3] = max(picture.strength, 0.0)
+        table[0, :2, 3] = max(picture.strength, 0.0), report.world_rays
     return table
 
 

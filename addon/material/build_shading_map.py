@@ -14,7 +14,7 @@ from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import GAIN_OF_SWATCH, sampling_of, what_to_aim_at
+from ..lights.aim_targets import GAIN_OF_SWATCH, Sampling, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -22,7 +22,7 @@ from ..lights.seen_world import surroundings_of
 from .choices import OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
 from .scene_fit import (
-    OF_SHEETS,
+    NO_RAYS,
     RAYS,
     SAMPLED_EFFECT,
     THROUGH,
@@ -36,6 +36,8 @@ from .scene_fit import (
 from .texel_footprint import texel_footprint
 from .textures.packed import pack_textures
 
+# Of swatches that let light through, in any scene.
+_AIMED_ONLY = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
 # Label of the node that lays the swatch out.
 SWATCH_MAPPING = "Swatch size and rotation"
 
@@ -144,14 +146,14 @@ def plan_map_light(
     script = choices.shader == OSL
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = OF_SHEETS if through else sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
+        sampling = _AIMED_ONLY if through else sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
             osl = (Effect("Open Shading Language", True, RAYS),) if script else ()
             return MapLight(False, True, script, (*beside, sampled, plan_bounces(settings.mode), *osl))
     aim = plan_aim(choices, what_to_aim_at(report), ready=ready)
-    osl = (Effect("Open Shading Language", False, "no lamp is sampled, and nodes are as good"),) if script else ()
+    osl = (Effect("Open Shading Language", False, NO_RAYS),) if script else ()
     effects = (aim, sampled, plan_bounces(settings.mode), *osl)
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
 

@@ -152,8 +152,7 @@ class _Brdf(Kind):
         if mode == "preview":
             return ("mode",)
         mirror = ("sample", "residual") if mode != "reference" else ()
-        found = ("mode", "aim", *mirror, "filter", "shader")
-        return tuple(name for name in found if name not in _NOT_OF_SHEETS) if lets_light_through(material) else found
+        return ("mode", "aim", *mirror, "filter", "shader")
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):
@@ -168,10 +167,6 @@ class _Brdf(Kind):
             return expectation(record, choices.mode, filter, sampled=sampled)
         except BakeError:
             return ""
-
-
-# A sheet that lets light through is of nodes, and aimed at lamps, whatever is chosen.
-_NOT_OF_SHEETS = ("sample", "shader")
 
 
 def lets_light_through(material: bpy.types.Material) -> bool:

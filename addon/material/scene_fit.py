@@ -17,10 +17,10 @@ from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
-# Of sheets, in any scene.
-OF_SHEETS = Sampling(impossible="a sheet that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
+# Of nodes whose rays are scripts.
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
+NO_RAYS = "no lamp is sampled, and nodes are as good"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
 # Pixels that averaged texels may be across, and how many must become one for it to be worth while.
@@ -106,9 +106,8 @@ def plan_brdf(
         effects.append(effect)
     aim = sample = scripted = False
     if residual:
-        if choices.shader == OSL and plan_script(choices, sampling_for(record, by_script)):
+        if choices.shader == OSL and plan_script(choices, by_script):
             sampling, scripted = by_script, True
-        sampling = sampling_for(record, sampling)
         sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
         filter, reconstruction = plan_filter(record, choices)
@@ -129,24 +128,23 @@ def plan_brdf(
     marked = normals and residual
     if marked:
         effects.append(Effect("Normal pass", True, "a view layer shows it"))
-    if sheet:
+    if sheet and not sample:
         effects.append(THROUGH)
     if scripted:
         effects.append(Effect("Open Shading Language", True, RAYS))
+    elif sheet and choices.shader == OSL:
+        effects.append(Effect("Open Shading Language", False, NO_RAYS))
     else:
-        effects += _language(choices, residual, sheet)
+        effects += _language(choices, residual)
     return BrdfPlan(
         choices.mode, filter, residual, aim, features, tuple(effects), sample, osl, marked, scripted=scripted
     )
 
 
-def _language(choices: Choices, mirror: bool, sheet: bool = False) -> list[Effect]:
+def _language(choices: Choices, mirror: bool) -> list[Effect]:
     """Of a material that is to be a script: whether it is, which takes a mirror."""
     if choices.shader != OSL:
         return []
-    if sheet:
-        why = "scripts do not hold a sheet that lets light through yet; it is built of nodes"
-        return [Effect("Open Shading Language", False, why)]
     why = (
         "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
     )
@@ -166,11 +164,6 @@ def plan_script(choices: Choices, by_script: Sampling) -> bool:
 def is_ready(choices: Choices, ready: bool) -> bool:
     """Whether a graph that has nothing to aim at is built so that it will aim as soon as there is."""
     return ready and choices.aim == AUTO
-
-
-def sampling_for(record: BrdfRecord, sampling: Sampling) -> Sampling:
-    """What a material can sample in a scene where others can what is given."""
-    return OF_SHEETS if record.sheet is not None else sampling
 
 
 def plan_sampling(choices: Choices, sampling: Sampling) -> Effect:

@@ -22,11 +22,12 @@ from ...nodes.texture_content import file_of
 from ..lights import aim_targets, light_tables
 from ..lights.lamp_survey import LampReport
 from ..material import rebuild
+from ..material.build_brdf import sampling_for
 from ..material.choices import AUTO, OSL, Choices
 from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.lighting import uses_mode
-from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling, sampling_for
+from ..material.scene_fit import MIRROR_EFFECTS, SAMPLED_EFFECT, plan_sampling
 from ..material.texture_repair import expected, is_another, load_right, right_file
 from .findings import NOTE, SLOW, WRONG, Finding, Subject, editable, measured_trees, middle, setting
 
@@ -290,11 +291,10 @@ def _sampling(material: bpy.types.Material, choices: Choices, report: LampReport
     osl = choices.shader == OSL
     if kind_of(material) is SHADING_MAP:
         return aim_targets.sampling_of(report, scripted=osl)
-    sampling = aim_targets.sampling_of(report, osl=osl)
     try:
-        return sampling_for(record_of(material), sampling)
+        return sampling_for(record_of(material), choices, report)
     except BakeError:
-        return sampling
+        return aim_targets.sampling_of(report, osl=osl)
 
 
 def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:

@@ -14,6 +14,8 @@ import bpy
 import numpy as np
 
 from ...bake.source import Array
+from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY
+from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.through_closure import PORTAL
 from .findings import NOTE, WRONG, Finding, Subject, measured_trees, setting
 
@@ -46,12 +48,21 @@ def sheets(subject: Subject) -> dict[bpy.types.Material, tuple[bpy.types.Object,
     }
 
 
+def _samples(material: bpy.types.Material, what: str) -> bool:
+    """Whether its shader samples lamps (SLOTS_KEY), or the world (WORLD_KEY), in the scene as it is."""
+    return any(tree.get(SAMPLED_KEY) and tree.get(what) for tree in measured_trees(material))
+
+
 def lamps(subject: Subject) -> Iterator[Finding]:
     """Lamps that neither kind of ray may meet."""
-    shown = list(dict.fromkeys(obj for objects in sheets(subject).values() for obj in objects))
+    worn = sheets(subject)
+    shown = list(dict.fromkeys(obj for objects in worn.values() for obj in objects))
+    # What samples lamps itself needs no ray to meet them.
+    mirrors = [objects for material, objects in worn.items() if not _samples(material, SLOTS_KEY)]
+    aimed = list(dict.fromkeys(obj for objects in mirrors for obj in objects))
     for obj in subject.lamps if shown else ():
         where = f"lamp {obj.name}"
-        if not obj.visible_camera and obj.visible_diffuse and _is_behind(obj, shown, subject.scene):
+        if not obj.visible_camera and obj.visible_diffuse and _is_behind(obj, aimed, subject.scene):
             why = (
                 "the camera's rays go on through a sheet at flat angles and do not meet it; at 60 degrees a sheet lost "
                 "37 % of the light of a lamp on the viewer's side, and nothing of one across from there"
@@ -70,7 +81,7 @@ def world(subject: Subject) -> Iterator[Finding]:
     if world is None or not sheets(subject) or not world.cycles_visibility.diffuse:
         return
     visibility, where = world.cycles_visibility, f"world {world.name}"
-    if not visibility.camera:
+    if not visibility.camera and not all(_samples(material, WORLD_KEY) for material in sheets(subject)):
         why = f"the camera's rays go on through a sheet at flat angles and do not meet it; {_LOST} were lost"
         mend = setting(visibility, "camera", True)
         yield Finding("world_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)

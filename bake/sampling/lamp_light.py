@@ -3,7 +3,7 @@
 `bake.sampling.lamps` needs only know about where a lamp is: a wrong guess there costs noise. Here its radiance, by
 channel, enters the picture. A lamp is two RGBA texels more, in a table beside that of `lamps`:
     radiance, facing      along the lamp's axis, by channel; 1 of a disk that faces whoever looks at it, 0 of a sphere
-    beam, -               kind, where it ends, how steep it is
+    beam, rays            kind, where it ends, how steep it is; which rays meet it besides those of mirrors
 Cycles takes a point or spot lamp with soft falloff for the disk.
 
 The beam's factor, by the cosine c between the lamp's axis and the ray that leaves it (Cycles' `spot_light_attenuation`
@@ -39,11 +39,13 @@ class LampLight:
     radiance : along its axis, by channel
     facing : a sphere's stand-in, a disk that faces whoever looks at it
     beam : kind, end and steepness
+    rays : 1 if the camera's meet it, and 2 more if those from diffuse surfaces do
     """
 
     radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
     facing: bool = False
     beam: tuple[float, float, float] = (float(EVEN), 0.0, 0.0)
+    rays: int = 0
 
 
 def spread_beam(spread: float) -> tuple[float, float, float]:
@@ -74,7 +76,7 @@ def lamp_light_table(lights: list[LampLight], rows: int) -> Array:
     table = np.zeros((rows, LIGHT_TEXELS, 4), np.float32)
     for row, light in enumerate(lights):
         table[row, 0] = (*light.radiance, light.facing)
-        table[row, 1, :3] = light.beam
+        table[row, 1] = (*light.beam, light.rays)
     return table
 
 

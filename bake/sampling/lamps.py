@@ -33,6 +33,8 @@ FAR = 1e6
 # Of a lamp's light, where it decides about the mirror's probability: few mirrors are left for other light, and each of
 # them counts for so much more (tried: bronze under sun and sky is noisier with more).
 _BESIDE = 0.05
+# Part of an extended lamp stands higher, or faces more, than its middle.
+_LEAST_COSINE = 0.05
 
 
 @dataclass(frozen=True)
@@ -179,26 +181,36 @@ def expected_light(xp: Any, aim: Aim, surface_normal: Any, power: Any) -> Any:
 
     It depends on the point alone, not on the sample: lamps, and whether to aim at all, may be chosen by it.
     """
-    distance2 = xp.dot(aim.to_centre, aim.to_centre)
-    distance = xp.sqrt(distance2)
-    inverse = xp.divide(1.0, distance)
     along = xp.dot(aim.to_centre, surface_normal)
     half_u, half_v = xp.dot(aim.u, surface_normal), xp.dot(aim.v, surface_normal)
     half = 0.5 * (xp.maximum(half_u, -half_u) + xp.maximum(half_v, -half_v))
-    shone = 0 - xp.dot(aim.normal, aim.to_centre)
-    is_cone = aim.kind > SPHERE - 0.5
-    is_sun = aim.kind > SUN - 0.5
     # A cone reaches above the horizon where its axis leans below it by less than its half angle.
     sine = xp.sqrt(xp.maximum(aim.m * (2 - aim.m), 0.0))
     leaning = xp.dot(aim.axis, surface_normal)
     reaches_cone = xp.maximum(leaning + sine > 0, aim.m > 1.0)
-    reaches = xp.where(is_cone, reaches_cone, (along + half > 0) * (shone > 0))
-    # Never below a twentieth: part of an extended lamp stands higher, or faces more, than its middle.
-    height = xp.maximum(xp.where(is_cone, leaning, along * inverse), 0.05)
-    facing = xp.where(is_cone, 1.0, xp.maximum(shone * inverse, 0.05))
+    reaches = xp.where(aim.kind > SPHERE - 0.5, reaches_cone, along + half > 0)
+    return reaches * xp.maximum(leaning, _LEAST_COSINE) * _face_to_face(xp, aim, power)
+
+
+def expected_light_on_sheet(xp: Any, aim: Aim, surface_normal: Any, power: Any, front: Any) -> Any:
+    """The same of both sides of a sheet, of whose light the viewer gets the part `front` from where the normal points,
+    and the rest through the sheet."""
+    leaning = xp.dot(aim.axis, surface_normal)
+    side = xp.where(leaning > 0, front, 1 - front)
+    # Of a lamp that stands on both sides each is to be found.
+    sides = xp.maximum(side, _LEAST_COSINE) * xp.maximum(xp.maximum(leaning, -leaning), _LEAST_COSINE)
+    return sides * _face_to_face(xp, aim, power)
+
+
+def _face_to_face(xp: Any, aim: Aim, power: Any) -> Any:
+    """About the irradiance of a surface that faces the lamp."""
+    distance2 = xp.dot(aim.to_centre, aim.to_centre)
+    is_cone = aim.kind > SPHERE - 0.5
+    shone = 0 - xp.dot(aim.normal, aim.to_centre)
+    facing = xp.maximum(shone * xp.divide(1.0, xp.sqrt(distance2)), _LEAST_COSINE) * (shone > 0)
     near2 = xp.where(is_cone, aim.fourth * aim.fourth, xp.divide(0.25, aim.fourth))
-    falloff = xp.where(is_sun, 1.0, 1 / xp.maximum(xp.maximum(distance2, near2), 1e-12))
-    return reaches * height * facing * falloff * power
+    falloff = xp.where(aim.kind > SUN - 0.5, 1.0, 1 / xp.maximum(xp.maximum(distance2, near2), 1e-12))
+    return xp.where(is_cone, 1.0, facing) * falloff * power
 
 
 def _tangents(xp: Any, axis: Any) -> tuple[Any, Any]:

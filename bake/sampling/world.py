@@ -282,3 +282,9 @@ def expected_world_light(xp: Any, toward: Any, flux: Any, normal: Any) -> Any:
     toward, flux : half of `WorldStructure.toward`, a quarter of its `flux`
     """
     return xp.maximum(xp.dot(toward, normal) + flux, flux * _LEAST)
+
+
+def expected_world_light_on_sheet(xp: Any, toward: Any, flux: Any, normal: Any, front: Any) -> Any:
+    """The same of both sides of a sheet, as `bake.sampling.lamps.expected_light_on_sheet` has it."""
+    before, behind = (expected_world_light(xp, toward, flux, side) for side in (normal, xp.scale(normal, -1.0)))
+    return before * front + behind * (1 - front)

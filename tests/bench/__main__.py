@@ -16,6 +16,7 @@ BENCHES = {
     "bases": "RMS of both bases and every parameterisation at equal bytes, and the choice",
     "bytes": "error against bytes of every storage's file, and of whole bundles; a plot",
     "cost": "error of a paint against table size, for every parameterisation and filter; a plot",
+    "sheets": "noise and time of sheets that sample lamps, or aim at them, beside Diffuse and Translucent BSDF",
     "sampling": "variance and bytes of cosine, alias tables and warps, by white noise and Sobol numbers",
     "figures": "figures 3 to 7 of Mallett & Yuksel 2016: intensity, tables, turning light, resolution, filters",
     "gallery": "pictures of the twelve RGL and three Cornell materials",

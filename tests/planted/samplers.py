@@ -102,8 +102,8 @@ MISTAKES = (
     Mistake(
         "lamps-edge-expected-dark",
         "bake/sampling/lamps.py",
-        "xp.where(is_cone, leaning, along * inverse), 0.05)",
-        "xp.where(is_cone, leaning, along * inverse), 0.001)",
+        "reaches * xp.maximum(leaning, _LEAST_COSINE)",
+        "reaches * xp.maximum(leaning, 0.001)",
         (f"{MOMENTS}::test_no_lamp_is_expected_to_bring_far_less_than_it_does",),
         "surfaces that see only a lamp's edge hardly aim at it: fireflies along the terminator",
     ),

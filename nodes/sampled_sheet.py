@@ -1,0 +1,132 @@
+"""A side of a sheet whose shader samples lamps on both sides: closures, mirrors, emission (method.md, section 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from . import expr
+from .adjustments import Adjustments
+from .brdf_group import BrdfParts
+from .drawn_direction import frame_of
+from .group import call
+from .lamp_light_groups import LightTables, light_point_group
+from .native_closure import add_closures, choose_closure
+from .sampled_closure import direct_light, draw_ahead, drawn_numbers, emission, met_light
+from .stochastic_mirror_group import mirror_closure
+from .table_groups import TableGroups
+from .through_closure import is_bent, through_closure
+
+# Neither of two mirrors is drawn more rarely than this, nor light from either side.
+_LEAST = 0.1
+
+
+@dataclass(frozen=True)
+class _Mirror:
+    """A part's residual, the share of all the light that it is, and how often its mirror is drawn of the two."""
+
+    table: TableGroups
+    share: Any
+    drawn: Any = 1.0
+
+
+def sampled_sheet(
+    reflected: BrdfParts | None,
+    through: BrdfParts | None,
+    reflected_share: float,
+    normal: Any,
+    adjustments: Adjustments,
+    tables: LightTables,
+) -> Any:
+    """As `nodes.sampled_closure`, of what the surface reflects and what it lets through.
+
+    Native closures of both are there on every sample. Of the two mirrors one is, and one point of light is sampled: it
+    lies on either side of the sheet, and the table of that side alone is looked up. Both are chosen by the shares of
+    the light that the residuals are for this viewer.
+
+    Parameters
+    ----------
+    reflected, through : as far as there are any; one has a table
+    reflected_share : of the light under a white sky
+    tables : of a sheet
+    """
+    numbers = drawn_numbers()
+    position, incoming, u, _, random = numbers
+    parts = [(part, share) for part, share in ((reflected, reflected_share), (through, 1 - reflected_share)) if part]
+    envelopes = [part.envelope for part, _ in parts if part.envelope is not None]
+    frame = frame_of(normal, incoming, envelopes[0].tangent)
+    native: list[Callable[[Any], Any]] = []
+    mirrors: list[_Mirror] = []
+    for (part, share), envelope in zip(parts, envelopes, strict=True):
+        weights = envelope.weights(frame[0])
+        native.append(partial(envelope.closure, weights, normal, adjustments))
+        if part.table is not None:
+            mirrors.append(_Mirror(part.table, weights[0][1] * share))
+    front, mirrors = _drawn(mirrors)
+    place = position, normal, front
+    traced = [_mirrored(mirror, mirrors, native, numbers, frame, place, adjustments, tables) for mirror in mirrors]
+    world, density, light = call(light_point_group(tables), *place, *random)
+    surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
+    side = expr.dot(world, normal)
+    # What is above or below must be so of the surface proper too, as for the mirrors.
+    point = world, density, light, side * expr.dot(world, surface) > 0
+    shown = []
+    for mirror in mirrors:
+        direct, reached = direct_light(mirror.table, _up(mirror, normal), frame, point, u[4], mirror.share, adjustments)
+        shown.append(emission(direct * adjustments.gain, reached))
+    if len(mirrors) == 1:
+        return add_closures([*traced, *shown])
+    chosen = choose_closure(u[5] < front, traced[1], traced[0])
+    return add_closures([chosen, choose_closure(side > 0, shown[1], shown[0])])
+
+
+def _drawn(mirrors: list[_Mirror]) -> tuple[Any, list[_Mirror]]:
+    """The part of the residuals' light that is reflected, and the mirrors with how often each is drawn."""
+    if len(mirrors) == 1:
+        return 0.0 if mirrors[0].table.through else 1.0, mirrors
+    reflected, through = mirrors
+    part = expr.divide(reflected.share, reflected.share + through.share)
+    front = expr.minimum(expr.maximum(part, _LEAST), 1 - _LEAST)
+    return front, [
+        _Mirror(reflected.table, reflected.share, front),
+        _Mirror(through.table, through.share, 1 - front),
+    ]
+
+
+def _up(mirror: _Mirror, normal: Any) -> Any:
+    """To the side from which the mirror's light comes."""
+    return expr.scale(normal, -1.0) if mirror.table.through else normal
+
+
+def _mirrored(
+    mirror: _Mirror,
+    mirrors: list[_Mirror],
+    native: list[Callable[[Any], Any]],
+    numbers: Any,
+    frame: tuple[Any, Any, Any],
+    place: tuple[Any, Any, Any],
+    adjustments: Adjustments,
+    tables: LightTables,
+) -> Any:
+    """One of the mirrors, the native closures beside it, and what is emitted of the light that the mirror meets."""
+    (_, incoming, u, more, _), (_, normal, front) = numbers, place
+    number = u[5]
+    if len(mirrors) > 1:
+        # What the choice between the mirrors leaves of the number is even again.
+        number = expr.divide(number - front, 1 - front) if mirror.table.through else expr.divide(number, front)
+    ahead = draw_ahead(mirror.table, _up(mirror, normal), frame, numbers, tables)
+    weight = adjustments.apply(expr.scale(ahead.weight, expr.divide(1.0, mirror.drawn)))
+    bent = is_bent(ahead.wi_world, incoming) if mirror.table.through else None
+    followed = sum((one.share for one in mirrors[1:]), start=mirrors[0].share)
+    drawing = followed, ahead.of_table * mirror.drawn, number
+    met = met_light(tables, place, ahead.wi_world, drawing, ahead.aims, bent)
+    lead = through_closure if mirror.table.through else mirror_closure
+    return add_closures(
+        [
+            *(closure(met.of_closures) for closure in native),
+            lead(ahead.wi_world, incoming, expr.scale(weight, met.of_mirror), more[2], ahead.aims),
+            emission(weight * met.rest, met.meets),
+        ]
+    )
