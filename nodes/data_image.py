@@ -98,6 +98,11 @@ def _is_same_place(one: Path, other: Path) -> bool:
         return False
 
 
+def of_part(images: Images, part: str) -> Images:
+    """Textures of a part, by the names that they have in its own record."""
+    return (lambda name: images(f"{part}_{name}")) if part else images
+
+
 def bundle_images(bundle: Bundle, title: str, *, pack: bool = False) -> Images:
     """A bundle's textures: found or loaded when asked for, called after `title`. Asking raises BakeError.
 

@@ -83,11 +83,14 @@ def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     """(place, three random numbers) to a direction towards a lamp's point or the world's bright parts.
 
     Its density, by the light's share of all of it too, and the radiance that comes from there, 0 where something stands
-    between.
+    between; below the horizon of the normal nobody asks.
     """
 
     def results(slots: int, world: bool, position: Any, *arguments: Any) -> tuple[Any, ...]:
         wi, density, radiance, length = call(chosen_group(tables, slots, world), position, *arguments)
+        if not tables.sheet:
+            # From below the horizon nothing is reflected, whatever the ray would meet.
+            length = length * (expr.dot(wi, arguments[0]) > 0)
         return wi, density, expr.scale(radiance, light_ray(position, wi, length, tables.scripted)[0])
 
     inputs = tables.place | dict.fromkeys(("Random Light", "Random 1", "Random 2"), "float")
@@ -291,7 +294,7 @@ def _point_group() -> bpy.types.ShaderNodeTree:
         wi = draw_towards(expr, aim, u1, u2)
         density = density_towards(expr, aim, wi, 1.0)
         shone = beam_factor(expr, aim.normal, beam, wi) * (density > 0)
-        return wi, density, expr.scale(radiance, shone), _length(aim, facing, wi, density > 0)
+        return wi, density, expr.scale(radiance, shone), _length(aim, facing, wi, shone > 0)
 
     inputs = _SEEN | {"Position": "vector", "Random 1": "float", "Random 2": "float"}
     return node_group("MM Lamp Point", inputs, _POINT, build)
@@ -305,7 +308,7 @@ def _met_group() -> bpy.types.ShaderNodeTree:
         aim = Aim(*lamp)
         towards = density_towards(expr, aim, wi, 0.0)
         shone = beam_factor(expr, aim.normal, beam, wi) * (towards > 0)
-        return expr.scale(radiance, shone), towards, _length(aim, facing, wi, towards > 0)
+        return expr.scale(radiance, shone), towards, _length(aim, facing, wi, shone > 0)
 
     inputs = _SEEN | {"Position": "vector", "wi": "vector"}
     return node_group("MM Lamp Met", inputs, _MET, build)

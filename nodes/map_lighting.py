@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..bake.lobes.lobes import Lobe
+from ..bake.lobes.lobes import PHONG, Lobe
 from ..bake.shading_maps.render_settings import RenderSettings
 from . import expr
 from .adjustments import Adjustments
@@ -15,7 +15,7 @@ from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
 from .lamp_light_groups import LightTables
 from .lobe_group import lobe_group, lobe_pdf_group, lobe_peak_group, sample_lobe_group
-from .native_closure import has_native, native_closure
+from .native_closure import has_native, native_closure, translucent_closure
 from .slices_group import SliceOptions
 from .table_groups import TableGroups
 
@@ -47,6 +47,7 @@ class Lighting:
     features : also write the passes of `feature_passes`, for the denoiser
     normals : a view layer shows the Normal pass, which mirrors would spoil
     lights : tables of lamps and of what they emit, where the shader is to sample them; used with `lamps` only
+    through : of light from the far side, whose direction is mirrored in the swatch
     """
 
     settings: RenderSettings
@@ -59,6 +60,7 @@ class Lighting:
     features: bool = False
     normals: bool = False
     lights: LightTables | None = None
+    through: bool = False
 
     @property
     def gain(self) -> float:
@@ -83,8 +85,9 @@ class Lighting:
 
     @property
     def native(self) -> bool:
-        """Whether Cycles has a closure for f_r or a part of it."""
-        return self.measured is None and has_native(self.lobe)
+        """Whether Cycles has a closure for f_r or a part of it: of what lets light through, Translucent BSDF."""
+        matte = not self.through or self.lobe.name == "lambert" or self.lobe.name in PHONG
+        return self.measured is None and matte and has_native(self.lobe)
 
     @property
     def lobe(self) -> Lobe:
@@ -122,7 +125,7 @@ class Lighting:
         if self.measured is not None:
             drawn = self.measured.table.draw(normal, self.lamps)
         else:
-            drawn = drawn_direction(normal, self.sample, self.density, self.lamps)
+            drawn = drawn_direction(normal, self.sample, self.density, self.lamps, through=self.through)
         return drawn, self.f_cos(drawn.wi, drawn.wo, drawn.cosine)
 
     def split(self, slices: Any, uv: Any, wo: Any, f_cos: Any, cosine: Any, random: Any) -> Parts:
@@ -156,7 +159,8 @@ class Lighting:
 
     def closure(self, parts: Parts, normal: Any, adjustments: Adjustments, part: Any) -> Any:
         """The native closure that carries the envelope, times `native_sigma` over how often it is followed."""
-        return native_closure(self.lobe, expr.scale(adjustments.apply(parts.envelope), part), normal)
+        colour = expr.scale(adjustments.apply(parts.envelope), part)
+        return translucent_closure(colour, normal) if self.through else native_closure(self.lobe, colour, normal)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import bpy
@@ -13,11 +15,12 @@ from . import expr
 from .adjustments import LIMITS, NEUTRAL, SOCKETS, Adjustments
 from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection
+from .exclusive_closures import one_of
 from .feature_passes import clamped, write_features
 from .group import call, node_group
 from .map_lighting import TEXTURED, Lighting, Parts, times
 from .map_models import piecewise_linear
-from .native_closure import add_closures, choose_closure, native_closure, viewport_closures
+from .native_closure import add_closures, choose_closure, native_closure, translucent_closure, viewport_closures
 from .sampled_map import MIN_CHOICE, sampled_map
 from .surface_marker import MATTE, roughness_of, with_marker
 
@@ -25,8 +28,29 @@ from .surface_marker import MATTE, roughness_of, with_marker
 MAP_INPUTS = {"Normal": "vector", "Tint": SOCKETS["Tint"], "UV": "vector", "Light Level": "float"} | SOCKETS
 
 
+@dataclass(frozen=True)
+class Transmitted:
+    """What a swatch lets through.
+
+    Parameters
+    ----------
+    slices, viewport : groups of its map, as of `shading_map_group`
+    lighting : of it
+    share : of the light under a white sky that is reflected instead, by which one of two mirrors is chosen
+    """
+
+    slices: bpy.types.ShaderNodeTree
+    viewport: bpy.types.ShaderNodeTree
+    lighting: Lighting
+    share: float
+
+
 def shading_map_group(
-    name: str, slices: bpy.types.ShaderNodeTree, viewport: bpy.types.ShaderNodeTree, lighting: Lighting
+    name: str,
+    slices: bpy.types.ShaderNodeTree,
+    viewport: bpy.types.ShaderNodeTree,
+    lighting: Lighting,
+    transmitted: Transmitted | None = None,
 ) -> bpy.types.ShaderNodeTree:
     """(Normal, Tint, UV, Light Level, the other `Adjustments`) to (BSDF, EEVEE).
 
@@ -34,6 +58,7 @@ def shading_map_group(
     ----------
     slices : group of the map for path tracing
     viewport : the same with scalar x and without random choice, for EEVEE
+    transmitted : of a swatch that was photographed against the light too; no lamps are sampled then
     """
     technique = lighting.settings.technique
     builders = dict(zip(TEXTURED, (_lit_texture, _angular), strict=True))
@@ -41,17 +66,36 @@ def shading_map_group(
     def build(*values: Any) -> tuple[Any, Any]:
         named = dict(zip(MAP_INPUTS, values, strict=True))
         normal, uv, adjustments = named["Normal"], named["UV"], Adjustments.among(named)
-        closure = builders.get(technique, _in_mode)(slices, lighting, normal, adjustments, uv)
+        if transmitted is None or technique in builders:
+            closure = builders.get(technique, _in_mode)(slices, lighting, normal, adjustments, uv)
+        else:
+            closure = _both_in_mode(slices, lighting, transmitted, normal, adjustments, uv)
+        behind: list[Any] = []
+        if transmitted is not None:
+            behind = [transmitted.slices, transmitted.lighting]
+            if technique in builders:
+                closure = add_closures([closure, _preview(*behind, normal, adjustments, uv)])
         if not lighting.preview:
             roughness = MATTE if lighting.measured else (roughness_of(lighting.lobe) or MATTE)
             closure = with_marker(closure, normal, roughness, always=lighting.normals)
             if lighting.features:
                 albedo = lighting.measured.albedo if lighting.measured else 1.0
-                write_features(normal, clamped(expr.scale(_texture(slices, lighting, adjustments, uv), albedo)))
-        return closure, _viewport(viewport, lighting, normal, adjustments, uv, named["Light Level"])
+                texture = expr.scale(_texture(slices, lighting, adjustments, uv), albedo)
+                if behind:
+                    texture = texture + _texture(*behind, adjustments, uv)
+                write_features(normal, clamped(texture))
+        shown = [(viewport, lighting)]
+        if transmitted is not None:
+            shown.append((transmitted.viewport, transmitted.lighting))
+        seen = [_viewport(*side, normal, adjustments, uv, named["Light Level"]) for side in shown]
+        return closure, add_closures(seen)
 
     outputs = {"BSDF": "shader", "EEVEE": "shader"}
     return node_group(name, MAP_INPUTS, outputs, build, {"Light Level": 1.0, **NEUTRAL}, limits=LIMITS)
+
+
+# Of two mirrors that exclude each other neither is drawn more rarely than this part of what it would be alone.
+_LEAST = 0.1
 
 
 def _mirror(
@@ -71,6 +115,34 @@ def _in_mode(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustme
     return traced
 
 
+def _both_in_mode(
+    slices: Any, lighting: Lighting, transmitted: Transmitted, normal: Any, adjustments: Adjustments, uv: Any
+) -> Any:
+    """`_in_mode` of reflected and transmitted light together, whose mirrors exclude each other."""
+    mode = lighting.settings.mode
+    sides = [(slices, lighting), (transmitted.slices, transmitted.lighting)]
+    preview = add_closures([_preview(*side, normal, adjustments, uv) for side in sides])
+    if mode == "preview":
+        return preview
+    share = min(max(transmitted.share, _LEAST), 1 - _LEAST)
+    drawn, native = [], []
+    for (found, light), part in zip(sides, (share, 1 - share), strict=True):
+        one, f_cos = light.draw(normal)
+        split = light.split(found, uv, one.wo, f_cos, one.cosine, one.random[0])
+        chance = part
+        if light.exact:
+            chance = _mirror_chance(split, light) * part
+            native.append(partial(_native, light, split, normal, adjustments))
+        drawn.append((one, chance, _mirror(one, split.traced, light, adjustments, chance)))
+    traced = one_of(drawn, native)
+    return choose_closure(after_diffuse(), traced, preview) if mode == "balanced" else traced
+
+
+def _native(lighting: Lighting, parts: Parts, normal: Any, adjustments: Adjustments, factor: Any) -> Any:
+    """The closure under a map, by the factor of its weight."""
+    return lighting.closure(parts, normal, adjustments, factor * lighting.native_sigma)
+
+
 def _preview(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
     """One photograph, relative to its mean, as a texture on closures that look like f_r."""
     return add_closures(_like_f_r(lighting, normal, _texture(slices, lighting, adjustments, uv)))
@@ -87,6 +159,8 @@ def _like_f_r(lighting: Lighting, normal: Any, colour: Any) -> list[Any]:
     """Closures that look like f_r, times a colour."""
     if lighting.measured is not None:
         return [native_closure(Lobe("lambert"), expr.scale(colour, lighting.measured.albedo), normal)]
+    if lighting.through:
+        return [translucent_closure(colour, normal)]
     return viewport_closures(lighting.lobe, normal, colour)
 
 

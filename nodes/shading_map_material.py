@@ -18,14 +18,15 @@ from ..bake.shading_maps.record_parts import StoredMap
 from ..bake.shading_maps.reduced_map import reduced_size, reduced_slices
 from ..bake.shading_maps.render_settings import RenderSettings
 from ..bake.shading_maps.slice_atlas import SliceLayout
+from ..bake.source import luminance
 from .checked_pixels import check_image
-from .data_image import Images, bundle_images, made_image, new_data_image
+from .data_image import Images, bundle_images, made_image, new_data_image, of_part
 from .lamp_light_groups import LightTables
 from .map_lighting import Lighting, MeasuredLobe
 from .map_models import basis_group, power_group
 from .material_tree import build_from, lit_by_emission
 from .osl_script import require_osl
-from .shading_map_group import shading_map_group
+from .shading_map_group import Transmitted, shading_map_group
 from .slices_group import SliceImages, SliceOptions, slices_group
 from .table_groups import table_groups
 from .world_picture import Surroundings
@@ -74,8 +75,12 @@ def build_shading_map(
     settings = settings or record.render
     if settings.lobe is None:
         record.measured_lobe()
-    for name in {record.map.image, "envelope"} & set(record.images):
-        check_image(record.files(), name)
+    behind = record.transmitted()
+    for part in [record] if behind is None else [record, behind]:
+        for name in {part.map.image, "envelope"} & set(part.images):
+            check_image(part.files(), name)
+    if behind is not None:
+        lights = None  # a swatch that lets light through is aimed at lamps instead
 
     tables = LightTables(lamps, lights, surroundings, scripted) if lamps is not None and lights is not None else None
     asked = {"lamps": lamps, "lights": tables, "features": features, "normals": normals}
@@ -83,7 +88,7 @@ def build_shading_map(
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
-        return _group(record, lighting, name, textures, reduce)
+        return _group(record, lighting, name, textures, reduce, behind)
 
     built = build_from(record, material, make)
     lit_by_emission(built, lighting.sampled)
@@ -108,22 +113,42 @@ def _reaches_beyond(settings: RenderSettings, sigma: float, a_max: float) -> boo
 
 
 def _group(
-    record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int
+    record: ShadingMapRecord,
+    lighting: Lighting,
+    name: str,
+    textures: Images,
+    reduce: int,
+    behind: ShadingMapRecord | None,
 ) -> bpy.types.ShaderNodeTree:
-    facts, settings = record.map, lighting.settings
+    settings = lighting.settings
     if settings.lobe is None:
         # Not stochastic: S is not linear in f_r, so a single random tap of the table would be biased.
         table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lighting.lamps is not None)
         measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
+    traced, shown = _map_groups(record, lighting, name, textures, reduce)
+    transmitted = None
+    if behind is not None:
+        lit = lighting_of(behind, settings.of_transmission(behind.map.a_max is not None))
+        lit = replace(lit, lamps=lighting.lamps, through=True)
+        groups = _map_groups(behind, lit, f"{name} through", of_part(textures, "through"), reduce)
+        skies = [float(luminance(np.array(part.albedo.white_sky))) for part in (record, behind)]
+        transmitted = Transmitted(*groups, lit, skies[0] / max(sum(skies), 1e-9))
+    return shading_map_group(f"Shading Map {name}", traced, shown, lighting, transmitted)
+
+
+def _map_groups(
+    record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int
+) -> tuple[bpy.types.ShaderNodeTree, bpy.types.ShaderNodeTree]:
+    """Groups of a map for path tracing and for EEVEE."""
+    facts = record.map
     images = slice_images(record, textures)
     far = _reduced(record, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
     # Where lamps are sampled, a slice chosen at random would be most of the noise that is left.
     traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=not lighting.sampled))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
-    viewport = SliceOptions("scale", tiling=settings.tiling, interpolation="Fetched")
-    shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
-    return shading_map_group(f"Shading Map {name}", traced, shown, lighting)
+    viewport = SliceOptions("scale", tiling=lighting.settings.tiling, interpolation="Fetched")
+    return traced, map_group(f"MM Slices Viewport {name}", facts, images, viewport)
 
 
 def _f_r_albedo(record: ShadingMapRecord) -> float:

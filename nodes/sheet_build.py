@@ -12,7 +12,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart, luminance
 from .brdf_group import BrdfParts
 from .checked_pixels import check_closures, check_shares
-from .data_image import Images
+from .data_image import Images, of_part
 from .lamp_light_groups import LightTables
 from .lamp_share_group import LampShares
 from .sheet_group import SheetSide, sheet_group
@@ -66,11 +66,12 @@ class SheetBuild:
     ) -> SheetSide:
         """What is seen of one side."""
         both = tuple(0.0 if record is None else _white_sky(record) for record in (reflected, through))
+        # A front that reflects nothing has a record all the same.
         made = [
-            None
-            if record is None
-            else self._parts(record, f"{name} {part}".strip(), _of_part(images, part), through=through)
-            for record, part, through in zip((reflected, through), parts, (False, True), strict=True)
+            self._parts(record, f"{name} {part}".strip(), of_part(images, part), through=through)
+            if record and light
+            else None
+            for record, light, part, through in zip((reflected, through), both, parts, (False, True), strict=True)
         ]
         if made[1] is not None:
             made[1] = _through(made[1])
@@ -98,11 +99,6 @@ class SheetBuild:
 
 def _white_sky(record: BrdfRecord) -> float:
     return float(luminance(np.array(record.albedo.white_sky)))
-
-
-def _of_part(images: Images, part: str) -> Images:
-    """Textures of a part, by the names that they have in its own record."""
-    return (lambda name: images(f"{part}_{name}")) if part else images
 
 
 def _through(parts: BrdfParts) -> BrdfParts:

@@ -12,6 +12,7 @@ from . import expr
 from .adjustments import GLOSS, LIMITS, NEUTRAL, Adjustments
 from .brdf_group import BrdfParts, after_diffuse, brdf_inputs
 from .drawn_direction import DrawnDirection
+from .exclusive_closures import one_of
 from .gloss_group import held_gloss
 from .group import call, node_group
 from .lamp_light_groups import LightTables
@@ -94,7 +95,7 @@ class SheetSide:
             value = call(part.table.lookup, one.wi, one.wo, one.random[0])
             weight = expr.scale(value, expr.divide(one.cosine, one.pdf * chance))
             drawn.append((one, chance, one.mirror(adjustments.apply(weight))))
-        return _one_of(drawn, native)
+        return one_of(drawn, native)
 
 
 def _mirror_chance(part: BrdfParts, drawn: DrawnDirection, usual: Any, normal: Any) -> Any:
@@ -112,23 +113,6 @@ def _closures(
     if weights is None:
         return lambda factor: envelope.alone(normal, adjustments, factor)
     return lambda factor: envelope.closure(weights, normal, adjustments, factor)
-
-
-def _one_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[Any], Any]]) -> Any:
-    """One of the mirrors, each with its probability, or else all native closures."""
-    if not drawn:
-        return add_closures([closure(1.0) for closure in native])
-    random, upto = drawn[0][0].random[1], [drawn[0][1]]
-    for _, chance, _ in drawn[1:]:
-        upto.append(upto[-1] + chance)
-    if native:
-        left = expr.divide(1.0, 1 - upto[-1])
-        chosen = add_closures([closure(left) for closure in native])
-    else:
-        chosen, drawn, upto = drawn[-1][2], drawn[:-1], upto[:-1]
-    for (_, _, mirror), limit in reversed(list(zip(drawn, upto, strict=True))):
-        chosen = choose_closure(random < limit, chosen, mirror)
-    return chosen
 
 
 def sheet_group(

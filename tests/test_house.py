@@ -129,3 +129,11 @@ def test_run_explains_itself(arguments: list[str], code: int, word: str, tmp_pat
 
 def test_python_of_the_tests_is_the_one_blender_ships() -> None:
     assert sys.version_info[:2] == (3, 11)
+
+
+def test_benches_find_what_they_share_with_tests() -> None:
+    """A bench is a program of its own: without a word of where the tests are, its imports from `support` fail."""
+    sharing = {p: text for p in (ROOT / "tests" / "bench").glob("*.py") if "\nfrom support" in (text := p.read_text())}
+    assert sharing
+    for path, text in sharing.items():
+        assert -1 < text.find("sys.path.insert(") < text.index("\nfrom support"), path.name

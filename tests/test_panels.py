@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from measured_materials.addon.scene_check.findings import NOTE, WRONG, Finding
 from measured_materials.addon.ui.panels import live_check
+from measured_materials.addon.ui.panels.check_scene import draw_status
 from measured_materials.addon.ui.panels.places import in_both_places
-from measured_materials.addon.ui.panels.wrapped_text import wrapped
-from test_addon import lacquer, registered  # noqa: F401
+from measured_materials.addon.ui.panels.wrapped_text import Lines, wrapped
+from test_addon import Recorder, Stage, lacquer, registered  # noqa: F401
 
 
 @given(st.text(st.characters(blacklist_categories=["Cs"]), max_size=80), st.integers(3, 30))
@@ -148,6 +149,21 @@ def test_a_long_check_waits_for_the_button(lacquer: bpy.types.Material) -> None:
     live_check.changed()
     live_check.shown.edited = live_check.shown.ended = 0.0
     assert live_check.look_again() is None and live_check.shown.stale and not live_check.follows(scene)
+
+
+def test_what_was_found_is_shown_until_the_button_is_pressed(lacquer: bpy.types.Material) -> None:  # noqa: F811
+    stage = Stage(lacquer)
+    stage.scene = bpy.context.scene
+    live_check.keep(stage.scene, [Finding("x", WRONG, "Scene", "is", "0", "why", lambda: None)], 1.0)
+    live_check.changed()
+    texts: list[str] = []
+    draw_status(Recorder(texts), stage, Lines(stage))
+    operator = "measured_materials.check_scene"
+    assert " ".join(texts) == f"{operator} 1 scene setting spoils measured materials {operator}"
+    live_check.keep(stage.scene, [], 1.0)
+    live_check.changed()
+    draw_status(Recorder(texts := []), stage, Lines(stage))
+    assert texts == [operator]
 
 
 @pytest.fixture(autouse=True)

@@ -50,6 +50,22 @@ def test_smooth_pixels_are_stored_as_differences(tmp_path: Path) -> None:
         stream.close()
 
 
+def test_rows_have_the_filter_that_serves_them(tmp_path: Path) -> None:
+    """Noise of few values as it is, a slope as differences: smaller than all rows alike, and read back the same."""
+    rng = np.random.default_rng(2)
+    noise = rng.choice(np.array([3, 200], np.uint8), (40, 40, 3))
+    slope = (np.arange(40) * 3)[:, None, None] + rng.integers(0, 256, (1, 40, 3))
+    pixels = np.concatenate([noise, slope.astype(np.uint8)])
+    image_io.write_png(tmp_path / "a.png", pixels)
+    data = (tmp_path / "a.png").read_bytes()
+    start, rows = data.index(b"IDAT") + 4, pixels.reshape(80, -1)
+    kinds = np.frombuffer(zlib.decompress(data[start:-16]), np.uint8).reshape(80, -1)[:, 0]
+    assert (kinds[:40] == 0).mean() > 0.9 and (kinds[41:] == 2).mean() > 0.9
+    alike = (rows, np.diff(rows, axis=0, prepend=np.zeros((1, 120), np.uint8)))
+    assert len(data) < 0.85 * min(len(zlib.compress(one.tobytes(), 9)) for one in alike)
+    np.testing.assert_array_equal(PngFile(tmp_path / "a.png", 1 << 20).pixels(), pixels)
+
+
 def chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 

@@ -94,6 +94,7 @@ GRIDS = [
     NormalVectorGrid(12, "fitted", warps=(LogWarp(0.1, 0.4), LogWarp(0.01, 4.0))),
     HalfVectorGrid((9, 24, 6), "bezier", alphas=(1.0, 0.125, 0.0), reciprocal=False, horizon_share=0.02),
     HalfVectorGrid((9, 24, 6), "fitted", warps=(LogWarp(), LogWarp(0.003), LogWarp())),
+    HalfVectorGrid((9, 24, 6), "squared", cosine_power=2),
     AnisotropicNormalGrid((6, 5, 4, 8), 0.25, 0.75),
     AnisotropicNormalGrid((5, 5, 4, 8), folded=True, parameterization="fitted", warps=(LogWarp(0.1), LogWarp())),
     AnisotropicNormalGrid((6, 5, 4, 8), parameterization="uniform"),

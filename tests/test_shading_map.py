@@ -18,10 +18,16 @@ from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading_maps.albedo import map_albedo_facts, resolved_scale
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
 from measured_materials.bake.shading_maps.envelope_split import bounded_envelope, round_down, split
-from measured_materials.bake.shading_maps.light_angle import ANGLE_KNOTS, level_by_cosine
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import UNCALIBRATED_SIGMA, RenderSettings
-from measured_materials.bake.shading_maps.shading_map import ShadingMap, averages_of, held_out_errors, linearise
+from measured_materials.bake.shading_maps.shading_map import (
+    ANGLE_KNOTS,
+    ShadingMap,
+    averages_of,
+    held_out_errors,
+    level_by_cosine,
+    linearise,
+)
 from measured_materials.bake.shading_maps.slice_atlas import GUTTER, SliceLayout, pack_slices, unpack_slices
 from measured_materials.bake.shading_maps.store import store_map
 from support.swatches import identity_map, map_bundle, rough_map

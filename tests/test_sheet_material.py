@@ -186,7 +186,7 @@ def test_a_back_that_shows_nothing_is_black(tmp_path: Path) -> None:
                 assert scene.render(16, 1)[..., 0].mean() == pytest.approx(value, rel=0.02)
 
 
-def test_only_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_path: Path) -> None:
+def test_sheets_are_of_the_newest_schema(baked: dict[str, BakeResult], tmp_path: Path) -> None:
     """By which older versions refuse them with a clear line, and read everything else."""
     assert json.loads((baked["lined"].path / "material.json").read_text())["schema"] == 5
     plain = bake_source(Lambert(), tmp_path / "plain", SETTINGS)

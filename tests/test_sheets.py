@@ -45,13 +45,6 @@ class OneWay:
         return np.repeat(np.where(there, value, 0), 3, -1)
 
 
-class BlackFront(OneWay):
-    """The same, black in front."""
-
-    def evaluate(self, wi: Array, wo: Array) -> Array:
-        return np.zeros((*np.broadcast_shapes(wi.shape[:-1], wo.shape[:-1]), 3))
-
-
 def centres(count: int = 200) -> tuple[Array, Array]:
     """Pairs of middles of Klems' bins, above the horizon."""
     bins, rng = klems_centres(), np.random.default_rng(5)
@@ -170,18 +163,32 @@ def test_light_and_viewer_of_a_transmission_are_exchanged_by_choice(tmp_path: Pa
     )
 
 
-def test_a_black_front_is_refused_for_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The sheet is not black, and nothing is wrong with the file. A front of a thousandth is what the remedy says."""
-    assert main(["bake", "brdf", "--analytic", "thin-cloth", "diffuse=0", "--out", str(tmp_path)]) == 1
-    told = capsys.readouterr().err
-    assert "front reflects nothing, though it lets light through" in told and "check the file" not in told
-    assert "diffuse=0.001" in told
+def test_only_what_is_black_on_all_sides_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nothing = ["diffuse=0", "through=0", "forward=0"]
     assert main(["bake", "brdf", "--analytic", "thin-cloth", *nothing, "--out", str(tmp_path)]) == 1
     assert "thin-cloth: reflects nothing" in capsys.readouterr().err
-    path = write_klems_sheet(tmp_path / "a.xml", BlackFront(), KLEMS)
-    assert main(["bake", "brdf", str(path), "--out", str(tmp_path)]) == 1
-    assert "front reflects nothing, though it lets light through" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("side", ["auto", "front", "back"])
+def test_a_file_of_transmission_alone_is_a_sheet_of_black_sides(side: Any, tmp_path: Path) -> None:
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS[2:])
+    whole = read_source(write_klems_sheet(tmp_path / "whole.xml", OneWay(), KLEMS), Reading(side=side))
+    source = read_source(path, Reading(side=side))
+    assert isinstance(source, SheetSource) and isinstance(whole, SheetSource)
+    assert "black" in str(source.facts["side"]) and "black" in str(source.facts["behind"])
+    wi, wo = centres()
+    assert not source.evaluate(wi, wo).any() and not source.reflected_behind(-wi, -wo).any()
+    for lit in (1.0, -1.0):
+        pair = wi * [1.0, 1.0, lit], wo * [1.0, 1.0, -lit]
+        np.testing.assert_array_equal(source.transmitted(*pair), whole.transmitted(*pair))
+        assert source.transmitted(*pair).any()
+
+
+def test_a_file_of_transmission_alone_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    path = write_klems_sheet(tmp_path / "a.xml", OneWay(), KLEMS[2:])
+    path.write_text(path.read_text().replace("<ScatteringData>", "<ScatteringData>1 2 "))
+    with pytest.raises(BakeError, match=r"holds nothing that can be read: .* numbers instead of"):
+        read_source(path)
 
 
 def test_thin_cloth_is_reciprocal_and_keeps_its_energy() -> None:

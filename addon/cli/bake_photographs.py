@@ -17,6 +17,7 @@ from ...bake.images.storage import IMAGE_STORAGES, Storage
 from ...bake.lobes.lobes import Lobe
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
 from ...bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
+from ...bake.shading_maps.against_light import ThroughSettings
 from ...bake.shading_maps.bake import TILEABLES, ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
@@ -42,6 +43,8 @@ from .bake_jobs import (
 from .lighting_options import add_lighting, known_lobes, lighting, parsed_lobe
 from .result import Result, complain
 
+_DIFFUSER = ThroughSettings(Path()).diffuser_transmittance
+
 
 def add_to(kinds: Any) -> None:
     """Add `photographs` to the kinds of `bake`."""
@@ -61,6 +64,7 @@ def add_to(kinds: Any) -> None:
     add_rights(arc)
     add_quality(arc, MAP_LEVELS)
     _add_reading(arc.add_argument_group("photographs"))
+    _add_through(arc.add_argument_group("against the light"))
     _add_map(arc.add_argument_group("shading map"))
     add_lighting(
         arc.add_argument_group("lighting, which can be changed later without baking"),
@@ -150,6 +154,54 @@ def _add_reading(group: Any) -> None:
     )
 
 
+def _add_through(group: Any) -> None:
+    group.add_argument(
+        "--through",
+        type=Path,
+        metavar="FOLDER",
+        help="photographs of the same frame against the light: the lamp on an arc behind the swatch",
+    )
+    group.add_argument(
+        "--through-lights", type=Path, metavar="FILE", help="directions of their lights, as --lights; above or below"
+    )
+    group.add_argument(
+        "--transmittance", type=float, metavar="SHARE", help="of light that the swatch lets through, stated"
+    )
+    group.add_argument(
+        "--diffuser", type=_numbers(int, 4), metavar="X,Y,W,H", help="a diffuser in the picture, lit from behind too"
+    )
+    group.add_argument(
+        "--diffuser-transmittance",
+        type=float,
+        default=_DIFFUSER,
+        metavar="SHARE",
+        help="of that diffuser (%(default)g)",
+    )
+
+
+def _through(options: argparse.Namespace) -> ThroughSettings | None:
+    """Photographs against the light; raises `argparse.ArgumentTypeError` where only their options are given."""
+    told = {
+        "--through-lights": options.through_lights,
+        "--transmittance": options.transmittance,
+        "--diffuser": options.diffuser,
+        "--transmission": options.transmission,
+        "--transmission-sigma": options.transmission_sigma,
+    }
+    if options.through is None:
+        given = next((name for name, value in told.items() if value is not None), "")
+        if given:
+            raise argparse.ArgumentTypeError(f"{given} is for photographs against the light: give --through FOLDER too")
+        return None
+    return ThroughSettings(
+        options.through,
+        options.through_lights,
+        options.transmittance,
+        options.diffuser,
+        options.diffuser_transmittance,
+    )
+
+
 def _add_map(group: Any) -> None:
     usual = ArcSettings()
     group.add_argument(
@@ -194,6 +246,9 @@ def run(options: argparse.Namespace) -> Result:
     """Bake every stack; a bad one is reported and does not stop the others."""
     settings = _settings(options)
     jobs = _jobs(options)
+    if settings.through is not None and len(jobs) > 1:
+        cause = f"--through {options.through} is one swatch's, but there are {len(jobs)} stacks"
+        raise argparse.ArgumentTypeError(f"{cause}; bake them one by one")
     if options.plot is not None:
         _check_plot(options.plot, jobs, options.sources)
     done, errors = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn, replace=options.replace)
@@ -216,7 +271,9 @@ def run(options: argparse.Namespace) -> Result:
 
 def _warn(job: Job, result: BakeResult) -> None:
     record = _record_of(result)
-    for warning in filter(None, [*record.photographs.warnings, albedo_warning(record)]):
+    behind = () if record.through is None else record.through.photographs.warnings
+    told = [*record.photographs.warnings, *(f"against the light: {text}" for text in behind), albedo_warning(record)]
+    for warning in filter(None, told):
         complain(f"warning: {job.title}: {warning}")
 
 
@@ -256,6 +313,7 @@ def _settings(options: argparse.Namespace) -> ArcSettings:
             brdf=brdf,
             render=render,
             rights=stated_rights(options),
+            through=_through(options),
             stack=StackSettings(
                 size=level["size"] or None,
                 decode=options.decode,

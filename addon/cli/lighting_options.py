@@ -9,12 +9,18 @@ from typing import Any
 from ...bake.brdf.modes import MODES
 from ...bake.errors import BakeError
 from ...bake.lobes.lobes import LOBES, PARAMETERS, Lobe, parameters_of
-from ...bake.shading_maps.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
+from ...bake.shading_maps.render_settings import (
+    TECHNIQUES,
+    TILINGS,
+    UNCALIBRATED_SIGMA,
+    UNCALIBRATED_TRANSMISSION,
+    RenderSettings,
+)
 from ...bake.shading_maps.shading_map import ABOVE
 from .bake_jobs import usage_error
 
 # Option's attribute, which is the setting's name too.
-_NAMES = ("sigma", "above", "technique", "mode", "tiling", "a_max")
+_NAMES = ("sigma", "above", "technique", "mode", "tiling", "a_max", "transmission_sigma")
 
 
 def add_lighting(parser: Any, lobe_help: str, lobe_words: str = "NAME") -> None:
@@ -52,6 +58,19 @@ def add_lighting(parser: Any, lobe_help: str, lobe_words: str = "NAME") -> None:
         metavar="R",
         help="r of the brightest photograph in 1/sr (as calibrated, or else the largest r)",
     )
+    parser.add_argument(
+        "--transmission",
+        nargs="+",
+        metavar=("NAME", "KEY=VALUE"),
+        help=f"base transmission (f_t) of photographs against the light: {known_lobes()}, a highlight straight on "
+        "(lambert)",
+    )
+    parser.add_argument(
+        "--transmission-sigma",
+        type=float,
+        metavar="FACTOR",
+        help=f"of f_t, as --sigma of f_r (as calibrated, or else {UNCALIBRATED_TRANSMISSION:g})",
+    )
 
 
 def known_lobes() -> str:
@@ -65,37 +84,39 @@ def known_lobes() -> str:
 
 def given_lighting(options: argparse.Namespace) -> list[str]:
     """Lighting options that were given on the command line."""
-    return [name for name in ("lobe", *_NAMES) if getattr(options, name) is not None]
+    return [name for name in ("lobe", "transmission", *_NAMES) if getattr(options, name) is not None]
 
 
 def lighting(options: argparse.Namespace, base: RenderSettings, lobe: Lobe | None) -> RenderSettings:
     """`base` with the given options in place of its own; raises `argparse.ArgumentTypeError`."""
     given = {name: getattr(options, name) for name in _NAMES if getattr(options, name) is not None}
+    if options.transmission is not None:
+        given["transmission"] = parsed_lobe(options.transmission, options, option="--transmission")
     try:
         return replace(base, lobe=lobe, **given)
     except BakeError as error:
         raise usage_error(error, options) from None
 
 
-def parsed_lobe(words: list[str], options: argparse.Namespace, others: str = "") -> Lobe:
+def parsed_lobe(words: list[str], options: argparse.Namespace, others: str = "", option: str = "--lobe") -> Lobe:
     """NAME KEY=VALUE ... as a lobe; raises `argparse.ArgumentTypeError`. `others` are further choices to mention."""
     name, *pairs = words
     try:
         parameters_of(name)
     except BakeError:
         choices = ", ".join(LOBES) + others
-        raise argparse.ArgumentTypeError(f"--lobe {name}: there is none of that name; choose {choices}") from None
+        raise argparse.ArgumentTypeError(f"{option} {name}: there is none of that name; choose {choices}") from None
     try:
-        return Lobe.of(name, **dict(_parameter(pair) for pair in pairs))
+        return Lobe.of(name, **dict(_parameter(pair, option) for pair in pairs))
     except BakeError as error:
         raise usage_error(error, options) from None
 
 
-def _parameter(pair: str) -> tuple[str, float]:
+def _parameter(pair: str, option: str) -> tuple[str, float]:
     key, equals, text = pair.partition("=")
     try:
         if equals and key:
             return key, float(text)
     except ValueError:
         pass
-    raise argparse.ArgumentTypeError(f"--lobe takes KEY=VALUE after the name, not {pair!r}; paths go before it")
+    raise argparse.ArgumentTypeError(f"{option} takes KEY=VALUE after the name, not {pair!r}; paths go before it")

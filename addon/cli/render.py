@@ -182,6 +182,10 @@ def _settings(record: Record, options: argparse.Namespace) -> RenderSettings | N
         return None
     if options.filter is not None:
         raise argparse.ArgumentTypeError("--filter is for BRDFs, not shading maps")
+    for name in ("transmission", "transmission_sigma") if record.through is None else ():
+        if name in given:
+            option = f"--{name.replace('_', '-')}"
+            raise argparse.ArgumentTypeError(f"{option} is for swatches that were photographed against the light too")
     usual = record.render
     lobe = usual.lobe
     if options.lobe == ["measured"]:
@@ -293,7 +297,7 @@ def _build_map(
 
     report = surveyed(scene)
     choices = Choices(aim=options.aim, sample=options.sample_lamps, shader=OSL if options.osl else NODES)
-    light = plan_map_light(settings, choices, report, ready=False)
+    light = plan_map_light(settings, choices, report, ready=False, through=record.through is not None)
     if light.scripted:
         use_osl(scene)
     build_lit_map(record, material, settings, light, report, features=asks_for_passes(scene) and not light.scripted)

@@ -40,6 +40,7 @@ def photograph_arc(
     size: int = 512,
     tile: float = 1.0,
     samples: int = 64,
+    behind: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> list[Path]:
     """Photograph a tile from straight above with the sun at each elevation of an arc.
@@ -52,6 +53,7 @@ def photograph_arc(
     target : see `gantry_scene`
     elevations : degrees above the plane, 1 to 179; beyond 90 the sun stands on the far side
     azimuth : of the arc's plane, degrees from +u towards +v
+    behind : the arc lies behind the tile, and `lights.csv` has its elevations below the horizon
     progress : called with the share done, in [0, 1]
 
     Returns
@@ -77,9 +79,9 @@ def photograph_arc(
             gantry_scene(target, size=size, tile=tile, samples=samples) as gantry,
         ):
             gantry.set_view(0, 0)
-            gantry.set_light(math.radians(90 - min(min(e, 180 - e) for e in elevations)), 0)
+            gantry.set_light(math.radians(90 - min(min(e, 180 - e) for e in elevations)), 0, behind=behind)
             for index, (elevation, name) in enumerate(zip(elevations, names)):
-                gantry.set_light(*_sun_angles(elevation, azimuth))
+                gantry.set_light(*_sun_angles(elevation, azimuth), behind=behind)
                 # One seed: all frames see the same points of a texel, whose noise is then no change with light.
                 with _relayed(progress, index, len(names)) as report:
                     frame = gantry.render(progress=report)
@@ -88,7 +90,7 @@ def photograph_arc(
                     write_image(temporary / name, frame, Storage.FLOAT32, facts)
                 except BakeError as error:  # the temporary folder is nobody's concern
                     raise BakeError(folder / name, error.cause, error.remedy) from error
-            _write_lights(temporary / LIGHTS_FILE, names, elevations, azimuth)
+            _write_lights(temporary / LIGHTS_FILE, names, elevations, azimuth, behind)
     except OSError as error:
         raise BakeError(
             folder, f"cannot be written ({error.strerror or error})", "choose another place for it"
@@ -105,6 +107,7 @@ def photograph_view(
     tile: float = 1.0,
     samples: int = 64,
     seed: int = 0,
+    behind: bool = False,
     sun_angle: float = SUN_ANGLE,
     progress: Callable[[float], None] | None = None,
 ) -> NDArray[np.float32]:
@@ -117,13 +120,14 @@ def photograph_view(
     Parameters
     ----------
     view, light : (theta, phi) from the normal and from +u, radians
+    behind : the light is mirrored in the tile
 
     Raises
     ------
     BakeError : see `gantry_scene`
     """
     with gantry_scene(target, size=size, tile=tile, samples=samples, sun_angle=sun_angle) as gantry:
-        gantry.set_light(*light)
+        gantry.set_light(*light, behind=behind)
         gantry.set_view(*view)
         return gantry.render(seed, progress)
 
@@ -174,13 +178,14 @@ def _check_folder(folder: Path) -> None:
         raise BakeError(folder, f"holds other things ({other[0]})", "choose a new or an empty folder")
 
 
-def _write_lights(file: Path, names: Sequence[str], elevations: Sequence[float], azimuth: float) -> None:
+def _write_lights(file: Path, names: Sequence[str], elevations: Sequence[float], azimuth: float, behind: bool) -> None:
     with open(file, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["file", "elevation", "azimuth"])
         for name, elevation in zip(names, elevations):
             theta, phi = _sun_angles(elevation, azimuth)
-            writer.writerow([name, f"{90 - math.degrees(theta):.6g}", f"{math.degrees(phi) % 360:.6g}"])
+            above = 90 - math.degrees(theta)
+            writer.writerow([name, f"{-above if behind else above:.6g}", f"{math.degrees(phi) % 360:.6g}"])
 
 
 @contextlib.contextmanager

@@ -89,9 +89,11 @@ class Gantry:
         """Objects in the tile."""
         return list(self._source.objects)
 
-    def set_light(self, theta: float, phi: float) -> None:
-        """Turn the sun to stand at angle theta from the normal, at azimuth phi from +u (radians)."""
+    def set_light(self, theta: float, phi: float, *, behind: bool = False) -> None:
+        """Turn the sun to stand at angle theta from the normal, at azimuth phi from +u (radians), maybe behind."""
         direction = _direction(theta, phi, _STEEPEST_LIGHT)
+        if behind:
+            direction.z = -direction.z
         self._sun.matrix_world = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
         height = self._high.z - self._low.z
         self._reach(self.tile + height * math.tan(theta))

@@ -78,10 +78,17 @@ class Light:
     irradiance: float | tuple[float, float, float] = 1.0
 
 
-def mapped_swatch(bundle: Bundle, settings: RenderSettings | None = None) -> MappedSwatch:
-    """The bundle's map as its material shows it. Raises BakeError, also where f_r is measured."""
-    record = ShadingMapRecord.read(bundle)
-    stored, settings = record.map, settings or record.render
+def mapped_swatch(bundle: Bundle, settings: RenderSettings | None = None, *, through: bool = False) -> MappedSwatch:
+    """The bundle's map as its material shows it, that of reflected light or of what is let `through`.
+
+    Raises BakeError, also where f_r is measured, or the swatch was not photographed against the light.
+    """
+    whole = ShadingMapRecord.read(bundle)
+    record = whole.transmitted() if through else whole
+    if record is None:
+        raise BakeError(bundle.path, "was not photographed against the light", "bake it with --through FOLDER")
+    settings = settings or whole.render
+    stored, settings = record.map, settings.of_transmission(record.map.a_max is not None) if through else settings
     if settings.lobe is None:
         raise BakeError(bundle.path, "takes f_r from a measured BRDF", "choose a lobe")
     sigma, a_max = resolved_scale(settings, stored.a_max)

@@ -83,11 +83,10 @@ def swatch_from(
     bundle = read_bundle(result.path)
     fresh = material is None
     record = ShadingMapRecord.read(bundle)
-    # With the mean colour of every slice the albedo under another light follows without a look at the pixels.
-    means = portions.once(
-        f"means {record.images[record.map.image].sha256}",
-        lambda: record.load_map().slices.mean(axis=(1, 2), dtype=np.float64).tolist(),
-    )
+    further = {"map": {**bundle.material["map"], "means": _means(record)}}
+    if (behind := record.transmitted()) is not None:
+        told = bundle.material["through"]
+        further["through"] = {**told, "map": {**told["map"], "means": _means(behind)}}
     # With what `build_map` will ask for where nothing is known of the material's place: the same group, made once.
     material = build_shading_map(record, material, pack=pack, lamps=lamp_image())
     if fresh:
@@ -99,13 +98,21 @@ def swatch_from(
         bundle,
         pack=pack,
         file=None if source is None else folder_of(source),
-        map={**bundle.material["map"], "means": means},
+        **further,
         rendering=rendering,
     )
     whole = source is None or isinstance(source, Path)
     material[FILES_KEY] = "" if whole else json.dumps([path.name for path in source])
     show_lighting(material, record.render)
     return material
+
+
+def _means(record: ShadingMapRecord) -> list[list[float]]:
+    """Mean colour of every slice, by which the albedo under another light follows without a look at the pixels."""
+    return portions.once(
+        f"means {record.images[record.map.image].sha256}",
+        lambda: record.load_map().slices.mean(axis=(1, 2), dtype=np.float64).tolist(),
+    )
 
 
 def map_words(material: bpy.types.Material) -> str:

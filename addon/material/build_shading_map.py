@@ -23,8 +23,10 @@ from .choices import OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
 from .scene_fit import (
     NO_RAYS,
+    OF_SHEETS,
     RAYS,
     SAMPLED_EFFECT,
+    THROUGH,
     Effect,
     is_ready,
     plan_aim,
@@ -59,8 +61,10 @@ def build_map(
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
-    light = plan_map_light(settings, choices, report, ready=ready)
+    light = plan_map_light(settings, choices, report, ready=ready, through=record.through is not None)
     effects += light.effects
+    if record.through is not None and settings.mode != "preview":
+        effects.append(THROUGH)
     passes = asks_for_passes(scene)
     build_lit_map(
         record,
@@ -123,8 +127,14 @@ class MapLight:
     effects: tuple[Effect, ...]
 
 
-def plan_map_light(settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool) -> MapLight:
+def plan_map_light(
+    settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool, through: bool = False
+) -> MapLight:
     """The least that the mode needs, as `scene_fit.plan_brdf` has it.
+
+    Parameters
+    ----------
+    through : the swatch lets light through, and is aimed at lamps instead of sampling them
 
     Raises
     ------
@@ -135,7 +145,7 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
     script = choices.shader == OSL
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
+        sampling = OF_SHEETS if through else sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()

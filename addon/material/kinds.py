@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ...bake.brdf.common import kind_of as kind_told
+from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import is_bundle
 from ...bake.bundle.result import Progress
 from ...bake.errors import BakeError
@@ -168,6 +169,14 @@ class _Brdf(Kind):
             return ""
 
 
+def lets_light_through(material: bpy.types.Material) -> bool:
+    """Whether a material is known to let light through: a sheet, or a swatch photographed against the light too."""
+    with contextlib.suppress(BakeError):
+        record = record_of(material)
+        return (record.sheet if isinstance(record, BrdfRecord) else record.through) is not None
+    return False
+
+
 class _ShadingMap(Kind):
     """Photographs of a flat swatch under an arc of lights."""
 
@@ -216,7 +225,8 @@ class _ShadingMap(Kind):
     def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
         if not uses_mode(material.measured_lighting.technique):
             return ("aim", "detail")
-        sampled = ("sample", "shader") if material.measured_quality.mode in ("exact", "balanced") else ()
+        traced = material.measured_quality.mode in ("exact", "balanced") and not lets_light_through(material)
+        sampled = ("sample", "shader") if traced else ()
         return ("mode", "aim", *sampled, "detail")
 
 

@@ -12,6 +12,8 @@ from .choices import without_rebuilding
 
 # The choice of a measured BRDF among the lobes.
 MEASURED = "measured"
+# In front of the parameters' names of the base transmission.
+THROUGH = "transmission_"
 # Those named as in the settings.
 _PLAIN = ("above", "technique", "tiling")
 
@@ -21,9 +23,9 @@ def number(value: float) -> float:
     return float(f"{value:.7g}")
 
 
-def parameter_key(lobe: str, parameter: Parameter) -> str:
-    """Name of the property that holds a lobe's parameter."""
-    return f"{lobe}_{parameter.name}"
+def parameter_key(lobe: str, parameter: Parameter, front: str = "") -> str:
+    """Name of the property that holds a lobe's parameter; behind `THROUGH` of the base transmission."""
+    return f"{front}{lobe}_{parameter.name}"
 
 
 def uses_mode(technique: str) -> bool:
@@ -33,18 +35,32 @@ def uses_mode(technique: str) -> bool:
 
 def lighting_of(properties: Any, mode: str) -> RenderSettings:
     """The properties of the light, and the material's mode, as settings. Raises BakeError."""
-    values = [
-        number(getattr(properties, parameter_key(properties.lobe, p))) for p in PARAMETERS.get(properties.lobe, ())
-    ]
     return RenderSettings(
-        lobe=None if properties.lobe == MEASURED else Lobe(properties.lobe, *values),
+        lobe=_lobe_of(properties, "lobe"),
         sigma=_given(properties.sigma, 1e-6),
         above=properties.above,
         technique=properties.technique,
         mode=mode,
         tiling=properties.tiling,
         a_max=_given(properties.a_max, 1e-9),
+        transmission=_lobe_of(properties, "transmission", THROUGH) or Lobe("lambert"),
+        transmission_sigma=_given(properties.transmission_sigma, 1e-6),
     )
+
+
+def _lobe_of(properties: Any, name: str, front: str = "") -> Lobe | None:
+    """The lobe that is chosen, with its parameters; None for a measured one."""
+    lobe = getattr(properties, name)
+    values = [number(getattr(properties, parameter_key(lobe, p, front))) for p in PARAMETERS.get(lobe, ())]
+    return None if lobe == MEASURED else Lobe(lobe, *values)
+
+
+def _show_lobe(properties: Any, name: str, lobe: Lobe | None, front: str = "") -> None:
+    chosen = MEASURED if lobe is None else lobe.name
+    setattr(properties, name, chosen)
+    values = () if lobe is None else (lobe.p1, lobe.p2)
+    for parameter, value in zip(PARAMETERS.get(chosen, ()), values):
+        setattr(properties, parameter_key(chosen, parameter, front), value)
 
 
 def _given(value: float, least: float) -> float | None:
@@ -57,11 +73,9 @@ def show_lighting(material: bpy.types.Material, settings: RenderSettings) -> Non
     properties = material.measured_lighting
     with without_rebuilding():
         material.measured_quality.mode = settings.mode
-        lobe = settings.lobe
-        properties.lobe = MEASURED if lobe is None else lobe.name
-        values = () if lobe is None else (lobe.p1, lobe.p2)
-        for parameter, value in zip(PARAMETERS.get(properties.lobe, ()), values):
-            setattr(properties, parameter_key(properties.lobe, parameter), value)
+        _show_lobe(properties, "lobe", settings.lobe)
+        _show_lobe(properties, "transmission", settings.transmission, THROUGH)
         for name in _PLAIN:
             setattr(properties, name, getattr(settings, name))
         properties.sigma, properties.a_max = settings.sigma or 0.0, settings.a_max or 0.0
+        properties.transmission_sigma = settings.transmission_sigma or 0.0

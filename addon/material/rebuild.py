@@ -74,6 +74,8 @@ def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.t
 
     def build(loaded: ShadingMapRecord, images: Images | None) -> None:
         facts["albedo"] = _albedo(loaded)
+        if loaded.through is not None:
+            facts["through"] = {**facts["through"], "albedo": _albedo(loaded.through)}
         facts["rendering"] = build_map(loaded, material, settings, images=images, pack=record.packed, scene=scene)
 
     rebuild(material, record, images_of_map(record, settings), build)

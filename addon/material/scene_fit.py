@@ -17,6 +17,8 @@ from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
+# Of swatches photographed against the light too, in any scene.
+OF_SHEETS = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 # Of nodes whose rays are scripts.
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
@@ -41,6 +43,9 @@ class Effect:
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""
         return asdict(self)
+
+
+THROUGH = Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
 
 
 @dataclass(frozen=True)
@@ -126,9 +131,7 @@ def plan_brdf(
     if marked:
         effects.append(Effect("Normal pass", True, "a view layer shows it"))
     if sheet and not sample:
-        effects.append(
-            Effect("Light through the sheet", True, "a lamp hidden from the camera loses light at flat angles")
-        )
+        effects.append(THROUGH)
     if scripted:
         effects.append(Effect("Open Shading Language", True, RAYS))
     elif sheet and choices.shader == OSL:

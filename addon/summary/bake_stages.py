@@ -82,7 +82,8 @@ def _arc_stages(settings: ArcSettings) -> dict[str, float]:
     """Of ten photographs of 2 megapixels; only the proportions matter."""
     return {
         "reading": 2.0,
-        "aligning": 1.5 if settings.stack.align != "off" else 0.0,
+        # Photographs against the light are read and aligned then.
+        "aligning": (1.5 if settings.stack.align != "off" else 0.0) + (3.5 if settings.through is not None else 0.0),
         "averages and slices": 0.3,
         "predicting photographs": 0.5,
         "making it tile": 8.0 if settings.tileable != "off" else 0.0,

@@ -27,6 +27,7 @@ _SHADING_MAP: tuple[Callable[[Any], Rows], ...] = (
     shading_map_rows.energy_rows,
     shading_map_rows.map_error_rows,
     shading_map_rows.lighting_rows,
+    shading_map_rows.through_rows,
     brdf_rows.albedo_rows,
     brdf_rows.size_rows,
     shading_map_rows.warning_rows,

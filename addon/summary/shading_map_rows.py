@@ -10,7 +10,7 @@ from ...bake.photographs.stack import PhotoStack
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.shading_maps.shading_map import SAME_LEVEL
-from .brdf_rows import Rows, colour
+from .brdf_rows import Rows, colour, degrees
 
 _MODEL_WORDS = {"slices": "slices", "power": "power law"}
 
@@ -116,9 +116,42 @@ def doubt_rows(photographs: PhotographsRecord) -> Rows:
     return [("Warning" if k == 0 else "", text) for k, text in enumerate(photographs.warnings)]
 
 
+def through_rows(record: ShadingMapRecord) -> Rows:
+    """Rows on the map of light that is let through; none of what was not photographed against the light."""
+    through = record.through
+    if through is None:
+        return []
+    albedo, fitted = through.albedo, through.render
+    held_out = through.errors.held_out_relative
+    rows = [
+        *read_rows(through.photographs),
+        ("Transmittance 0°", colour(albedo.directional[0])),
+        ("Base transmission", lobe_words(fitted.lobe)),
+        ("Strength", f"{albedo.sigma:.4g}" + (", by default" if record.render.transmission_sigma is None else "")),
+        ("Cycles' shaders", f"{_percent(through.map.envelope_energy)} of the light"),
+        ("Left-out error", "unknown" if held_out is None else f"{_percent(held_out)} median"),
+        *doubt_rows(through.photographs),
+    ]
+    told = [(f"Through: {name[:1].lower()}{name[1:]}" if name else name, words) for name, words in rows]
+    total, angles = _energy(record)
+    more = f"up to {total:.4g} reflected and let through, at {degrees(angles)}" if angles else ""
+    return told + [("R + T above one", more)] * bool(angles)
+
+
+def _energy(record: ShadingMapRecord) -> tuple[float, list[float]]:
+    """The largest sum of what is reflected and let through, and the angles at which it is more than arrives."""
+    assert record.through is not None
+    rows = zip(record.albedo.directional, record.through.albedo.directional, strict=False)
+    total = [max(r + t for r, t in zip(one, other, strict=True)) for one, other in rows]
+    return max(total), [angle for angle, most in zip(record.albedo.theta_o_deg, total, strict=False) if most > 1.001]
+
+
 def albedo_warning(record: ShadingMapRecord) -> str:
     """One line where more light leaves than arrives; empty otherwise."""
     albedo, calibrated = record.albedo, record.map.a_max is not None
+    if record.through is not None and not albedo.above_one_deg and _energy(record)[1]:
+        told = f"up to {_energy(record)[0]:.3g} is reflected and let through: more light leaves than arrives"
+        return f"{told}; state a lower --albedo or --transmittance"
     if not albedo.above_one_deg:
         return ""
     sigma = albedo.sigma / max(albedo.largest, 1e-9)
@@ -138,6 +171,7 @@ def arc_summary(record: ShadingMapRecord, seconds: float) -> str:
         f"Cycles' shaders {_percent(stored.envelope_energy)} of the light",
         "left-out error " + ("unknown" if held_out is None else _percent(held_out)),
         f"albedo {colour(record.albedo.directional[0])}",
+        *([f"transmittance {colour(record.through.albedo.directional[0])}"] if record.through is not None else []),
         *(f"colours converted from {what}" for what in photographs.converted_from),
         f"{seconds:.1f} s",
     ]

@@ -78,7 +78,7 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
 
     def _draw_in_part(self, layout: bpy.types.UILayout) -> None:
         if self.part == "rendering":
-            draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True)
+            draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True, through=bool(self.through))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake, and put the material onto the object."""

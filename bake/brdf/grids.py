@@ -39,7 +39,9 @@ def _isotropic(fields: Fields) -> NormalVectorGrid | HalfVectorGrid:
         grid = NormalVectorGrid(n, kind, fields.number("alpha_theta", 0, 1), fields.number("alpha_phi", 0, 1), horizon)
         return replace(grid, warps=warps) if warps else grid
     sizes: Any = fields.wholes("sizes", (3, 3), 4, _MAX_SAMPLES)
-    half = HalfVectorGrid(sizes, kind, reciprocal=fields.flag("reciprocal"), horizon_share=horizon)
+    power = fields.whole("cosine_power", 0, 2) if fields.has("cosine_power") else 0
+    reciprocal = fields.flag("reciprocal")
+    half = HalfVectorGrid(sizes, kind, reciprocal=reciprocal, horizon_share=horizon, cosine_power=power)
     if kind == "bezier":
         alphas: Any = fields.numbers("alphas", (3, 3), 0, 1)
         half = replace(half, alphas=alphas)

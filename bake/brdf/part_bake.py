@@ -26,8 +26,10 @@ from ..tables.treated_source import TreatedSource
 from .appearance import Together, color_differences
 from .preview_sphere import Reflects
 from .reflection import Reflection
-from .samplers import Layout, kind_of_layout, layout_facts
+from .samplers import Layout, isotropic_layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
+
+_SMALL_SAMPLER = 16
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class PartBake:
 
     pairs, truth : directions that no table holds, and the source there: errors are measured at them
     treatment : what was changed of the source, counted at these directions
+    black : it reflects nothing, as the front of a sheet may, and is kept in the smallest table there is
     filter, weighed : that the table is for, and where the settings leave it to the bake the account of the choice
     """
 
@@ -67,8 +70,12 @@ class PartBake:
         self.treatment = self.source.treatment()
         self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
         self.weighed: FilterChoice | None = None
-        if not self.truth.any():
-            raise BakeError(source.name, *_why_black(source, self.pairs))
+        self.black = not self.truth.any()
+        if self.black:
+            if not _has_other_sides(source, self.pairs):
+                raise BakeError(source.name, "reflects nothing", "check the file")
+            small = isotropic_layout(kind_of_layout(settings.sampler), _SMALL_SAMPLER)
+            self.settings = replace(settings, filter=self.filter, sampler=small)
 
     def baked(self, reflection: Callable[..., Reflection], front: bool = True) -> BakedPart:
         """All steps, given what makes the `Reflection` of a treated source, its grid, its choice and the settings.
@@ -84,6 +91,7 @@ class PartBake:
         choice, grid = self.choose_grid()
         made = self.tabulate(grid)
         seen = reflection(self.source, grid, choice, self.settings)
+        seen.black = self.black
         cells, layout = self.sampler(made.kept.table, seen)
         images = {"table": made.kept.image(), "sampler": cells}
         facts: dict[str, Json] = {
@@ -102,7 +110,7 @@ class PartBake:
             facts["filter_choice"] = self.weighed.facts()
         if front:
             facts["color_difference"] = color_differences(self.source, shown)
-        preview = seen.preview(fit)
+        preview = seen.fit_preview(fit)
         facts["preview"] = preview.facts()
         images["preview_weights"] = StoredImage(pack_weights(preview), Storage.FLOAT32)
         return BakedPart(facts, images, made.kept.table)
@@ -110,6 +118,9 @@ class PartBake:
     def choose_grid(self) -> tuple[GridChoice, Grid]:
         """The candidates, and the best of them with the horizon that serves it best. Raises BakeError."""
         wanted = self.settings
+        if self.black:
+            choice = GridChoice.of_black(self.source.isotropic)
+            return choice, choice.grid
         choice = choose_grid(
             self.source,
             wanted.resolution,
@@ -215,7 +226,9 @@ class PartBake:
         self.say("envelope", 0.0)
         fit = reflection.fit_envelope(lambda share: self.say("envelope", 0.4 * share))
         source = reflection.residual(fit)
-        grid = reflection.residual_grid(source, table.grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
+        grid = table.grid
+        if not self.black:
+            grid = reflection.residual_grid(source, grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
         residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
         self.say("envelope", 0.7)
         kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo), source)
@@ -236,15 +249,11 @@ class PartBake:
         return fit, kept.table, {"envelope": fit.facts(), "residual": facts}, images
 
 
-def _why_black(source: BrdfSource, pairs: DirectionPairs) -> tuple[str, str]:
-    """Cause and remedy where a source reflects nothing: the front of a sheet may, and the file be whole."""
-    if isinstance(source, SheetSource):
-        for part, view in sheet_views(source).items():
-            if view.evaluate(pairs.wi, pairs.wo).any():
-                does = "its back reflects" if part == "behind" else "it lets light through"
-                remedy = "give the front a little reflection (diffuse=0.001), or bake the other side (--side back)"
-                return f"its front reflects nothing, though {does}, and such a sheet cannot be baked", remedy
-    return "reflects nothing", "check the file"
+def _has_other_sides(source: BrdfSource, pairs: DirectionPairs) -> bool:
+    """Whether it is a sheet that lets light through or reflects it at its back."""
+    if not isinstance(source, SheetSource):
+        return False
+    return any(view.evaluate(pairs.wi, pairs.wo).any() for view in sheet_views(source).values())
 
 
 def _sampled(table: Table) -> Table:

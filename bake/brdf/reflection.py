@@ -55,11 +55,13 @@ class Reflection(ABC):
     Attributes
     ----------
     layout : kind and sizes of the samplers
+    black : it reflects nothing, and so need its closures
     basis : closures to choose from; None for all
     """
 
     layout: Layout
     basis: tuple[Closure, ...] | None = None
+    black = False
 
     def __init__(self, treated: TreatedSource) -> None:
         self._treated = treated
@@ -71,6 +73,8 @@ class Reflection(ABC):
 
     def fit_envelope(self, progress: Share) -> EnvelopeFit:
         """Native closures under the source."""
+        if self.black:
+            return EnvelopeFit.of_nothing(self.nodes(), self.nodes().basis[0])
         return fit_envelope(self._treated, EnvelopeSettings(viewers=self.nodes(), basis=self.basis), progress)
 
     def residual(self, fit: EnvelopeFit) -> BrdfSource:
@@ -81,9 +85,13 @@ class Reflection(ABC):
     def nodes(self) -> Elevations | ViewerGrid:
         """Of the envelope's weights."""
 
+    def fit_preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
+        """The closures of mode Preview, given the envelope where there is one."""
+        return PreviewFit.of_nothing(self.nodes(), self.nodes().basis[0]) if self.black else self.preview(envelope)
+
     @abstractmethod
     def preview(self, envelope: EnvelopeFit | None) -> PreviewFit:
-        """The closures of mode Preview, given the envelope where there is one."""
+        """The same of a source that is not black."""
 
     @abstractmethod
     def albedo(self, source: BrdfSource) -> Facts:

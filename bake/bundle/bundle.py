@@ -2,8 +2,8 @@
 
     NAME_HASH_IMAGE.exr, .hdr or .png
                      images, those that the material has: table, sampler, envelope, residual, residual_sampler,
-                     residual_share, preview_weights, slices, power, coefficients; of a sheet's other parts the same
-                     behind the part's name, as through_table; see `image_names`
+                     residual_share, preview_weights, slices, power, coefficients; of a sheet's other parts, and of a
+                     swatch against the light, the same behind the part's name, as through_table; see `image_names`
     material.json    all parameters, errors and facts, and the images' names
     preview.png      for people
 
@@ -52,17 +52,19 @@ KINDS: tuple[str, ...] = get_args(Kind)
 # 2: half vectors, four dimensions, codes, raised half floats, all of which readers of 1 would take for plain tables.
 # 3: images are called as no other material's are.
 # 4: samplers may be warps, which readers of 3 would take for alias tables.
-# 5: sheets, of which readers of 4 would show the front's reflection alone; everything else is still written as 4.
+# 5: what lets light through, of which readers of 4 would show reflection alone, and isotropic tables stored times
+#    cosines, which they would take for the BRDF itself; everything else is still written as 4.
 SCHEMA = 5
 _SCHEMA_OF_OTHERS = 4
+_LETS_THROUGH = {"sheet", "through"}
 SUFFIX = ".mmat"
 _OF_TABLES = "table", "sampler", "envelope", "residual", "residual_sampler", "residual_share", "preview_weights"
+_OF_MAPS = "slices", "power", "coefficients"
 IMAGES = (
     *_OF_TABLES,
-    "slices",
-    "power",
-    "coefficients",
+    *_OF_MAPS,
     *(f"{part}_{name}" for part in SHEET_PARTS for name in _OF_TABLES),
+    *(f"through_{name}" for name in _OF_MAPS),
 )
 MATERIAL, PREVIEW = "material.json", "preview.png"
 _COMMON = frozenset(common_name(name, storage.suffix) for name in IMAGES for storage in Storage)
@@ -124,6 +126,15 @@ class Bundle:
         return require(self.material["images"], name, dict, self.path / MATERIAL)
 
 
+def _is_new(material: Mapping[str, Any]) -> bool:
+    """Whether readers of an older schema would misunderstand it."""
+    table, residual = material.get("table"), material.get("residual")
+    grids = (table, residual.get("grid") if isinstance(residual, Mapping) else None)
+    isotropic = isinstance(table, Mapping) and not table.get("anisotropic")
+    times_cosines = any(isinstance(grid, Mapping) and grid.get("cosine_power") for grid in grids)
+    return bool(_LETS_THROUGH & set(material)) or (isotropic and times_cosines)
+
+
 def write_bundle(
     path: str | Path,
     material: Mapping[str, Any],
@@ -154,7 +165,7 @@ def write_bundle(
     unknown = sorted(set(images) - set(IMAGES))
     if unknown or kind not in KINDS:
         raise BakeError(target, f"cannot hold {', '.join(unknown) or kind}", f"use {', '.join(IMAGES)}")
-    document = {**material, "schema": SCHEMA if "sheet" in material else _SCHEMA_OF_OTHERS, "kind": kind}
+    document = {**material, "schema": SCHEMA if _is_new(material) else _SCHEMA_OF_OTHERS, "kind": kind}
     document.pop("images", None)
     # Without indentation, for the headers; also refuses what JSON cannot hold before anything is written.
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)

@@ -55,6 +55,14 @@ class EnvelopeFit(ClosureFit):
     residual_share: NDArray[np.float32]
     measured: dict[str, Any]
 
+    @classmethod
+    def of_nothing(cls, viewers: Viewers, lobe: Any) -> EnvelopeFit:
+        """One closure of no weight, which leaves nothing of a source that is black."""
+        shares = {"share": 1.0, "share_rgb": [1.0] * 3, "reach": 1.0, "lowered_to": {"mean": 1.0, "least": 1.0}}
+        over = {"budget": 0.0, "price": 0.0, "overshoot": 0.0, "overshoot_largest": 0.0, "overshoot_local": 0.0}
+        weights, share = np.zeros((*viewers.shape, 1, 3), np.float32), np.zeros(viewers.shape, np.float32)
+        return cls((lobe,), viewers, weights, share, {**shares, **over, "by_theta_o_deg": [[0, 1.0]]})
+
     def facts(self) -> Facts:
         """JSON-ready."""
         return {**super().facts(), **self.measured}
@@ -65,6 +73,11 @@ class PreviewFit(ClosureFit):
     """Closures close to a measurement and of its albedo, and the relative error left."""
 
     error: float
+
+    @classmethod
+    def of_nothing(cls, viewers: Viewers, lobe: Any) -> PreviewFit:
+        """One closure of no weight: all of a source that is black."""
+        return cls((lobe,), viewers, np.zeros((*viewers.shape, 1, 3), np.float32), 0.0)
 
     def facts(self) -> Facts:
         """JSON-ready."""

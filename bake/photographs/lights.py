@@ -35,15 +35,16 @@ class Lights:
     facts: dict[str, Any] = field(default_factory=dict)
 
 
-def find_lights(paths: list[Path], given: Path | None, whole_folder: bool) -> Lights:
+def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behind: bool = False) -> Lights:
     """Directions of photographs from a lights file, else from the file names.
 
     Photographs without a light, or with one below the horizon, are left out with a warning. With `whole_folder`
-    lights without a photograph are reported as well. Raises BakeError.
+    lights without a photograph are reported as well. Lights `behind` the swatch are mirrored in it, where they are not
+    told so already. Raises BakeError.
     """
     file = given or _in_folder(paths)
     if file is None:
-        lights = _from_names(paths)
+        lights = _from_names(paths, behind)
         lights.warnings += _passed_over(paths)
         return lights
     entries, warnings = read_lights(file)
@@ -59,7 +60,16 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool) -> Li
     missing = [entry.file for entry in entries if _key(entry.file) not in here]
     if missing and whole_folder:
         warnings.append(f"{file.name} lists photographs that are not here: {list_names(missing)}")
-    return _keep(file, paths, directions, warnings, {"source": file.name})
+    return _keep(file, paths, _above(file, directions) if behind else directions, warnings, {"source": file.name})
+
+
+def _above(origin: Path, directions: list[Vector | None]) -> list[Vector | None]:
+    """Lights that all stand behind the swatch, mirrored in it. Raises BakeError where only some are said to."""
+    below = {direction[2] < 0 for direction in directions if direction is not None}
+    if len(below) > 1:
+        remedy = "give all elevations below the horizon, or all as angles to the swatch"
+        raise BakeError(origin, "has lights on both sides of a swatch that is lit from behind", remedy)
+    return [None if d is None else (d[0], d[1], abs(d[2])) for d in directions]
 
 
 def _in_folder(paths: list[Path]) -> Path | None:
@@ -148,10 +158,11 @@ def _doubled(file: Path, lookup: dict[str, list[LightEntry]]) -> list[str]:
     return [f"{file.name} lists twice: {list_names(names)}"] if names else []
 
 
-def _from_names(paths: list[Path]) -> Lights:
+def _from_names(paths: list[Path], behind: bool) -> Lights:
     directions = [direction_in_name(path.stem) for path in paths]
     if sum(direction is not None for direction in directions) < 2:
         return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
+    directions = _above(paths[0].parent, directions) if behind else directions
     return _keep(paths[0].parent, paths, directions, [], {"source": "file names"})
 
 

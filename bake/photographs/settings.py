@@ -40,6 +40,7 @@ class StackSettings:
     white_reflectance : of that card
     albedo : of the swatch as the artist states it, instead of a card
     align : "auto" corrects small movements of the camera, "warn" only reports them, "off" does not look
+    behind : the lights stand behind the swatch, and card and albedo are a diffuser and a transmittance
 
     Raises
     ------
@@ -59,6 +60,7 @@ class StackSettings:
     white_reflectance: float = 0.9
     albedo: float | None = None
     align: str = "auto"
+    behind: bool = False
 
     def __post_init__(self) -> None:
         def put(name: str, value: Any) -> None:

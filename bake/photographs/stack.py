@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
-from ..source import Facts
+from ..source import Facts, Json
 from . import shifts
 from .calibration import calibrate_by_albedo, calibrate_by_card
 from .development import Counts, Development
@@ -91,7 +91,7 @@ def read_stack(
     infos = {path: read_info(path, decoder) for path in paths}  # also of those left out: a broken file is never silent
     lights = choose_arc(
         origin,
-        find_lights(paths, settings.lights, isinstance(source, str | Path)),
+        find_lights(paths, settings.lights, isinstance(source, str | Path), settings.behind),
         settings.azimuth,
         settings.spread,
         settings.sides,
@@ -177,15 +177,22 @@ def _calibrate(
     settings: StackSettings,
 ) -> Facts:
     cosines = None if directions is None else directions[:, 2]
+    facts: dict[str, Json]
     if cards is not None:
-        facts = calibrate_by_card(names, images, cards, cosines, settings.white_reflectance)
+        facts = dict(calibrate_by_card(names, images, cards, cosines, settings.white_reflectance))
     elif settings.albedo is not None:
-        facts = calibrate_by_albedo(images, cosines, settings.albedo)
+        facts = dict(calibrate_by_albedo(images, cosines, settings.albedo))
     else:
         facts = {"by": "", "how": "none: values are relative"}
+    if settings.behind:
+        facts |= {key: _of_light_behind(str(facts[key])) for key in ("by", "how")}
     if not np.isfinite(images).all():
         raise BakeError(origin, "cannot be calibrated: the scale is out of range", "check the card or the photographs")
     return facts
+
+
+def _of_light_behind(words: str) -> str:
+    return words.replace("white card", "diffuser").replace("albedo", "transmittance")
 
 
 def _turned(directions: NDArray[np.float64], turn: float) -> NDArray[np.float64]:

@@ -21,14 +21,14 @@ from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..photographs.stack import PhotoStack, StackSettings, read_stack
 from ..rights import Rights
-from ..source import BrdfSource, Facts
+from ..source import BrdfSource, Facts, Json
 from ..tables.albedo import directional_albedo
 from ..tiling.tileable import TileSettings, make_tileable
+from .against_light import ThroughSettings, read_through
 from .albedo import map_albedo_facts
-from .light_angle import level_by_cosine
 from .lobe_fit import fit_lobe
 from .render_settings import RenderSettings
-from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, linearise
+from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, level_by_cosine, linearise
 from .slice_atlas import GUTTER, SliceLayout
 from .store import COMPRESSIONS, Compression, check_storage, store_map
 from .swatch_preview import preview_swatch
@@ -60,6 +60,7 @@ class ArcSettings:
     render : as the material is first built
     stack : how the photographs are read
     rights : author, licence and source, which the bundle keeps
+    through : photographs against the light, of which the bundle then holds a second map
     """
 
     slices: int = 8
@@ -72,6 +73,7 @@ class ArcSettings:
     render: RenderSettings = field(default_factory=RenderSettings)
     stack: StackSettings = field(default_factory=StackSettings)
     rights: Rights = field(default_factory=Rights)
+    through: ThroughSettings | None = None
 
     def __post_init__(self) -> None:
         for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", IMAGE_STORAGES)):
@@ -107,9 +109,16 @@ def bake_arc(
     stack = read_stack(_paths(source), settings.stack, progress, decoder)
     name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
     origin = photographs_origin(_paths(source))
+    through = None
+    if settings.through is not None:
+        say = progress or (lambda stage, share: None)
+        # A stage that has begun does not begin again.
+        stack, through = read_through(
+            settings.through, stack, settings.stack, lambda _, share: say("aligning", share), decoder
+        )
     if on_read:
         on_read(stack, name, origin)
-    result = bake_stack(stack, out, settings, progress, name=name, origin=origin)
+    result = bake_stack(stack, out, settings, progress, name=name, origin=origin, through=through)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 
 
@@ -125,74 +134,134 @@ def bake_stack(
     *,
     name: str = "swatch",
     origin: dict[str, str] | None = None,
+    through: PhotoStack | None = None,
 ) -> BakeResult:
-    """Bake photographs already read; `origin` is kept in the bundle. Raises BakeError."""
+    """Bake photographs already read; `origin` is kept in the bundle. Raises BakeError.
+
+    Parameters
+    ----------
+    through : of the same frame against the light
+    """
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
-    _check_size(stack, settings)
+    stacks = [stack] if through is None else [stack, through]
+    _check_size(stack, settings, len(stacks))
     say("averages and slices", 0.0)
-    made = linearise(stack.images, settings.slices, name)
+    made = [linearise(one.images, settings.slices, name) for one in stacks]
     say("predicting photographs", 0.0)
-    held_out = held_out_errors(stack.images, settings.slices)
-    shading_map, a_max, tiling = made.map, made.a_max, None
+    held_out = [held_out_errors(one.images, settings.slices) for one in stacks]
+    swatches, tiling = [_Swatch(one.map, one.a_max) for one in made], None
     if settings.tileable != "off":
-        tiled = make_tileable(
-            shading_map.slices,
-            TileSettings(method=settings.tileable),
-            lambda _, share: say("making it tile", share),
+        swatches, tiling = _tiled(
+            swatches, TileSettings(method=settings.tileable), name, lambda share: say("making it tile", share)
         )
-        # The tile shows a choice of the swatch's texels, whose averages are no longer even.
-        again = linearise(tiled.slices[1:], settings.slices, name)
-        shading_map, a_max, tiling = again.map, a_max * again.a_max, tiled.facts
     measured, f_r = _measured_brdf(settings.brdf)
-    render, fit = _chosen_render(stack, made.averages, settings)
+    render, fit = _chosen_render(stack, made[0].averages, settings)
     say("compressing", 0.0)
-    images, map_facts, stored = store_map(shading_map, settings.compression, settings.storage, settings.rank)
-    calibrated = a_max if stack.calibrated else None
+    kept = [_Kept(*store_map(one.map, settings.compression, settings.storage, settings.rank)) for one in swatches]
     say("measuring", 0.0)
-    facts: Facts = {
+    told = [_told(*one) for one in zip(stacks, made, swatches, held_out, kept, strict=True)]
+    calibrated = swatches[0].a_max if stack.calibrated else None
+    facts: dict[str, Json] = {
         "generator": f"measured_materials {VERSION}",
-        "source": {"name": name, **(origin or {}), "facts": {"format": "photographs on a light arc", **stack.facts}},
-        "warnings": [*stack.warnings, *_slice_warnings(made), *_tiling_warnings(tiling)],
+        **told[0],
+        "source": {"name": name, **(origin or {}), **_source(stack)},
+        "warnings": [*stack.warnings, *_slice_warnings(made[0]), *_tiling_warnings(tiling)],
         "settings": _plain(settings),
         **settings.rights.entry(),
+        "tiling": tiling,
+        "lobe_fit": fit,
+        "render": render.facts(),
+        **_f_r_facts(measured, f_r),
+        "albedo": map_albedo_facts(kept[0].stored, render, calibrated, f_r),
+    }
+    images = dict(kept[0].images)
+    if through is not None:
+        behind = swatches[1].a_max if through.calibrated else None
+        lit = render.of_transmission(through.calibrated)
+        facts["through"] = {
+            **told[1],
+            "source": {"name": name, **_source(through)},
+            "warnings": [*through.warnings, *_slice_warnings(made[1])],
+            "albedo": map_albedo_facts(kept[1].stored, lit, behind),
+        }
+        images |= {f"through_{key}": image for key, image in kept[1].images.items()}
+    say("writing", 0.0)
+    if measured:
+        images |= {part: _copied(measured, part) for part in ("table", "sampler")}
+    path = write_bundle(out, facts, images, preview_swatch(kept[0].stored), kind="shading_map")
+    say("writing", 1.0)
+    return BakeResult(path, facts, round(time.perf_counter() - started, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class _Swatch:
+    """A map and its level 1 in the unit of the photographs."""
+
+    map: ShadingMap
+    a_max: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """What `store_map` makes."""
+
+    images: dict[str, StoredImage]
+    facts: Facts
+    stored: ShadingMap
+
+
+def _tiled(
+    swatches: list[_Swatch], settings: TileSettings, name: str, say: Callable[[float], None]
+) -> tuple[list[_Swatch], dict[str, Any]]:
+    """The same made to tile, by one set of seams for the slices of all, and the account of it."""
+    slices = np.concatenate([swatches[0].map.slices, *(one.map.slices[1:] for one in swatches[1:])])
+    tiled = make_tileable(slices, settings, lambda _, share: say(share))
+    parts, found = np.split(tiled.slices[1:], len(swatches)), []
+    for one, part in zip(swatches, parts, strict=True):
+        # The tile shows a choice of the swatch's texels, whose averages are no longer even.
+        again = linearise(part, len(part) + 1, name)
+        found.append(_Swatch(again.map, one.a_max * again.a_max))
+    return found, tiled.facts
+
+
+def _told(
+    stack: PhotoStack, made: Linearised, swatch: _Swatch, held_out: list[dict[str, float]], kept: _Kept
+) -> dict[str, Json]:
+    """Map, averages and errors of a stack, JSON-ready."""
+    count, height, width, _ = swatch.map.slices.shape
+    return {
         "map": {
-            **map_facts,
-            "slices": settings.slices,
-            "height": int(shading_map.slices.shape[1]),
-            "width": int(shading_map.slices.shape[2]),
+            **kept.facts,
+            "slices": count,
+            "height": int(height),
+            "width": int(width),
             "gutter": GUTTER,
-            "storage": str(settings.storage),
-            "a_max": calibrated,
+            "storage": str(next(iter(kept.images.values())).storage),
+            "a_max": swatch.a_max if stack.calibrated else None,
             "level_by_cosine": level_by_cosine(stack.directions, made.averages / made.a_max),
         },
         # For the plot of the linearisation (Kautz et al. 2004).
         "averages": {
             **stack.in_order(made.averages, made.order),
-            "after": averages_of(shading_map.slices).tolist(),
+            "after": averages_of(swatch.map.slices).tolist(),
         },
-        "errors": _errors(held_out, shading_map, stored),
-        "tiling": tiling,
-        "lobe_fit": fit,
-        "render": render.facts(),
-        **_f_r_facts(measured, f_r),
-        "albedo": map_albedo_facts(stored, render, calibrated, f_r),
+        "errors": _errors(held_out, swatch.map, kept.stored),
     }
-    say("writing", 0.0)
-    if measured:
-        images |= {name: _copied(measured, name) for name in ("table", "sampler")}
-    path = write_bundle(out, facts, images, preview_swatch(stored), kind="shading_map")
-    say("writing", 1.0)
-    return BakeResult(path, facts, round(time.perf_counter() - started, 2))
 
 
-def _check_size(stack: PhotoStack, settings: ArcSettings) -> None:
+def _source(stack: PhotoStack) -> dict[str, Json]:
+    return {"facts": {"format": "photographs on a light arc", **stack.facts}}
+
+
+def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int) -> None:
     """Refuse, before memory is taken, what no image or no memory would hold."""
     height, width = stack.images.shape[1:3]
     if settings.compression == "none":
         SliceLayout(settings.slices - 1, height, width)
-    if settings.slices * height * width * 12 > MAX_MAP_BYTES:
-        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {settings.slices} slices of {width} x {height}"
+    if maps * settings.slices * height * width * 12 > MAX_MAP_BYTES:
+        slices = f"{maps * settings.slices} slices of {width} x {height}"
+        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {slices}"
         raise BakeError("shading map", cause, "choose a smaller --size or fewer --slices")
 
 
@@ -274,7 +343,10 @@ def _plain(settings: ArcSettings) -> dict[str, Any]:
     plain.pop("rights")
     plain["storage"] = str(settings.storage)
     plain["brdf"] = settings.brdf.name if settings.brdf else None
-    plain["stack"] = {key: _json_ready(value) for key, value in plain["stack"].items()}
+    plain["stack"] = {key: _json_ready(value) for key, value in plain["stack"].items() if key != "behind"}
+    plain.pop("through")
+    if settings.through is not None:
+        plain["through"] = settings.through.facts()
     return plain
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,8 @@ class ShadingMapRecord(BundleRecord):
     albedo : under that light
     tiling, lobe_fit : None where the swatch was not made to tile, and where no lobe was fitted
     f_r : the measured BRDF that the bundle holds, if any
+    through : the same of light that is let through, `render` being that of it alone; None of what was not photographed
+        against the light. Without its bundle, which `transmitted` adds
     settings : to bake the same again with, but for files, of which a bundle keeps the names alone; None where they
         are not all there
     """
@@ -78,6 +80,7 @@ class ShadingMapRecord(BundleRecord):
     lobe_fit: LobeFitRecord | None
     f_r: MeasuredLobeRecord | None
     settings: ArcSettings | None
+    through: ShadingMapRecord | None
 
     @classmethod
     def _parts(cls, fields: Fields, images: Mapping[str, ImageRecord]) -> Mapping[str, Any]:
@@ -95,7 +98,18 @@ class ShadingMapRecord(BundleRecord):
             "lobe_fit": LobeFitRecord.parse(fields.part("lobe_fit")) if fit else None,
             "f_r": _measured_lobe_of(fields, images),
             "settings": _settings_of(fields, render_settings_of(fields.part("render"))),
+            "through": _through_of(fields, stored) if fields.has("through") else None,
         }
+
+    def transmitted(self) -> ShadingMapRecord | None:
+        """The map of light that is let through, with its images, as a record of its own; None where there is none."""
+        if self.through is None or self.bundle is None:
+            return self.through
+        return replace(self.through, bundle=self.bundle.part("through", dict(self.through.document)))
+
+    def lit(self, render: RenderSettings) -> ShadingMapRecord:
+        """The same record under another light."""
+        return type(self).parse({**self.document, "render": render.facts()}, self.where, self.bundle)
 
     def measured_lobe(self) -> MeasuredLobeRecord:
         """The measured f_r. Raises BakeError where the bundle holds none."""
@@ -140,6 +154,22 @@ def _measured_lobe_of(fields: Fields, images: Mapping[str, ImageRecord]) -> Meas
     return MeasuredLobeRecord(table, layout, albedo)
 
 
+def _through_of(fields: Fields, beside: MapRecord) -> ShadingMapRecord:
+    """Raises BakeError where it is not as the bake writes it, or of another size than the map of reflected light."""
+    images, front = fields.part("images").entries, "through_"
+    own = {key.removeprefix(front): entry for key, entry in images.items() if key.startswith(front)}
+    shared = {key: value for key, value in fields.entries.items() if key in ("kind", "packed", "settings")}
+    told = fields.part("through")
+    render = render_settings_of(fields.part("render")).of_transmission(told.part("map").has("a_max"))
+    part = {key: value for key, value in told.entries.items() if key != "through"}
+    where = f"{fields.where}: through"
+    record = ShadingMapRecord.parse({**part, **shared, "images": own, "render": render.facts()}, where)
+    layouts = beside.layout, record.map.layout
+    if len({(layout.width, layout.height) for layout in layouts}) > 1:
+        raise BakeError(where, "is of another size than the map of reflected light", "bake it again")
+    return record
+
+
 _FILES = ("lights", "flat_field")
 
 
@@ -149,7 +179,7 @@ def _settings_of(fields: Fields, render: RenderSettings) -> ArcSettings | None:
     rights = rights_of(fields)
     try:
         read = {key: _hashable(value) for key, value in told["stack"].items() if key not in _FILES}
-        kept = {key: value for key, value in told.items() if key not in ("stack", "brdf")}
+        kept = {key: value for key, value in told.items() if key not in ("stack", "brdf", "through")}
         return ArcSettings(**kept, render=render, stack=StackSettings(**read), rights=rights)
     except (BakeError, TypeError, ValueError, KeyError, AttributeError):
         return None

@@ -11,9 +11,8 @@ from ..brdf.modes import MODES
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
-from .light_angle import ANGLE_KNOTS
 from .render_settings import TECHNIQUES, TILINGS, RenderSettings
-from .shading_map import ABOVE, MAX_SLICES
+from .shading_map import ABOVE, ANGLE_KNOTS, MAX_SLICES
 from .slice_atlas import GUTTER, SliceLayout
 
 MODELS = ("slices", "power", "basis")
@@ -112,6 +111,8 @@ def render_settings_of(fields: Fields) -> RenderSettings:
         mode,
         tiling,
         fields.number("a_max") if fields.has("a_max") else None,
+        lobe_of(fields.part("transmission")) if fields.has("transmission") else Lobe("lambert"),
+        fields.number("transmission_sigma") if fields.has("transmission_sigma") else None,
     )
 
 

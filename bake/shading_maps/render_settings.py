@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 from ..brdf.modes import MODES, Mode
 from ..errors import check_choice, check_setting
 from ..lobes.lobes import Lobe
-from ..source import Facts
+from ..source import Facts, Json
 from .shading_map import ABOVE, Above
 
 Technique = Literal["lookup", "lit_texture", "angular", "final_radiance"]
@@ -19,6 +19,8 @@ TILINGS: tuple[str, ...] = get_args(Tiling)
 PREVIEW_LEVEL = 0.75
 # Of photographs without a scale: the swatch reflects half of the light, as a middling cloth or paper does.
 UNCALIBRATED_SIGMA = 0.5
+# And lets through as much as a shade of cloth does, less than what it reflects leaves.
+UNCALIBRATED_TRANSMISSION = 0.25
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,9 @@ class RenderSettings:
         "balanced" that after a diffuse bounce only
     tiling : "repeat", or "extend" the border beyond the swatch
     a_max : r at the brightest photograph, in 1/sr; by default as calibrated, or else where the peak of r is
+    transmission : of a swatch that was photographed against the light too, f_t: a lobe of the light's direction as it
+        is mirrored in the swatch, so that a highlight lies straight on
+    transmission_sigma : of r = sigma f_t cos(theta_i); by default as calibrated, or else `UNCALIBRATED_TRANSMISSION`
     """
 
     lobe: Lobe | None = field(default_factory=lambda: Lobe("lambert"))
@@ -48,9 +53,13 @@ class RenderSettings:
     mode: Mode = "exact"
     tiling: Tiling = "repeat"
     a_max: float | None = None
+    transmission: Lobe = field(default_factory=lambda: Lobe("lambert"))
+    transmission_sigma: float | None = None
 
     def __post_init__(self) -> None:
         check_setting("sigma", self.sigma is None or 1e-6 <= self.sigma <= 1e6, "a number above 0", self.sigma)
+        sigma = self.transmission_sigma
+        check_setting("transmission_sigma", sigma is None or 1e-6 <= sigma <= 1e6, "a number above 0", sigma)
         check_setting("a_max", self.a_max is None or 1e-9 <= self.a_max <= 1e9, "a number above 0", self.a_max)
         for name, choices in (("above", ABOVE), ("technique", TECHNIQUES), ("mode", MODES), ("tiling", TILINGS)):
             check_choice(name, getattr(self, name), choices)
@@ -59,4 +68,14 @@ class RenderSettings:
         """JSON-ready; `record_parts.render_settings_of` reads it back."""
         names = ("sigma", "above", "technique", "mode", "tiling", "a_max")
         lobe = None if self.lobe is None else self.lobe.facts()
-        return {"lobe": lobe, **{name: getattr(self, name) for name in names}}
+        facts: dict[str, Json] = {"lobe": lobe, **{name: getattr(self, name) for name in names}}
+        # Of what is not photographed against the light nothing is said, as before there was such a thing.
+        if self.transmission != Lobe("lambert") or self.transmission_sigma is not None:
+            facts |= {"transmission": self.transmission.facts(), "transmission_sigma": self.transmission_sigma}
+        return facts
+
+    def of_transmission(self, calibrated: bool) -> RenderSettings:
+        """Settings of the map of transmitted light, as if it were one of reflected light: f_t in the place of f_r."""
+        usual = None if calibrated else UNCALIBRATED_TRANSMISSION
+        sigma = usual if self.transmission_sigma is None else self.transmission_sigma
+        return replace(self, lobe=self.transmission, sigma=sigma, a_max=None)

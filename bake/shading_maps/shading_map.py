@@ -20,6 +20,8 @@ ABOVE: tuple[str, ...] = get_args(Above)
 MIN_SLICES, MAX_SLICES = 2, 64
 # Averages closer than this, relative to the largest, are one level of light: between them there is only noise.
 SAME_LEVEL = 1e-4
+# Knots, even in the cosine of the light's angle to the normal.
+ANGLE_KNOTS = 9
 # The smallest number of full precision; what is divided by less would leave float32.
 _DARKEST = float(np.finfo(np.float32).tiny)
 
@@ -205,6 +207,21 @@ def at_level(shading_map: ShadingMap, x: float) -> NDArray[np.float32]:
     base = min(int(position), len(shading_map.slices) - 2)
     t = np.float32(position - base)
     return (1 - t) * shading_map.slices[base] + t * shading_map.slices[base + 1]
+
+
+def level_by_cosine(directions: NDArray[Any] | None, levels: NDArray[np.float64]) -> list[float]:
+    """Level x of the photograph taken with the light at each of `ANGLE_KNOTS` cosines from 0 to 1, for "angular".
+
+    Between the photographs it is interpolated, and from the lowest one down to 0 at the horizon. Without known
+    directions the swatch is taken for a Lambertian.
+    """
+    knots = np.linspace(0, 1, ANGLE_KNOTS)
+    if directions is None:
+        return knots.tolist()
+    cosines = np.clip(directions[:, 2], 0, 1)
+    order = np.argsort(cosines, kind="stable")
+    x, y = np.concatenate([[0.0], cosines[order]]), np.concatenate([[0.0], levels[order]])
+    return np.clip(np.interp(knots, x, y), 0, 1).tolist()
 
 
 def _rms(difference: NDArray[np.float32]) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -141,14 +141,15 @@ def linear_estimate(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> Ar
 
     Only the 8 or 16 samples round each pair are evaluated, so that a search over many grids costs little.
     """
-    samples, weights = corner_samples(source, grid, pairs)
+    samples, weights, factor = corner_samples(source, grid, pairs)
     # To the bit as `np.sum`, which takes three times as long over few samples in the middle.
-    values = sum(np.moveaxis(samples * weights[..., None], 1, 0))
+    values = sum(np.moveaxis(samples * (weights * factor)[..., None], 1, 0))
     return values / np.reshape(grid.factor(xp_numpy, pairs.wi, pairs.wo), (-1, 1))
 
 
-def corner_samples(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> tuple[Array, Array]:
-    """The source at the samples round each pair, (P, 2^axes, 3), and their weights (P, 2^axes), last axis fastest."""
+def corner_samples(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> tuple[Array, Array, Any]:
+    """The source at the samples round each pair, (P, 2^axes, 3), their weights (P, 2^axes), last axis fastest, and the
+    grid's factor there, (P, 2^axes) or 1."""
     position = grid.coordinates(xp_numpy, pairs.wi, pairs.wo)
     corners = np.array(list(itertools.product((0, 1), repeat=len(position))))
     index, weights = [], []
@@ -160,8 +161,7 @@ def corner_samples(source: BrdfSource, grid: Grid, pairs: DirectionPairs) -> tup
         index.append(whole % n if around else whole)
         weights.append(np.where(corners[:, axis], t, 1 - t))
     wi, wo = grid.directions(*index)
-    weight: Array = np.prod(weights, 0) * grid.sample_factor(wi, wo, *index)
-    return source.evaluate(wi, wo), weight
+    return source.evaluate(wi, wo), np.prod(weights, 0), grid.sample_factor(wi, wo, *index)
 
 
 def estimator_variance(

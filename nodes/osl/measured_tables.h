@@ -6,7 +6,7 @@
 #include "measured_math.h"
 
 #define MM_GUTTER 2       // bake/tables/padding.py
-#define MM_LEAST_SUM 1e-3 // bake/tables/grids/anisotropic_grids.py
+#define MM_LEAST_SUM 1e-3 // bake/tables/grids/grid.py
 
 // Where samples lie: the grids of bake/tables, two in each basis. Those of bake/tables/grids/anisotropic_grids.py have a
 // second slice axis, `azimuths`; of an isotropic table it is 0. A shape is Bezier's alpha in [0], the constants of a
@@ -94,7 +94,7 @@ vector mm_half_coordinates(MMGrid grid, vector wi, vector wo)
 // The coordinates in [0, 1] of an isotropic grid.
 vector mm_coordinates(MMGrid grid, vector wi, vector wo)
 {
-  return grid.basis == "half" ? mm_half_coordinates(grid, wi, wo) : mm_normal_coordinates(grid, wi, wo);
+  return startswith(grid.basis, "half") ? mm_half_coordinates(grid, wi, wo) : mm_normal_coordinates(grid, wi, wo);
 }
 
 // bake/tables/grids/anisotropic_grids.py: AnisotropicNormalGrid.coordinates
@@ -141,7 +141,7 @@ void mm_place(MMGrid grid, vector wi, vector wo, output float at[4])
 // `factor` of the grids: what a BRDF is multiplied by to be stored
 float mm_factor(MMGrid grid, vector wi, vector wo)
 {
-  if (grid.azimuths == 0 || !startswith(grid.basis, "half"))
+  if (!startswith(grid.basis, "half") || (grid.azimuths == 0 && grid.basis == "half"))
     return 1.0;
   float factor = max(0.5 * (wi[2] + wo[2]), MM_LEAST_SUM);
   return grid.basis == "half squared" ? factor * max(0.5 * length(wi + wo), MM_LEAST_SUM) : factor;

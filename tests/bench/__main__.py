@@ -37,6 +37,7 @@ BENCHES = {
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
+    "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
     "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,6 +23,9 @@ from measured_materials.nodes.material import build_material
 from record import put
 from rich.console import Console
 from rich.table import Table
+
+sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
+
 from support.gloss import link_socket
 from support.node_count import count_nodes
 from support.svm_stack import room_on_stack

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,10 @@ from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
 from measured_materials.bake.sources.neural_brdf import half_and_difference, network
 from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, estimator_variance
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.search.coded_grid import coded_grid
 from measured_materials.bake.tables.search.grid_search import best_horizon, choose_grid
+from measured_materials.bake.tables.search.isotropic_search import half_sizes
 from measured_materials.bake.tables.stored_table import store_table
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
@@ -38,6 +41,7 @@ from rich.progress import track
 FULL, RESOLUTIONS, QUICK = 64, (4, 6, 8, 12, 16, 24, 32, 64), (4, 8, 16, 32, 64)
 # An RGL material as its authors publish it, isotropic and RGB, and a network of Sztrajman et al. 2021.
 NETWORK_BYTES, RGL_BYTES = 2700, 48 * 1024
+FIRST = {NETWORK_BYTES: 8, RGL_BYTES: 28}  # the resolutions that are tried first
 MARKS = {"RGL 48 KiB": RGL_BYTES, "neural 2.7 kB": NETWORK_BYTES}
 SIZES, LIMITS = (2700, 10 * 1024, 48 * 1024, 256 * 1024), (0.05, 0.02, 0.01)
 SAMPLERS = (SamplerLayout(), SamplerLayout(32, 32, 16), SamplerLayout(16, 16, 8))
@@ -85,8 +89,8 @@ def peers(quick: bool) -> None:
     for file in rgl_files()[:: 4 if quick else 1]:
         source, pairs = read_source(file), direction_pairs(16384)
         line = f"{file.stem:26s}"
-        for limit in (NETWORK_BYTES, RGL_BYTES):
-            share, size, shape = best_within(source, pairs, limit)
+        limits = NETWORK_BYTES, RGL_BYTES
+        for limit, (share, size, shape) in zip(limits, best_within(source, pairs, limits), strict=True):
             shares.setdefault(f"log, {limit}", []).append(share)
             line += f"{f'{100 * share:.2f} % ({size}, {shape})':>36s}"
         shares.setdefault("network", []).append(network_share(source, pairs))
@@ -96,22 +100,37 @@ def peers(quick: bool) -> None:
         put(f"RGL share, {name}", float(np.median(found)))
 
 
-def best_within(source: BrdfSource, pairs: DirectionPairs, limit: int) -> tuple[float, int, str]:
-    """Share, bytes and shape of the best table of codes that a bake makes within so many bytes."""
+def best_within(source: BrdfSource, pairs: DirectionPairs, limits: Sequence[int]) -> list[tuple[float, int, str]]:
+    """Share, bytes and shape of the best table of codes that a bake makes within so many bytes, for each limit.
+
+    The grid is chosen once for each limit, at a resolution near the best, and is then only resized.
+    """
     treated = TreatedSource(source)
     truth = treated.evaluate(pairs.wi, pairs.wo)
-    n, step = (8, 1) if limit == NETWORK_BYTES else (26, 2)
-    found = {}
-    while n not in found and n >= 4:
+    signal = pairs.rms(truth)
+    best = []
+    for limit in limits:
+        n, found = FIRST[limit], dict[int, tuple[float, int, str]]()
         grid = coded_grid(treated, best_horizon(treated, choose_grid(treated, n).grid, pairs, truth), n)
-        kept = store_table(tabulate(treated, grid), Storage.LOG, pairs, truth, treated)
-        image = kept.image()
-        size = len(png_bytes(np.rint(image.pixels * 255).astype(np.uint8)))
-        share = pairs.rms(kept.table.evaluate(pairs.wi, pairs.wo) - truth) / pairs.rms(truth)
-        found[n] = share, size, "x".join(map(str, grid.shape))
-        n += step if size <= limit else -step
-    within = [one for one in found.values() if one[1] <= limit]
-    return min(within, default=(1.0, 0, "none"))
+        while n not in found and n >= 4:
+            grid = resized(grid, n)
+            kept = store_table(tabulate(treated, grid), Storage.LOG, pairs, truth, treated)
+            size = len(png_bytes(np.rint(kept.image().pixels * 255).astype(np.uint8)))
+            share = pairs.rms(kept.table.evaluate(pairs.wi, pairs.wo) - truth) / signal
+            found[n] = share, size, "x".join(map(str, grid.shape))
+            # Bytes grow a little more slowly than texels.
+            wanted = int(n * (limit / size) ** 0.36)
+            n = wanted if wanted != n else n + (1 if size <= limit else -1)
+        best.append(min((one for one in found.values() if one[1] <= limit), default=(1.0, 0, "none")))
+    return best
+
+
+def resized(grid: Any, n: int) -> Any:
+    """The grid with the samples of resolution n, in the same proportions."""
+    if not isinstance(grid, HalfVectorGrid):
+        return replace(grid, n=n)
+    share = grid.sizes[1] / max(grid.sizes[2], 1)
+    return replace(grid, sizes=min(half_sizes(n, grid.reciprocal), key=lambda s: abs(np.log(s[1] / s[2] / share))))
 
 
 def network_share(source: BrdfSource, pairs: DirectionPairs) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -38,6 +39,9 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from rich.console import Console
 from rich.table import Table
 from scipy import stats
+
+sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
+
 from support.node_count import count_nodes
 
 EDGE, SAMPLES, SEEDS = 64, 64, 8

@@ -1,9 +1,9 @@
 """Spoil measurements' files and read them: `./run fuzz`, by chance, or `./run fuzz --guided NAME`, led by coverage.
 
 By chance, each format in turn is read so many times by several processes, and what became of them is printed: tried,
-clean errors, the slowest, memory. Not among them are MERL, RGL, Cornell and UTIA's `.bin`. Guided (needs the package
-atheris, which `./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no file has
-reached before.
+clean errors, the slowest, memory. MERL and UTIA's `.bin` are not among them: their size tells them. Guided (needs the
+package atheris, which `./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no
+file has reached before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 def main() -> None:
     """Read the arguments and run."""
     parser = argparse.ArgumentParser(prog="run fuzz", description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help="formats, by parts of their names (default: all)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="formats, or parts of their names (default: all)")
     parser.add_argument("--count", type=int, default=100_000, help="files of each format (%(default)s)")
     parser.add_argument("--processes", type=int, default=2, help="(%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="other files with another (%(default)s)")
@@ -42,7 +42,12 @@ def main() -> None:
 
 
 def _chosen(parts: list[str], names: tuple[str, ...]) -> list[str]:
-    found = [name for name in names if not parts or any(part.lower() in name.lower() for part in parts)]
+    wanted = [part.lower() for part in parts]
+    found = [name for name in names if name.lower() in wanted]
+    # A whole name is that one alone: ALTA is not its stream.
+    wanted = [part for part in wanted if part not in {name.lower() for name in found}]
+    found += [name for name in names if name not in found and any(part in name.lower() for part in wanted)]
+    found = found if parts else list(names)
     if not found:
         sys.exit(f"run fuzz: no format is called {' or '.join(parts)}; there are: {', '.join(names)}")
     return found

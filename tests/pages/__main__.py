@@ -11,9 +11,11 @@ from pathlib import Path
 
 PICTURES = {
     "setup": "setup.jpg: how a swatch is photographed, drawn",
+    "sheets": "lampshade.jpg, curtain.jpg: light through cloth, photographed and of a formula",
     "swatch": "swatch_photographs.jpg, swatch_plot.jpg, swatch.jpg: denim of the gantry, to the material",
     "gallery": "gallery.jpg: one material for each command of gallery.md",
     "quieter": "quieter.jpg: a paint by Principled and Exact, before and after lamps were sampled, denoised or not",
+    "formats": "formats.jpg: a sphere of each format, on formats.md",
     "store": "store/icon.png, store/featured.jpg: what is uploaded beside the zip",
     "window": "window_*.jpg: a real Blender at work; only with --window",
 }

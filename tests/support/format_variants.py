@@ -47,3 +47,13 @@ def write_utia_picture(path: Path, source: BrdfSource, flipped: bool = False) ->
     values = above(source, out[:, None], out)
     write_image(path, values[::-1] if flipped else values, Storage.FLOAT32)
     return path
+
+
+def write_cornell(path: Path, source: BrdfSource) -> Path:
+    """Cornell's text: angles in radians, and a spectrum that is flat, of the green channel's value."""
+    lines = ["# made from a formula", "# num wls", "3", "# wls", "400 550 700"]
+    ti, to, po, values, _ = scattered_round(source)
+    for theta_i, theta_o, phi, value in zip(np.radians(ti), np.radians(to), np.radians(po), values[:, 1], strict=True):
+        lines.append(f"{theta_i:.6f} 0 {theta_o:.6f} {phi:.6f}" + 3 * f" {value:.7g}")
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return path

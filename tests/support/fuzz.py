@@ -23,7 +23,7 @@ import numpy as np
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.source import Array
-from measured_materials.bake.sources import read_source
+from measured_materials.bake.sources import cornell, read_source
 from measured_materials.bake.sources.goniometer import scattered_source
 from measured_materials.bake.sources.lookup.scattered import MIN_SAMPLES
 from measured_materials.bake.sources.lookup.scattered_coordinates import Coordinates
@@ -31,6 +31,7 @@ from measured_materials.bake.sources.lookup.scattered_coordinates import Coordin
 from . import format_files as files
 from . import format_variants
 from .format_files import GLOSSY
+from .rgl_writer import write_anisotropic_rgl
 
 # Of one file's reading, whatever it holds: far more than any of these takes, far less than a hang.
 MOST_SECONDS, MOST_BYTES = 5.0, 300 << 20
@@ -89,11 +90,12 @@ def no_fit() -> Iterator[None]:
         assert (wi[:, 2] > 0).all() and (wo[:, 2] > 0).all() and values.ndim == 2 and values.shape[1] in (1, 3)
 
         def ones(light: Array, viewer: Array) -> Array:
-            return np.ones((len(light), values.shape[1]))
+            above = (light[:, 2:] > 0) & (viewer[:, 2:] > 0)
+            return np.repeat(above, values.shape[1], 1).astype(float)
 
         return SimpleNamespace(facts={}, coordinates=Coordinates(0.1), evaluate=ones)
 
-    with mock.patch.object(scattered_source, "fit_samples", fit):
+    with mock.patch.object(scattered_source, "fit_samples", fit), mock.patch.object(cornell, "fit_scattered", fit):
         yield
 
 
@@ -120,8 +122,11 @@ def small_files(folder: Path) -> dict[str, Path]:
             elif name != "UTIA":  # its size alone makes it one
                 made[name] = write(target, GLOSSY)
         made["ALTA stream"] = format_variants.write_alta_stream(place("ALTA stream", "sample.alta"), GLOSSY)
+        made["Cornell goniometer"] = format_variants.write_cornell(place("Cornell goniometer", "paint.brdf"), GLOSSY)
     made["tensor tree"] = files.write_tree(place("tensor tree", "tree.xml"), GLOSSY, 1)
     made["UTIA picture"] = format_variants.write_utia_picture(place("UTIA picture", "m.exr"), files.by_name("lambert"))
+    made["EPFL/RGL tensor"] = place("EPFL/RGL tensor", "brushed.bsdf")
+    write_anisotropic_rgl(made["EPFL/RGL tensor"], GLOSSY, (0.3, 0.3), azimuths=3, elevations=3, size=4)
     made["published SGD"] = files.write_published(place("published SGD", "sgd.json"), entries=files.SGD_SET)
     return made
 
@@ -131,6 +136,8 @@ NAMES = (
     "ALTA stream",
     "tensor tree",
     "UTIA picture",
+    "Cornell goniometer",
+    "EPFL/RGL tensor",
     "published SGD",
 )
 

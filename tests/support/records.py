@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from measured_materials.bake.brdf.record import BrdfRecord
-from measured_materials.bake.shading_maps.light_angle import ANGLE_KNOTS
+from measured_materials.bake.shading_maps.shading_map import ANGLE_KNOTS
 
 
 def image(width: int, height: int, channels: int = 4, storage: str = "float32") -> dict[str, Any]:

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle, write_bundle
 from measured_materials.bake.images.storage import Storage
-from measured_materials.bake.shading_maps.light_angle import ANGLE_KNOTS
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
-from measured_materials.bake.shading_maps.shading_map import ShadingMap, linearise
+from measured_materials.bake.shading_maps.shading_map import ANGLE_KNOTS, ShadingMap, linearise
 from measured_materials.bake.shading_maps.slice_atlas import GUTTER
 from measured_materials.bake.shading_maps.store import store_map
 

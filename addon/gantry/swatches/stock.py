@@ -9,8 +9,9 @@ import bpy
 from ....nodes import compat
 
 
-def coloured(name: str, gloss: float = 0.0, exponent: float = 10.0) -> bpy.types.Material:
-    """Diffuse in the colours of the mesh attribute "Col", and a share `gloss` of white GGX.
+def coloured(name: str, gloss: float = 0.0, exponent: float = 10.0, through: float = 0.0) -> bpy.types.Material:
+    """Diffuse in the colours of the mesh attribute "Col", a share `through` of it as light that is let through, and a
+    share `gloss` of white GGX.
 
     The sheen of fibres is left to their shape. GGX is as wide as a Phong lobe of this exponent: about the
     mirror direction cos^n falls as cos^4n does about the half vector, and a Blinn lobe of exponent m has the
@@ -23,6 +24,13 @@ def coloured(name: str, gloss: float = 0.0, exponent: float = 10.0) -> bpy.types
     )
     colour.attribute_name = "Col"
     tree.links.new(colour.outputs["Color"], closure.inputs["Color"])
+    if through > 0:
+        diffuse, translucent = closure, tree.nodes.new("ShaderNodeBsdfTranslucent")
+        closure = tree.nodes.new("ShaderNodeMixShader")
+        tree.links.new(colour.outputs["Color"], translucent.inputs["Color"])
+        closure.inputs[0].default_value = through
+        tree.links.new(diffuse.outputs[0], closure.inputs[1])
+        tree.links.new(translucent.outputs[0], closure.inputs[2])
     if gloss > 0:
         diffuse, glossy = closure, tree.nodes.new("ShaderNodeBsdfAnisotropic")
         closure = tree.nodes.new("ShaderNodeMixShader")

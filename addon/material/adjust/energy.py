@@ -138,7 +138,9 @@ class _Seen:
 def _sides(record: Record) -> list[_Seen]:
     """The front, and of a sheet whose sides differ the back."""
     told = record.rendering
-    if not isinstance(record, BrdfRecord) or record.sheet is None:
+    if not isinstance(record, BrdfRecord):
+        return [_Seen(_rows(record, record.through), told.brightened)]
+    if record.sheet is None:
         return [_Seen(_rows(record), told.brightened)]
     parts = record.sheet.parts
     front, behind = (record, parts.get("through")), (parts.get("behind"), parts.get("through_behind"))

@@ -86,7 +86,9 @@ def draw_status(layout: Any, context: bpy.types.Context, lines: Lines) -> None:
     if shown.scene != context.scene.name or not (current or follows(context.scene)):
         words = "Check Scene" if shown.scene != context.scene.name else "Scene Changed: Check Again"
         layout.operator(MEASURED_MATERIALS_OT_check_scene.bl_idname, text=words, icon="VIEWZOOM")
-        return
+        # What was found is likely to hold still, and Fix looks again by itself.
+        if shown.scene != context.scene.name or not shown.harmful:
+            return
     if shown.rows is None:
         lines.draw(layout, "No object that is rendered wears it", "INFO")
         return

@@ -10,7 +10,7 @@ from ....bake.errors import BakeError
 from ....nodes.feature_passes import asks_for_passes
 from ...material.choices import OSL
 from ...material.facts import is_measured, record_of
-from ...material.kinds import SHADING_MAP, kind_of
+from ...material.kinds import SHADING_MAP, kind_of, lets_light_through
 from ...material.rebuild import effects_of
 from ...material.texture_repair import wrong_textures
 from ...summary.parts import parts_of
@@ -89,7 +89,8 @@ class _LightingPanel:
         """The settings, or why they cannot be changed."""
         material, layout = shown_material(context), self.layout
         properties = material.measured_lighting
-        draw_lighting(_where_rebuildable(layout, material, properties.problem, Lines(context)), properties)
+        column = _where_rebuildable(layout, material, properties.problem, Lines(context))
+        draw_lighting(column, properties, through=lets_light_through(material))
 
 
 class _EffectsPanel(ForMeasured):

@@ -6,10 +6,16 @@ from typing import Any
 import bpy
 
 from ....bake.lobes.lobes import LOBES, PARAMETERS, Parameter
-from ....bake.shading_maps.render_settings import TECHNIQUES, TILINGS, UNCALIBRATED_SIGMA, RenderSettings
+from ....bake.shading_maps.render_settings import (
+    TECHNIQUES,
+    TILINGS,
+    UNCALIBRATED_SIGMA,
+    UNCALIBRATED_TRANSMISSION,
+    RenderSettings,
+)
 from ....bake.shading_maps.shading_map import ABOVE
 from ...material.kinds import rebuild_or_say
-from ...material.lighting import MEASURED, parameter_key, uses_mode
+from ...material.lighting import MEASURED, THROUGH, parameter_key, uses_mode
 from .enum_items import enum
 from .quality import mode_property
 from .registration import registration
@@ -93,7 +99,26 @@ def _annotations(**options: Any) -> dict[str, Any]:
         **options,
     )
     above = "Where more light is reflected than in any photograph"
+    straight = "How a swatch photographed against the light lets light through on the large scale; a highlight lies "
+    transmission = _choice("Base Transmission", f"{straight}straight on", tuple(LOBES), "lambert", **options)
+    further = {
+        parameter_key(name, p, THROUGH): _parameter(p, **options) for name, known in PARAMETERS.items() for p in known
+    }
     return {
+        "transmission": transmission,
+        **further,
+        "transmission_sigma": bpy.props.FloatProperty(
+            name="Transmitted",
+            description="Factor of the base transmission, the share that a white one lets through. 0 is Automatic: as "
+            f"calibrated, or else {UNCALIBRATED_TRANSMISSION:g}",
+            default=0.0,
+            min=0.0,
+            max=1e6,
+            soft_max=1.0,
+            precision=3,
+            **options,
+        ),
+        "transmission_sigma_auto": _automatic("Transmitted", "transmission_sigma", UNCALIBRATED_TRANSMISSION),
         "lobe": lobe,
         **parameters,
         "sigma": sigma,
@@ -138,16 +163,26 @@ class MEASURED_MATERIALS_PG_lighting(bpy.types.PropertyGroup):
 
 
 def draw_lighting(
-    layout: bpy.types.UILayout, properties: Any, *, fitted: bool = False, with_mode: bool = False
+    layout: bpy.types.UILayout,
+    properties: Any,
+    *,
+    fitted: bool = False,
+    with_mode: bool = False,
+    through: bool = False,
 ) -> None:
-    """Those that have an effect, without the lobe where it will be fitted; the operator's also with its mode."""
+    """Those that have an effect, without the lobe where it will be fitted; the operator's also with its mode.
+
+    Parameters
+    ----------
+    through : of a swatch that is photographed against the light too
+    """
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     if not fitted:
-        column.prop(properties, "lobe")
-        for parameter in PARAMETERS.get(properties.lobe, ()):
-            column.prop(properties, parameter_key(properties.lobe, parameter), slider=parameter.high <= 1)
-    for name in ("sigma", "a_max"):
+        _draw_lobe(column, properties, "lobe")
+    if through:
+        _draw_lobe(column, properties, "transmission", THROUGH)
+    for name in ("sigma", *(("transmission_sigma",) if through else ()), "a_max"):
         column.prop(properties, f"{name}_auto")
         if getattr(properties, name) != 0:
             column.prop(properties, name, text="1/sr" if name == "a_max" else "Factor")
@@ -157,6 +192,13 @@ def draw_lighting(
         if with_mode:
             column.prop(properties, "mode")
     column.prop(properties, "tiling")
+
+
+def _draw_lobe(column: bpy.types.UILayout, properties: Any, name: str, front: str = "") -> None:
+    column.prop(properties, name)
+    lobe = getattr(properties, name)
+    for parameter in PARAMETERS.get(lobe, ()):
+        column.prop(properties, parameter_key(lobe, parameter, front), slider=parameter.high <= 1)
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_lighting, "measured_lighting")

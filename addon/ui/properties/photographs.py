@@ -10,6 +10,7 @@ import bpy
 from ....bake.images.storage import IMAGE_STORAGES, Storage
 from ....bake.photographs.radiometry.response import parse_rule
 from ....bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
+from ....bake.shading_maps.against_light import ThroughSettings
 from ....bake.shading_maps.bake import TILEABLES, ArcSettings
 from ....bake.shading_maps.shading_map import MAX_SLICES, MIN_SLICES
 from ....bake.shading_maps.store import COMPRESSIONS
@@ -27,6 +28,7 @@ _PARTS = {
     "swatch": "Swatch",
     "brightness": "Brightness",
     "lights": "Lights",
+    "through": "Through",
     "rendering": "Rendering",
     "files": "Files",
     "rights": "License",
@@ -143,6 +145,10 @@ class ArcProperties:
         "sides": _enum("Sides", "Of the arc that the lights may stand on", SIDES, _STACK.sides),
         "fit_lobe": _flag("Fit Base Reflection", "Choose it by the brightness of the photographs along the arc"),
         "brdf": _path("Measured", "Measured material (.mmat) to use as the base reflection", "DIR_PATH"),
+        "through": _path("Against the Light", "Folder of photographs of the same frame, lit from behind", "DIR_PATH"),
+        "through_lights": _path("Their Lights", "Directions of those lights. Automatic: found in their folder"),
+        "states_transmittance": _flag("State Transmittance", "Calibrate by the share of light that is let through"),
+        "transmittance": _float("Transmittance", "Share of light that the swatch lets through", 0.25, 0.001, 1),
         "author": AUTHOR,
         "license": LICENSE,
         "source_url": SOURCE_URL,
@@ -163,6 +169,7 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
         brdf=_file(p.brdf) if light.lobe == MEASURED and not p.fit_lobe else None,
         render=lighting_of(light, mode),
         rights=rights_of(p),
+        through=_through_of(p),
         stack=StackSettings(
             size=p.size or None,
             decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
@@ -179,6 +186,13 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
             align=p.align,
         ),
     )
+
+
+def _through_of(p: Any) -> ThroughSettings | None:
+    folder = _file(p.through)
+    if folder is None:
+        return None
+    return ThroughSettings(folder, _file(p.through_lights), number(p.transmittance) if p.states_transmittance else None)
 
 
 def _file(text: str) -> Path | None:
@@ -205,6 +219,13 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
     p.albedo = 0.5 if stack.albedo is None else stack.albedo
     p.spread, p.sides = stack.spread, stack.sides
     p.white_reflectance, p.align = stack.white_reflectance, stack.align
+    through = settings.through
+    found = None if through is None else through.source
+    p.through = "" if found is None else str(found[0].parent if isinstance(found, tuple) else found)
+    p.through_lights = "" if through is None or through.lights is None else str(through.lights)
+    p.states_transmittance = through is not None and through.transmittance is not None
+    if through is not None and through.transmittance is not None:
+        p.transmittance = through.transmittance
     for name, path in (("lights", stack.lights), ("flat_field", stack.flat_field), ("brdf", settings.brdf)):
         setattr(p, name, "" if path is None else str(path))
 
@@ -253,7 +274,7 @@ def _draw_corner(layout: bpy.types.UILayout, p: Any, name: str) -> None:
 
 
 # What an empty path means.
-_WHERE_EMPTY = {"lights": "Automatic", "flat_field": "None"}
+_WHERE_EMPTY = {"lights": "Automatic", "flat_field": "None", "through": "None", "through_lights": "Automatic"}
 
 
 def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
@@ -264,10 +285,13 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     gamma = ("gamma",) if p.decode == "gamma" else ()
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("azimuth",) if p.one_plane else ()
+    stated = ("transmittance",) if p.states_transmittance else ()
+    behind = ("through_lights", "states_transmittance", *stated) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
     return {
         "swatch": (*size, "slices", "tileable", "frame", *frame),
         "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
+        "through": ("through", *behind),
         "lights": ("lights", "one_plane", *plane, "spread", "sides", "fit_lobe", *brdf),
         "files": ("compression", *rank, "storage", "pack"),
     }

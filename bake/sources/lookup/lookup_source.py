@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -89,15 +90,16 @@ def interpolate(axes: tuple[Axis, ...], table: Array, *coordinates: Array) -> Ar
     cells = [axis.cell(x) for axis, x in zip(axes, coordinates, strict=True)]
     strides = np.cumprod([1, *table.shape[-2:0:-1]])[::-1]
     rows = table.reshape(-1, table.shape[-1])
+    # Corners share what the axes before have made of them; the first axis is the fastest.
+    corners: list[tuple[Any, Any]] = [(0, 1.0)]
+    for stride, (lower, upper, share) in zip(strides, cells, strict=True):
+        ends = (lower * stride, 1 - share), (upper * stride, share)
+        corners = [(index + place, weight * part) for place, part in ends for index, weight in corners]
     total = np.zeros((len(coordinates[0]), table.shape[-1]))
-    for corner in range(1 << len(axes)):
-        index, weight = np.zeros(len(total), np.intp), np.ones(len(total))
-        for d, (lower, upper, share) in enumerate(cells):
-            far = corner >> d & 1
-            index += (upper if far else lower) * strides[d]
-            weight *= share if far else 1 - share
+    for index, weight in corners:
         if weight.any():
-            total += weight[:, None] * rows[index]
+            # Fancy indexing takes several times as long as `take`.
+            total += weight[:, None] * rows.take(index, 0)
     return total
 
 

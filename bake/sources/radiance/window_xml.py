@@ -1,7 +1,8 @@
 """The XML around measured window layers, as LBNL's WINDOW and Radiance's genBSDF write it.
 
 `read` takes reflection and transmission. Sides are named as Radiance loads them, which its own library confirms:
-`Reflection Back` is the front, whose normal is +z. A file that has the other side only is read from that side. Light
+`Reflection Back` is the front, whose normal is +z. A file that has the other side only is read from that side, and of
+one that has neither, only transmission, both sides are black. Light
 that `Transmission Front` lets through comes from the back and is seen from the front; where a file has one way only,
 the other is its reciprocal, as in Radiance. Both are addressed as reflection is, by where light travels to.
 
@@ -60,14 +61,17 @@ def read(path: Path, reading: Reading) -> LookupSource:
         known. Another part of which that is so is left out, and told in the fact "left_out"
     """
     layer = read_layer(path)
-    side = ("front" if "front" in layer.blocks else "back") if reading.side == "auto" else reading.side
-    if side not in layer.blocks:
+    side = "back" if "front" not in layer.blocks and "back" in layer.blocks else "front"
+    side = side if reading.side == "auto" else reading.side
+    # Neither reflection is needed where the file lets light through: then both sides are black.
+    transmits = not {"front", "back"} & layer.blocks.keys() and bool(_OTHER_WAY.keys() & layer.blocks.keys())
+    if side not in layer.blocks and not transmits:
         what = "reflection" if reading.side == "auto" else f"reflection of its {side}"
         raise BakeError(path, f"holds no {what}", "give a file with a block Reflection Back or Reflection Front")
     facts: dict[str, Any] = {
         "format": "Radiance tensor tree" if layer.structure.startswith("tensortree") else "Klems matrix",
         "comments": [layer.name],
-        "side": f"{side}: {'Reflection Back' if side == 'front' else 'Reflection Front'} of the file",
+        "side": f"{side}: {_told_side(side, transmits)}",
         "other_blocks": list(layer.others),
         "interpolation": "none: constant within each cell, as in Radiance",
     }
@@ -83,9 +87,13 @@ def read(path: Path, reading: Reading) -> LookupSource:
             left_out[name] = error.cause
             continue
         facts |= told if name == side else {}
+    ways = [way for way in _OTHER_WAY if way in lookups]
+    if transmits:
+        if not ways:
+            raise BakeError(path, f"holds nothing that can be read: {'; '.join(left_out.values())}", _REMEDY)
+        lookups[side] = _black
     if left_out:
         facts["left_out"] = "; ".join(f"{name}: {cause}" for name, cause in left_out.items())
-    ways = [way for way in _OTHER_WAY if way in lookups]
     if not ways:
         return LookupSource(path.stem, lookups[side], facts, isotropic, False)
     for way in ways:
@@ -95,6 +103,16 @@ def read(path: Path, reading: Reading) -> LookupSource:
     facts["behind"] = "reflects" if behind else "black: the file holds no reflection of it that can be read"
     seen, other = ("through", "through behind") if side == "front" else ("through behind", "through")
     return SheetLookup(path.stem, lookups[side], facts, isotropic, False, lookups[seen], lookups[other], behind)
+
+
+def _told_side(side: str, transmits: bool) -> str:
+    if transmits:
+        return "black, for the file holds no reflection"
+    return f"{'Reflection Back' if side == 'front' else 'Reflection Front'} of the file"
+
+
+def _black(wi: Array, wo: Array) -> Array:
+    return np.zeros((len(wi), 3))
 
 
 def _part(

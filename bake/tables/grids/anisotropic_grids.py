@@ -27,7 +27,7 @@ import numpy as np
 
 from ... import xp_numpy
 from ...source import Array, Facts
-from .grid import HORIZON_SHARES, Boundary, Grid, around_mean, settle
+from .grid import HORIZON_SHARES, LEAST_SUM, Boundary, Grid, around_mean, half_vector_factor, settle
 from .parameterization import LogWarp, chord_to_theta, forward, phi_nodes, shape_constants, theta_nodes
 
 _POLE_CHORD = 1e-5
@@ -35,8 +35,6 @@ _POLE_CHORD = 1e-5
 _NO_AZIMUTH = 1e-12
 # Pairs of which one lies below the horizon hold the value at this share of the way to it.
 _WITHIN = 0.98
-# Below this sum of cosines, of pairs within a twentieth of a degree of the horizon, the stored value is held.
-LEAST_SUM = 1e-3
 
 # Of the normal basis. "squared" is a spacing of theta_h.
 NORMAL_KINDS = ("identity", "uniform", "bezier", "fitted")
@@ -232,15 +230,14 @@ class AnisotropicHalfGrid:
         return wi, 2 * d[..., 2:] * h - wi
 
     def factor(self, xp: Any, wi: Any, wo: Any) -> Any:
-        """What values are multiplied by to be stored: |wi + wo| / 2 is cos theta_d, its z times cos theta_h."""
-        lowest = xp.maximum(0.5 * (xp.components(wi)[2] + xp.components(wo)[2]), LEAST_SUM)
-        return lowest if self.cosine_power == 1 else lowest * xp.maximum(0.5 * xp.length(wi + wo), LEAST_SUM)
+        """What values are multiplied by to be stored; see `half_vector_factor`."""
+        return half_vector_factor(xp, wi, wo, self.cosine_power)
 
     def sample_factor(self, wi: Array, wo: Array, *index: Array) -> Any:
         """Where `falling`, f cos theta_d cos theta_h is held beyond the horizon, and times the sample's cos theta_d."""
         if self.cosine_power == 1 or not self.falling:
             return self.factor(xp_numpy, wi, wo)
-        lowest = xp_numpy.maximum(0.5 * (wi[..., 2] + wo[..., 2]), LEAST_SUM)
+        lowest = half_vector_factor(xp_numpy, wi, wo, 1)
         chord = self._chords()[index[1]]
         return lowest * np.maximum((1 - chord) * (1 + chord), LEAST_SUM)
 

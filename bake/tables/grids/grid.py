@@ -27,6 +27,9 @@ Boundary = Literal["around", "mirrored", "pole", "held"]
 # bounded is better served close to the horizon: baking measures both.
 HORIZON_SHARES = (1 / 3, 1 / 50)
 
+# Below this mean of both cosines, of pairs within a twentieth of a degree of the horizon, the stored value is held.
+LEAST_SUM = 1e-3
+
 
 class Grid(Protocol):
     """Where the samples of a table lie: a frozen, hashable dataclass."""
@@ -137,6 +140,15 @@ class IsotropicGrid(ABC):
     def beyond_pole(self, before: Array, axis: int) -> Array:
         """See `around_mean`."""
         return around_mean(before, -2)
+
+
+def half_vector_factor(xp: Any, wi: Any, wo: Any, cosine_power: int) -> Any:
+    """cos theta_d^p cos theta_h, the power p 1 or 2: what f is multiplied by to be stored by half vectors.
+
+    |wi + wo| / 2 is cos theta_d, its z times cos theta_h; the latter at least `LEAST_SUM`. `xp` is the namespace.
+    """
+    lowest = xp.maximum(0.5 * (xp.components(wi)[2] + xp.components(wo)[2]), LEAST_SUM)
+    return lowest if cosine_power == 1 else lowest * xp.maximum(0.5 * xp.length(wi + wo), LEAST_SUM)
 
 
 def around_mean(before: Array, azimuth: int) -> Array:

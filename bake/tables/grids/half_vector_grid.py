@@ -20,7 +20,7 @@ import numpy as np
 
 from ... import xp_numpy
 from ...source import Array, Facts
-from .grid import HORIZON_SHARES, Boundary, IsotropicGrid
+from .grid import HORIZON_SHARES, Boundary, IsotropicGrid, half_vector_factor
 from .normal_vector_grid import lookup_constants
 from .parameterization import (
     LogWarp,
@@ -34,6 +34,9 @@ from .parameterization import (
 
 # At theta_h = 0 and theta_d = 0 themselves no phi_d is left; the samples there are taken this chord beside.
 _POLE_CHORD = 1e-9
+# In the shader's words, by `cosine_power`.
+_BASES = "half", "half cosine", "half squared"
+COSINE_POWERS = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,7 @@ class HalfVectorGrid(IsotropicGrid):
     reciprocal : phi_d ends at pi / 2
     horizon_share : samples at the horizon are taken at this share of their neighbour's cosine, of h and of its distance
         from the horizon
+    cosine_power : p of the stored f cos theta_d^p cos theta_h, 1 or 2; at 0, as in older bundles, f itself is stored
     """
 
     sizes: tuple[int, int, int]
@@ -57,6 +61,7 @@ class HalfVectorGrid(IsotropicGrid):
     warps: tuple[LogWarp, LogWarp, LogWarp] = (LogWarp(), LogWarp(), LogWarp())
     reciprocal: bool = True
     horizon_share: float = HORIZON_SHARES[0]
+    cosine_power: int = 0
     basis: ClassVar[str] = "half"
     boundaries: ClassVar[tuple[Boundary, ...]] = ("pole", "pole", "mirrored")
 
@@ -100,6 +105,14 @@ class HalfVectorGrid(IsotropicGrid):
         wo = np.stack(np.broadcast_arrays(sin_h * cos_d - cos_h * x, -y, cos_h * cos_d + sin_h * x), -1)
         return wi, wo
 
+    def factor(self, xp: Any, wi: Any, wo: Any) -> Any:
+        """1 for what is stored as it is, else `half_vector_factor`."""
+        return half_vector_factor(xp, wi, wo, self.cosine_power) if self.cosine_power else 1.0
+
+    def sample_factor(self, wi: Array, wo: Array, *index: Array) -> Any:
+        """The same: no sample stands for a pair below the horizon."""
+        return self.factor(xp_numpy, wi, wo)
+
     def _elevations(self, axis: int) -> Array:
         v = theta_nodes(self.kinds[axis], self.sizes[axis], self.axis_shapes[axis])
         return np.clip(v, _POLE_CHORD, np.sqrt(1 - self.horizon_share * (1 - v[1] ** 2)))
@@ -123,8 +136,11 @@ class HalfVectorGrid(IsotropicGrid):
             **shapes,
             "reciprocal": self.reciprocal,
             "horizon_share": self.horizon_share,
+            **({"cosine_power": self.cosine_power} if self.cosine_power else {}),
         }
 
     def shader_constants(self) -> Mapping[str, Any]:
-        """Constants of each axis its own shape."""
-        return lookup_constants(self.basis, self.parameterization, self.sizes, self.axis_shapes, self.reciprocal)
+        """Constants of each axis its own shape; each power of the cosine is a basis of its own."""
+        return lookup_constants(
+            _BASES[self.cosine_power], self.parameterization, self.sizes, self.axis_shapes, self.reciprocal
+        )

@@ -15,14 +15,15 @@ import numpy as np
 from ...errors import BakeError
 from ...source import Array, BrdfSource, Facts
 from ..accuracy import DirectionPairs
-from ..grids.anisotropic_grids import AnisotropicHalfGrid
+from ..grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..grids.grid import HORIZON_SHARES, Grid
+from ..grids.normal_vector_grid import NormalVectorGrid
 from ..grids.parameterization import Parameterization
 from .alpha_search import AlphaSearch
 from .anisotropic_search import SYMMETRIC, AnisotropicCandidates, best_half_shape
 from .grid_fit import GridErrors
 from .grid_race import Candidate, race
-from .isotropic_search import IsotropicCandidates
+from .isotropic_search import IsotropicCandidates, with_cosine_powers
 
 Basis = Literal["normal", "half"]
 BASES: tuple[str, ...] = get_args(Basis)
@@ -39,6 +40,13 @@ class GridChoice:
     candidates: tuple[Candidate, ...]
     search: AlphaSearch | None
     asymmetries: dict[str, float]
+
+    @classmethod
+    def of_black(cls, isotropic: bool) -> GridChoice:
+        """The smallest grid, for a source of which nothing is to be held."""
+        smallest = NormalVectorGrid(4, "uniform") if isotropic else AnisotropicNormalGrid((4, 4, 4, 8), folded=True)
+        same = {"reciprocity_error": 0.0} if isotropic else {"reciprocity_error": 0.0, "half_turn_error": 0.0}
+        return cls((Candidate(smallest, 0.0),), None, same)
 
     @property
     def grid(self) -> Grid:
@@ -109,7 +117,8 @@ def _spacings(kind: type[Any], basis: str, parameterization: str) -> tuple[str, 
 
 
 def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: Array) -> Grid:
-    """The grid whose samples at the horizon are taken where, and continued as, it serves this material best.
+    """The grid whose samples at the horizon are taken where, and continued as, it serves this material best; of half
+    vectors also what cosines its values are stored times.
 
     By the RMS at the pairs; of half vectors about a turning viewer, which have two ways beyond the horizon that the RMS
     hardly tells apart, by the light seen at grazing, and so their shape (`best_half_shape`).
@@ -117,4 +126,5 @@ def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: A
     errors = GridErrors(source, pairs, truth)
     if isinstance(grid, AnisotropicHalfGrid):
         return best_half_shape(source, grid, errors)
-    return min((replace(grid, horizon_share=share) for share in HORIZON_SHARES), key=errors)
+    ends = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
+    return min((one for end in ends for one in with_cosine_powers(end)), key=errors)

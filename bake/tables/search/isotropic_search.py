@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from ...source import BrdfSource
 from ..atlas import AtlasLayout
 from ..grids.grid import Grid
-from ..grids.half_vector_grid import HalfVectorGrid
+from ..grids.half_vector_grid import COSINE_POWERS, HalfVectorGrid
 from ..grids.normal_vector_grid import NormalVectorGrid
 from ..grids.parameterization import LogWarp
 from .alpha_search import AlphaSearch, search_alpha, with_alpha
@@ -28,6 +28,9 @@ _HOPEFUL = 3.0
 _SPLITS = {True: ((2.0, 0.5), (4.0, 0.5), (4.0, 0.25)), False: ((2.0, 0.5), (2.0, 1.0), (4.0, 0.25), (4.0, 0.5))}
 # Antisymmetric part below this share of the signal is rounding.
 _RECIPROCAL = 1e-6
+
+
+Splits = Sequence[tuple[float, float]]
 
 
 class IsotropicCandidates:
@@ -118,11 +121,25 @@ def refit_grid(source: BrdfSource, grid: Grid, n: int) -> Grid:
     return fit(grid, errors) if fit else grid
 
 
-def half_sizes(n: int, reciprocal: bool) -> list[tuple[int, int, int]]:
-    """Sizes (theta_d, theta_h, phi_d) whose atlas has no more texels than that of an N x N x 2N table."""
+def with_cosine_powers(grid: Any) -> list[Any]:
+    """An isotropic grid, of half vectors with each power of the cosine that values are stored times.
+
+    At grazing a BRDF grows as 1 / (cos theta_i + cos theta_o) or faster. Stored times that sum it has there neither a
+    peak that codes have to reach nor a bend between samples.
+    """
+    if not isinstance(grid, HalfVectorGrid):
+        return [grid]
+    return [replace(grid, cosine_power=power) for power in COSINE_POWERS]
+
+
+def half_sizes(n: int, reciprocal: bool, further: Splits = ()) -> list[tuple[int, int, int]]:
+    """Sizes (theta_d, theta_h, phi_d) whose atlas has no more texels than that of an N x N x 2N table.
+
+    `further` are splits to try beside the usual ones: sizes of theta_h and phi_d as multiples of N.
+    """
     room = int(np.prod(AtlasLayout((n, n, 2 * n)).size))
     sizes = []
-    for rows, columns in _SPLITS[reciprocal]:
+    for rows, columns in (*_SPLITS[reciprocal], *further):
         n_h, n_phi = (max(round(n * share), 4) for share in (rows, columns))
         n_d = 2 * n * n * n // (n_h * n_phi)
         while n_d > 4 and np.prod(AtlasLayout((n_d, n_h, n_phi)).size) > room:

@@ -1,0 +1,27 @@
+"""Mirrors that exclude each other and native closures, so that every sample is worth about the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from . import expr
+from .drawn_direction import DrawnDirection
+from .native_closure import add_closures, choose_closure
+
+
+def one_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[Any], Any]]) -> Any:
+    """One of the mirrors, each with its probability, or else all native closures."""
+    if not drawn:
+        return add_closures([closure(1.0) for closure in native])
+    random, upto = drawn[0][0].random[1], [drawn[0][1]]
+    for _, chance, _ in drawn[1:]:
+        upto.append(upto[-1] + chance)
+    if native:
+        left = expr.divide(1.0, 1 - upto[-1])
+        chosen = add_closures([closure(left) for closure in native])
+    else:
+        chosen, drawn, upto = drawn[-1][2], drawn[:-1], upto[:-1]
+    for (_, _, mirror), limit in reversed(list(zip(drawn, upto, strict=True))):
+        chosen = choose_closure(random < limit, chosen, mirror)
+    return chosen

@@ -1,0 +1,161 @@
+"""A swatch photographed against the light as well, in the window: imported, lit otherwise, rebuilt, and told of."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from measured_materials.addon.material import rebuild
+from measured_materials.addon.material.adjust.energy import energy_of
+from measured_materials.addon.material.facts import facts_of, record_of
+from measured_materials.addon.material.kinds import SHADING_MAP, lets_light_through
+from measured_materials.addon.scene_check.findings import measured_trees
+from measured_materials.addon.summary.parts import parts_of
+from measured_materials.addon.ui.panels import panel
+from measured_materials.addon.ui.properties.photographs import arc_settings_of
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.shading_maps.against_light import ThroughSettings
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.nodes.through_closure import PORTAL
+from support.stacks import ELEVATIONS, frame, write_frame, write_stack
+from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
+from test_addon import Stage, registered  # noqa: F401
+from test_svm_limits import ROOM
+
+TRANSMITTANCE = 0.2
+
+
+@pytest.fixture(scope="module")
+def stacks(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Felt, and the same against the light, of other texels."""
+    folder = tmp_path_factory.mktemp("stacks")
+    front, behind = write_stack(folder / "felt"), folder / "behind"
+    behind.mkdir()
+    for elevation in ELEVATIONS:
+        write_frame(behind / f"el{elevation:02.0f}.exr", 0.4 * frame(elevation, seed=5))
+    return front, behind
+
+
+@pytest.fixture
+def felt(stacks: tuple[Path, Path], plate: Any, tmp_path: Path) -> Any:
+    """Imported with a second folder."""
+    front, behind = stacks
+    bpy.ops.measured_materials.import_arc(
+        filepath=str(front),
+        bundles=str(tmp_path),
+        through=str(behind),
+        states_transmittance=True,
+        transmittance=TRANSMITTANCE,
+        scale_by="albedo",
+        albedo=0.4,
+    )
+    return plate.active_material
+
+
+def test_a_second_folder_is_imported(felt: Any, stacks: tuple[Path, Path], tmp_path: Path) -> None:
+    record = ShadingMapRecord.read(read_bundle(tmp_path / "felt.mmat"))
+    assert record.through is not None and lets_light_through(felt)
+    mean = np.mean(record.through.albedo.directional[0])
+    assert mean == pytest.approx(TRANSMITTANCE, rel=0.1)
+    assert any(node.bl_idname == PORTAL for tree in measured_trees(felt) for node in tree.nodes)
+    kept = arc_settings_of(felt.measured_arc, felt.measured_lighting, "exact").through
+    assert kept == ThroughSettings(stacks[1], None, TRANSMITTANCE)
+    effects = {effect.name: effect for effect in rebuild.effects_of(felt)}
+    assert effects["Light through the sheet"].kept
+    assert "aimed at lamps instead" in effects["Lamps sampled in the shader"].why
+    assert not {"sample", "shader"} & set(SHADING_MAP.effective(felt))
+
+
+def test_another_transmission_takes_no_bake(felt: Any, tmp_path: Path) -> None:
+    """Its share of light follows, and the material is made of its own textures."""
+    before = facts_of(felt)["through"]["albedo"]
+    shutil.rmtree(tmp_path / "felt.mmat")
+    felt.measured_lighting.transmission = "phong"
+    felt.measured_lighting.transmission_phong_exponent = 30.0
+    felt.measured_lighting.transmission_sigma = 0.1
+    assert not felt.measured_lighting.problem
+    settings = rebuild.current_lighting(felt)
+    assert settings.transmission.name == "phong" and settings.transmission_sigma == pytest.approx(0.1)
+    assert settings.transmission.p1 == 30 and settings.lobe is not None and settings.lobe.name == "lambert"
+    after = facts_of(felt)["through"]["albedo"]
+    assert after["sigma"] == pytest.approx(0.1) and after["directional"] != before["directional"]
+    assert facts_of(felt)["albedo"]["sigma"] != 0.1
+    for mode in ("reference", "preview", "balanced", "exact"):
+        felt.measured_quality.mode = mode
+        assert not felt.measured_quality.problem
+    assert rebuild.current_lighting(felt).transmission_sigma == pytest.approx(0.1)
+
+
+def test_it_is_told_part_by_part(felt: Any) -> None:
+    told = dict(row for rows in parts_of(record_of(felt)) for row in rows)
+    assert told["Through: transmittance 0°"] and told["Through: base transmission"] == "lambert"
+    assert told["Through: photographs"] == "5 lights, 5 levels"
+    assert "R + T above one" not in told
+    felt.measured_lighting.above = "scale"
+    felt.measured_lighting.transmission_sigma = 0.9
+    told = dict(row for rows in parts_of(record_of(felt)) for row in rows)
+    assert "reflected and let through" in told["R + T above one"]
+
+
+def test_what_is_let_through_counts_for_brightness(felt: Any) -> None:
+    node = next(n for n in felt.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+    node.inputs["Brightness"].default_value = 1.2
+    energy = energy_of(felt)
+    assert energy is not None and energy.through and energy.largest is not None
+    record = record_of(felt)
+    both = np.array(record.albedo.directional) + np.array(record.through.albedo.directional)
+    assert energy.largest == pytest.approx(1.2 * both.max(), rel=1e-6)
+
+
+def test_the_panel_offers_the_base_transmission(
+    felt: Any, stacks: tuple[Path, Path], plate: Any, tmp_path: Path
+) -> None:
+    def shown() -> set[str]:
+        return set(Stage(plate.active_material).drawn(panel._LightingPanel))
+
+    assert {"transmission", "transmission_sigma_auto", "lobe"} <= shown()
+    (tmp_path / "plain").mkdir()
+    bpy.ops.measured_materials.import_arc(filepath=str(stacks[0]), bundles=str(tmp_path / "plain"))
+    assert "transmission" not in shown()
+
+
+@pytest.mark.parametrize("mode", ["exact", "balanced", "reference"])
+def test_two_maps_leave_room(felt: Any, mode: str) -> None:
+    """Of Cycles' stack and of its closures, with highlights in both directions."""
+    for name in ("lobe", "transmission"):
+        setattr(felt.measured_lighting, name, "phong")
+    felt.measured_quality.mode = mode
+    aim_at_everything()
+    assert fits_with(felt, ROOM)
+    assert closures_in(felt) <= CLOSURES // 2
+
+
+def damaged(record: ShadingMapRecord, change: Any) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(json.dumps(record.document))
+    change(document)
+    return document
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda d: d.update(through=3), "through"),
+        (lambda d: d["through"].pop("map"), "map"),
+        (lambda d: d["through"]["map"].update(slices=5), "through"),
+        (lambda d: d["through"]["map"].update(a_max=math.nan), "a_max"),
+        (lambda d: d["images"].pop("through_envelope"), "envelope"),
+        (lambda d: d["render"].update(transmission={"name": "velvet"}, transmission_sigma=1.0), "velvet|name"),
+        (lambda d: d["render"].update(transmission_sigma=-1.0, transmission={"name": "lambert"}), "transmission_sigma"),
+    ],
+)
+def test_damaged_transmission_is_refused(felt: Any, tmp_path: Path, change: Any, says: str) -> None:
+    record = ShadingMapRecord.read(read_bundle(tmp_path / "felt.mmat"))
+    with pytest.raises(BakeError, match=says):
+        ShadingMapRecord.parse(damaged(record, change), "felt")
