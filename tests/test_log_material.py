@@ -24,7 +24,7 @@ from support.scenes import furnace
 from test_unbiased import FINDS, assert_unbiased, clean_blend, stage  # noqa: F401
 
 SETTINGS = BakeSettings(
-    resolution=6, basis="half", storage="log", parameterization="fitted", sampler=SamplerLayout(32, 32, 16)
+    resolution=5, basis="half", storage="log", parameterization="fitted", sampler=SamplerLayout(32, 32, 16)
 )
 
 

@@ -8,6 +8,7 @@ renders, and of each the least time counts: whatever else the machine does makes
 from __future__ import annotations
 
 import math
+import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +27,9 @@ from measured_materials.nodes.osl_script import use_osl
 from record import put
 from rich.console import Console
 from rich.table import Table
+
+sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
+
 from support.scenes import TestScene, add_lamp
 from support.sheet_scenes import BEFORE, BEHIND, GLAZED, SETTINGS, record_of, set_sky, sheet_scene
 

@@ -309,6 +309,7 @@ NO_FIGURES = (
     "| 5.0 |",
     "| 5.2 |",
     "From Blender 5.1 on",
+    "by nodes from Blender 5.1 on",
     "in the same bench on 4.5",
     "Python 3.11",
     "3 GB of disk",
