@@ -165,9 +165,8 @@ def test_a_shading_map(cloth: Bundle, mode: str) -> None:
         agrees(scene, lambda: build_shading_map(cloth, settings=render), 96 if mode == "preview" else 0)
 
 
-@pytest.mark.parametrize(
-    "sampled", [pytest.param(False, id="aimed", marks=pytest.mark.slow), pytest.param(True, id="sampled")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("sampled", [False, True], ids=["aimed", "sampled"])
 def test_osl_under_a_lamp(paint: Bundle, sampled: bool) -> None:
     """Where lamps are sampled three parts bring light, of which one is emitted."""
     skip_without_osl()

@@ -110,6 +110,7 @@ def both(bundle: Bundle, mode: str, samples: int, seeds: int) -> tuple[Array, Ar
     return pictures[0], pictures[1], mask
 
 
+@pytest.mark.slow
 def test_material_equals_that_of_nodes(satin: Bundle) -> None:
     """With its mirror, whose random numbers are others; a planted 2 % is found."""
     assert_same(*both(satin, "exact", 448, 6), 0.0, 0.01)

@@ -21,6 +21,7 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources import chosen_material, read_source, title_of
+from support.coarse_bakes import coarse  # noqa: F401
 from support.format_files import ABC_SET, SGD_SET, pairs, write_published
 from support.networks import network_values
 
