@@ -67,11 +67,12 @@ class ThroughSettings:
         )
 
     def found(self, beside: Path) -> ThroughSettings:
-        """The same with names alone looked for, given the folder of the other photographs."""
+        """The same with names alone looked for, given the folder of the other photographs. Raises BakeError."""
         if isinstance(self.source, tuple):
             return self
-        source = _found(self.source, beside.absolute().parent)
-        return replace(self, source=source, lights=None if self.lights is None else _found(self.lights, source))
+        source = _found(self.source, beside.absolute().parent, _PLACE)
+        lights = None if self.lights is None else _found(self.lights, source, "their lights")
+        return replace(self, source=source, lights=lights)
 
     @classmethod
     def told(cls, facts: Mapping[str, Any]) -> ThroughSettings:
@@ -98,17 +99,22 @@ class ThroughSettings:
         }
 
 
-def _found(path: Path, folder: Path) -> Path:
-    """A path, or where it is a name alone of nothing here, that in the folder."""
+def _found(path: Path, folder: Path, what: str) -> Path:
+    """A path, or where it is a name alone of nothing here, that in the folder. BakeError if none is there."""
+    alone = len(path.parts) == 1
     try:
-        return folder / path if len(path.parts) == 1 and not path.exists() and (folder / path).exists() else path
+        for place in (path, folder / path) if alone else (path,):
+            if place.exists():
+                return place
     except (OSError, ValueError):  # ValueError: a null character in the path
-        return path
+        return path  # whose reader tells more
+    cause = f"is neither here nor in {folder}" if alone else "does not exist"
+    raise BakeError(path, cause, f"give the path of {what}")
 
 
 def _name(told: Any) -> str:
     """The last part of a path; ValueError where there is none."""
-    if not isinstance(told, str) or not Path(told).name:
+    if not isinstance(told, str) or Path(told).name in ("", ".."):
         raise ValueError(told)
     return Path(told).name
 
