@@ -12,6 +12,7 @@ from measured_materials.addon.ui.properties.photographs import arc_settings_of, 
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import LOBES, Lobe
 from measured_materials.bake.photographs.settings import StackSettings
+from measured_materials.bake.shading_maps.against_light import ThroughSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from test_addon import registered  # noqa: F401
@@ -28,6 +29,12 @@ from test_addon import registered  # noqa: F401
                 decode="gamma:1.8", azimuth=40, spread=7.5, sides="both", crop=(1, 2, 30, 40), albedo=0.3
             ),
         ),
+        ArcSettings(through=ThroughSettings(
+            Path("behind").resolve(), Path("dirs.csv").resolve(), transmittance=0.125
+        )),
+        ArcSettings(through=ThroughSettings(
+            Path("behind").resolve(), diffuser=(1, 2, 30, 40), diffuser_transmittance=0.375
+        )),
         ArcSettings(
             brdf=Path("gloss.mmat").resolve(),
             render=RenderSettings(None, 0.5),

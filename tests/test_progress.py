@@ -13,7 +13,9 @@ from measured_materials.addon.summary.bake_stages import bake_stages, share_done
 from measured_materials.addon.summary.progress_estimate import readable_time
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.shading_maps.against_light import ThroughSettings
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.sources.analytic import by_name
 from support.stacks import write_stack
@@ -143,6 +145,16 @@ def test_progress_of_a_bake(model: str, parameters: dict[str, float], options: d
 )
 def test_progress_of_photographs(options: dict[str, Any], tmp_path: Path) -> None:
     settings = ArcSettings(**options)
+    told = Told(settings)
+    bake_arc(write_stack(tmp_path / "felt", size=(40, 40)), tmp_path / "x.mmat", settings, told)
+    told.check(0.45)
+
+
+@pytest.mark.parametrize("align", ["auto", "off"])
+def test_progress_of_photographs_against_the_light(align: str, tmp_path: Path) -> None:
+    """The second stack is read after the first, and nothing begins again."""
+    behind = write_stack(tmp_path / "behind", size=(40, 40))
+    settings = ArcSettings(through=ThroughSettings(behind), stack=StackSettings(align=align))
     told = Told(settings)
     bake_arc(write_stack(tmp_path / "felt", size=(40, 40)), tmp_path / "x.mmat", settings, told)
     told.check(0.45)

@@ -18,7 +18,7 @@ from measured_materials.addon.material.kinds import SHADING_MAP, lets_light_thro
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.addon.summary.parts import parts_of
 from measured_materials.addon.ui.panels import panel
-from measured_materials.addon.ui.properties.photographs import arc_settings_of
+from measured_materials.addon.ui.properties.photographs import _shown, arc_settings_of
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading_maps.against_light import ThroughSettings
@@ -71,6 +71,45 @@ def test_a_second_folder_is_imported(felt: Any, stacks: tuple[Path, Path], tmp_p
     assert effects["Light through the sheet"].kept
     assert "aimed at lamps instead" in effects["Lamps sampled in the shader"].why
     assert not {"sample", "shader"} & set(SHADING_MAP.effective(felt))
+
+
+def test_a_loaded_bundle_is_baked_again_with_both_folders(
+    felt: Any, stacks: tuple[Path, Path], plate: Any, tmp_path: Path
+) -> None:
+    """It keeps names alone: the second folder is found beside the first, and told where it is not there."""
+    bpy.ops.measured_materials.import_bundle(filepath=str(tmp_path / "felt.mmat"))
+    loaded = plate.active_material
+    assert loaded != felt and loaded.measured_arc.through == "behind"
+    kept = arc_settings_of(loaded.measured_arc, loaded.measured_lighting, "exact").through
+    assert kept == ThroughSettings(Path("behind"), None, TRANSMITTANCE)
+    assert bpy.ops.measured_materials.bake_again(filepath=str(stacks[0])) == {"FINISHED"}
+    assert record_of(loaded).through is not None
+    told = tmp_path / "felt.mmat" / "material.json"
+    document = json.loads(told.read_text())
+    document["settings"]["later"] = 1
+    told.write_text(json.dumps(document))
+    bpy.ops.measured_materials.import_bundle(filepath=str(told.parent))
+    with pytest.raises(RuntimeError, match="photographs against the light: is neither here"):
+        bpy.ops.measured_materials.bake_again(filepath=str(stacks[0]))
+
+
+def test_a_second_folder_that_has_moved_is_told(felt: Any, stacks: tuple[Path, Path], tmp_path: Path) -> None:
+    shutil.copytree(stacks[0], tmp_path / "moved" / "felt")
+    felt.measured_arc.through = "behind"
+    with pytest.raises(RuntimeError, match=r"behind: is neither here nor in .*moved; give the path"):
+        bpy.ops.measured_materials.bake_again(filepath=str(tmp_path / "moved" / "felt"))
+
+
+def test_the_window_offers_a_diffuser(felt: Any) -> None:
+    properties = felt.measured_arc
+    shown = _shown(properties, felt.measured_lighting)["through"]
+    assert "transmittance" in shown and "has_diffuser" not in shown
+    properties.states_transmittance, properties.has_diffuser = False, True
+    properties.diffuser = (1, 2, 3, 4)
+    shown = _shown(properties, felt.measured_lighting)["through"]
+    assert {"has_diffuser", "diffuser", "diffuser_transmittance"} <= set(shown) and "transmittance" not in shown
+    kept = arc_settings_of(properties, felt.measured_lighting, "exact").through
+    assert kept is not None and kept.diffuser == (1, 2, 3, 4) and kept.transmittance is None
 
 
 def test_another_transmission_takes_no_bake(felt: Any, tmp_path: Path) -> None:
@@ -151,6 +190,7 @@ def damaged(record: ShadingMapRecord, change: Any) -> dict[str, Any]:
         (lambda d: d["through"]["map"].update(slices=5), "through"),
         (lambda d: d["through"]["map"].update(a_max=math.nan), "a_max"),
         (lambda d: d["images"].pop("through_envelope"), "envelope"),
+        (lambda d: d["through"]["albedo"]["theta_o_deg"].__setitem__(0, 1), "at other angles"),
         (lambda d: d["render"].update(transmission={"name": "velvet"}, transmission_sigma=1.0), "velvet|name"),
         (lambda d: d["render"].update(transmission_sigma=-1.0, transmission={"name": "lambert"}), "transmission_sigma"),
     ],

@@ -27,7 +27,7 @@ from ..photographs.find_decoder import blender_decoder
 from ..plots.figure import need_matplotlib
 from ..summary.bake_stages import bake_stages
 from ..summary.quality_levels import MAP_LEVELS
-from ..summary.shading_map_rows import albedo_warning, arc_summary
+from ..summary.shading_map_rows import albedo_warning, all_warnings, arc_summary
 from .bake_jobs import (
     Bake,
     Job,
@@ -171,11 +171,7 @@ def _add_through(group: Any) -> None:
         "--diffuser", type=_numbers(int, 4), metavar="X,Y,W,H", help="a diffuser in the picture, lit from behind too"
     )
     group.add_argument(
-        "--diffuser-transmittance",
-        type=float,
-        default=_DIFFUSER,
-        metavar="SHARE",
-        help="of that diffuser (%(default)g)",
+        "--diffuser-transmittance", type=float, metavar="SHARE", help=f"of that diffuser ({_DIFFUSER:g})"
     )
 
 
@@ -185,6 +181,7 @@ def _through(options: argparse.Namespace) -> ThroughSettings | None:
         "--through-lights": options.through_lights,
         "--transmittance": options.transmittance,
         "--diffuser": options.diffuser,
+        "--diffuser-transmittance": options.diffuser_transmittance,
         "--transmission": options.transmission,
         "--transmission-sigma": options.transmission_sigma,
     }
@@ -193,12 +190,15 @@ def _through(options: argparse.Namespace) -> ThroughSettings | None:
         if given:
             raise argparse.ArgumentTypeError(f"{given} is for photographs against the light: give --through FOLDER too")
         return None
+    stated = options.diffuser_transmittance
+    if stated is not None and options.diffuser is None:
+        raise argparse.ArgumentTypeError("--diffuser-transmittance is of a diffuser: give --diffuser X,Y,W,H too")
     return ThroughSettings(
         options.through,
         options.through_lights,
         options.transmittance,
         options.diffuser,
-        options.diffuser_transmittance,
+        _DIFFUSER if stated is None else stated,
     )
 
 
@@ -271,9 +271,7 @@ def run(options: argparse.Namespace) -> Result:
 
 def _warn(job: Job, result: BakeResult) -> None:
     record = _record_of(result)
-    behind = () if record.through is None else record.through.photographs.warnings
-    told = [*record.photographs.warnings, *(f"against the light: {text}" for text in behind), albedo_warning(record)]
-    for warning in filter(None, told):
+    for warning in filter(None, [*all_warnings(record), albedo_warning(record)]):
         complain(f"warning: {job.title}: {warning}")
 
 

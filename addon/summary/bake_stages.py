@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from ...bake.brdf.bake import KIND_OF_STAGE
 from ...bake.brdf.settings import BakeSettings
 from ...bake.brdf.sheet_bake import KIND_OF_SHEET, STAGE
+from ...bake.shading_maps.against_light import STAGE as STAGE_BEHIND
 from ...bake.shading_maps.bake import ArcSettings
 
 # Texels of a swatch's longer side where nothing is said: camera photographs would otherwise make textures of hundreds
@@ -80,10 +81,10 @@ def _anisotropic_stages(settings: BakeSettings) -> dict[str, float]:
 
 def _arc_stages(settings: ArcSettings) -> dict[str, float]:
     """Of ten photographs of 2 megapixels; only the proportions matter."""
+    reading = {"reading": 2.0, "aligning": 1.5 if settings.stack.align != "off" else 0.0}
     return {
-        "reading": 2.0,
-        # Photographs against the light are read and aligned then.
-        "aligning": (1.5 if settings.stack.align != "off" else 0.0) + (3.5 if settings.through is not None else 0.0),
+        **reading,
+        **({} if settings.through is None else {stage + STAGE_BEHIND: seconds for stage, seconds in reading.items()}),
         "averages and slices": 0.3,
         "predicting photographs": 0.5,
         "making it tile": 8.0 if settings.tileable != "off" else 0.0,

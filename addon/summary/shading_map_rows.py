@@ -10,8 +10,11 @@ from ...bake.photographs.stack import PhotoStack
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.shading_maps.shading_map import SAME_LEVEL
-from .brdf_rows import Rows, colour, degrees
+from .brdf_rows import Rows, colour
+from .sheet_rows import above_one, beyond_one
 
+# The control that scales what is let through.
+_TRANSMITTED = "Transmitted"
 _MODEL_WORDS = {"slices": "slices", "power": "power law"}
 
 
@@ -20,8 +23,8 @@ def photograph_rows(record: ShadingMapRecord) -> Rows:
     return read_rows(record.photographs)
 
 
-def read_rows(photographs: PhotographsRecord) -> Rows:
-    """Those of photographs, baked or only read."""
+def read_rows(photographs: PhotographsRecord, scale: str = "Strength") -> Rows:
+    """Those of photographs, baked or only read; `scale` is the control that scales those without a calibration."""
     averages, files = photographs.averages, photographs.files
     lights = f"{len(averages)} lights"
     if files is not None and files != len(averages):
@@ -35,7 +38,7 @@ def read_rows(photographs: PhotographsRecord) -> Rows:
     rows += [("Converted", f"from {what}") for what in photographs.converted_from]
     if photographs.calibration is not None:
         known = photographs.calibrated_by is not None
-        rows.append(("Calibration", photographs.calibration if known else "none, Strength sets the scale"))
+        rows.append(("Calibration", photographs.calibration if known else f"none, {scale} sets the scale"))
     return rows
 
 
@@ -65,11 +68,19 @@ def lighting_rows(record: ShadingMapRecord) -> Rows:
     settings, albedo = record.render, record.albedo
     rows = [
         ("Base reflection", lobe_words(settings.lobe)),
-        ("Strength", f"{albedo.sigma:.4g}" + (", by default" if settings.sigma is None else "")),
+        ("Strength", _scale_words(record, settings.sigma)),
         ("Brightest", f"r = {albedo.a_max:.4g} 1/sr, beyond it {settings.above}"),
     ]
     rows.append(("Technique", f"{settings.technique.replace('_', ' ')}, {settings.mode}, {settings.tiling}"))
     return rows + _fit_rows(record)
+
+
+def _scale_words(record: ShadingMapRecord, given: float | None) -> str:
+    """The factor of the base, and what set it where it was not given."""
+    usual = "by default" if record.map.a_max is None else "as calibrated"
+    if record.render.a_max is not None:
+        usual = "by the brightest"
+    return f"{record.albedo.sigma:.4g}" + (f", {usual}" if given is None else "")
 
 
 def lobe_words(lobe: Lobe | None) -> str:
@@ -106,6 +117,12 @@ def map_error_rows(record: ShadingMapRecord) -> Rows:
     return [*rows, ("Storage RMS", storage)]
 
 
+def all_warnings(record: ShadingMapRecord) -> tuple[str, ...]:
+    """What is doubtful about the photographs, those against the light included."""
+    behind = () if record.through is None else record.through.photographs.warnings
+    return *record.photographs.warnings, *(f"against the light: {text}" for text in behind)
+
+
 def warning_rows(record: ShadingMapRecord) -> Rows:
     """Rows of warnings about the photographs."""
     return doubt_rows(record.photographs)
@@ -124,34 +141,26 @@ def through_rows(record: ShadingMapRecord) -> Rows:
     albedo, fitted = through.albedo, through.render
     held_out = through.errors.held_out_relative
     rows = [
-        *read_rows(through.photographs),
+        *read_rows(through.photographs, _TRANSMITTED),
         ("Transmittance 0°", colour(albedo.directional[0])),
         ("Base transmission", lobe_words(fitted.lobe)),
-        ("Strength", f"{albedo.sigma:.4g}" + (", by default" if record.render.transmission_sigma is None else "")),
+        (_TRANSMITTED, _scale_words(through, record.render.transmission_sigma)),
         ("Cycles' shaders", f"{_percent(through.map.envelope_energy)} of the light"),
         ("Left-out error", "unknown" if held_out is None else f"{_percent(held_out)} median"),
         *doubt_rows(through.photographs),
     ]
     told = [(f"Through: {name[:1].lower()}{name[1:]}" if name else name, words) for name, words in rows]
-    total, angles = _energy(record)
-    more = f"up to {total:.4g} reflected and let through, at {degrees(angles)}" if angles else ""
-    return told + [("R + T above one", more)] * bool(angles)
-
-
-def _energy(record: ShadingMapRecord) -> tuple[float, list[float]]:
-    """The largest sum of what is reflected and let through, and the angles at which it is more than arrives."""
-    assert record.through is not None
-    rows = zip(record.albedo.directional, record.through.albedo.directional, strict=False)
-    total = [max(r + t for r, t in zip(one, other, strict=True)) for one, other in rows]
-    return max(total), [angle for angle, most in zip(record.albedo.theta_o_deg, total, strict=False) if most > 1.001]
+    return told + above_one(record.albedo, albedo)
 
 
 def albedo_warning(record: ShadingMapRecord) -> str:
     """One line where more light leaves than arrives; empty otherwise."""
     albedo, calibrated = record.albedo, record.map.a_max is not None
-    if record.through is not None and not albedo.above_one_deg and _energy(record)[1]:
-        told = f"up to {_energy(record)[0]:.3g} is reflected and let through: more light leaves than arrives"
-        return f"{told}; state a lower --albedo or --transmittance"
+    if record.through is not None and not albedo.above_one_deg:
+        total, angles = beyond_one(albedo, record.through.albedo)
+        told = f"up to {total:.3g} is reflected and let through: more light leaves than arrives"
+        remedies = dict.fromkeys((_remedy(record, "--sigma"), _remedy(record.through, "--transmission-sigma")))
+        return f"{told}; {', or '.join(remedies)}" if angles else ""
     if not albedo.above_one_deg:
         return ""
     sigma = albedo.sigma / max(albedo.largest, 1e-9)
@@ -159,6 +168,14 @@ def albedo_warning(record: ShadingMapRecord) -> str:
     if calibrated and record.photographs.calibrated_by == "albedo":
         remedy = "state a lower --albedo, or another --lobe"
     return f"the albedo reaches {albedo.largest:.3g} in a channel: more light leaves than arrives; {remedy}"
+
+
+def _remedy(record: ShadingMapRecord, option: str) -> str:
+    """What makes a map darker, by what its scale is from; `option` is that of its factor."""
+    by = record.photographs.calibrated_by
+    if by is None:
+        return f"choose a lower {option}"
+    return f"check the {by}" if by in ("white card", "diffuser") else f"state a lower --{by}"
 
 
 def arc_summary(record: ShadingMapRecord, seconds: float) -> str:

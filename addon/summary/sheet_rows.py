@@ -47,17 +47,22 @@ def _rows(seen: Mapping[str, AlbedoRecord]) -> Rows:
         if reflected is not None and reflection:
             side.append(("Albedo 0°", colour(reflected.directional[0])))
         if reflected is not None and through is not None:
-            side += _above_one(reflected, through)
+            side += above_one(reflected, through)
         rows += [(f"Back: {name[:1].lower()}{name[1:]}", words) for name, words in side] if reflection else side
     return rows
 
 
-def _above_one(reflected: AlbedoRecord, through: AlbedoRecord) -> Rows:
+def above_one(reflected: AlbedoRecord, through: AlbedoRecord) -> Rows:
     """A word where more light leaves than arrives."""
+    total, above = beyond_one(reflected, through)
+    return [(f"R + T {_ENERGY}", f"up to {total:.4g} reflected and let through, at {degrees(above)}")] if above else []
+
+
+def beyond_one(reflected: AlbedoRecord, through: AlbedoRecord) -> tuple[float, list[float]]:
+    """The largest sum of what is reflected and let through, and the angles, common to both, at which more leaves."""
     total = (np.array(reflected.directional) + through.directional).max(-1)
-    above = [angle for angle, most in zip(through.theta_o_deg, total) if most > 1.001]
-    told = f"up to {total.max():.4g} reflected and let through, at {degrees(above)}" if above else ""
-    return [(f"R + T {_ENERGY}", told)] if above else []
+    above = [angle for angle, most in zip(through.theta_o_deg, total, strict=True) if most > 1.001]
+    return float(total.max()), above
 
 
 def _by_angle(found: AlbedoRecord) -> str:

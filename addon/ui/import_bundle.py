@@ -21,6 +21,8 @@ from .import_operator import AS_ASSET, mark_and_tell, registration
 from .properties.bake import show_settings
 from .properties.photographs import show_arc_settings
 
+# In the place of the second folder, where a bundle's settings are of another version.
+_LOST = "photographs against the light"
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 _FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
 _DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options=_HIDDEN)
@@ -127,11 +129,14 @@ def _show(material: bpy.types.Material, pack: bool) -> None:
     properties = material.measured_materials if brdf else material.measured_arc
     properties.pack = pack
     with contextlib.suppress(BakeError, TypeError, ValueError):
-        settings = record_of(material).settings
+        record = record_of(material)
+        settings = record.settings
         if brdf:
             show_settings(properties, settings)
         elif settings is not None:
             show_arc_settings(properties, settings, pack=pack)
+        elif record.through is not None:
+            properties.through = _LOST  # which the next bake asks for, where it would else leave the second map out
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:

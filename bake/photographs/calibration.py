@@ -39,8 +39,9 @@ def calibrate_by_card(
     cards: NDArray[np.float64],
     cosines: NDArray[np.float64] | None,
     reflectance: float,
+    word: str = "white card",
 ) -> Facts:
-    """Bring (n, H, W, 3) images to 1/sr in place, given the card's mean (n, 3) in each.
+    """Bring (n, H, W, 3) images to 1/sr in place, given the mean (n, 3) in each of a card, which is called `word`.
 
     Without the lights' cosines (n,) the brightest card stands for all: its lamp is taken to stand overhead, and the
     lamp to be the same throughout. Each channel has its own factor, which takes the lamp's colour out.
@@ -52,18 +53,22 @@ def calibrate_by_card(
     if cosines is None:
         brightest = int(np.argmax(cards.mean(axis=1)))
         cards, cosines = np.broadcast_to(cards[brightest], cards.shape), np.ones(len(cards))
-        how = f"white card, brightest in {names[brightest]}, one lamp for all (no elevations known)"
+        how = f"{word}, brightest in {names[brightest]}, one lamp for all (no elevations known)"
     else:
-        how = "white card in every photograph, with the cosine of its light"
+        how = f"{word} in every photograph, with the cosine of its light"
     for k, name in enumerate(names):
         if not cards[k].min() > 0:
-            raise BakeError(name, "shows the white card black", "check the card's region, or leave the photograph out")
+            raise BakeError(name, f"shows the {word} black", "check its region, or leave the photograph out")
         images[k] *= (reflectance / np.pi * cosines[k] / cards[k]).astype(np.float32)
-    return {"by": "white card", "how": how, "reflectance": reflectance}
+    return {"by": word, "how": how, "reflectance": reflectance}
 
 
-def calibrate_by_albedo(images: NDArray[np.float32], cosines: NDArray[np.float64] | None, albedo: float) -> Facts:
+def calibrate_by_albedo(
+    images: NDArray[np.float32], cosines: NDArray[np.float64] | None, albedo: float, word: str = "albedo"
+) -> Facts:
     """Scale (n, H, W, 3) images in place so that their averages follow (albedo / pi) cos(theta_i).
+
+    The albedo is called `word`.
 
     That is a Lambertian estimate: least squares of the averages where the elevations are known, else the brightest
     photograph is taken as lit from the normal.
@@ -71,12 +76,12 @@ def calibrate_by_albedo(images: NDArray[np.float32], cosines: NDArray[np.float64
     averages = images.mean(axis=(1, 2, 3), dtype=np.float64)
     if cosines is None:
         gain = float(averages.max()) / (albedo / np.pi)
-        facts: dict[str, Any] = {"how": "stated albedo: the brightest photograph averages albedo / pi"}
+        facts: dict[str, Any] = {"how": f"stated {word}: the brightest photograph averages {word} / pi"}
     else:
         expected = albedo / np.pi * cosines
         gain = float(averages @ expected / (expected @ expected))
         misfit = float(np.sqrt(np.mean((averages / gain - expected) ** 2) / np.mean(expected**2)))
-        how = "stated albedo: least squares of the averages against albedo / pi cos(theta_i)"
+        how = f"stated {word}: least squares of the averages against {word} / pi cos(theta_i)"
         facts = {"how": how, "relative_misfit": round(misfit, 4)}
     images *= np.float32(1 / gain)
-    return {"by": "albedo", "albedo": albedo, **facts}
+    return {"by": word, "albedo": albedo, **facts}

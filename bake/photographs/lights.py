@@ -16,6 +16,8 @@ from .folder import list_names
 from .light_files.entry import LightEntry, Vector, direction_in_name, name_key
 from .light_files.readers import read_lights
 
+_HORIZON = 1e-6
+"""Sine of the elevation up to which a light lies in the plane of the swatch."""
 _SAME = 1e-4
 """Directions closer than this (rad) are one light."""
 _TABLE_NAMES = ("lights.csv",), ("lights.txt", "lights.tsv")
@@ -64,8 +66,11 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
 
 
 def _above(origin: Path, directions: list[Vector | None]) -> list[Vector | None]:
-    """Lights that all stand behind the swatch, mirrored in it. Raises BakeError where only some are said to."""
-    below = {direction[2] < 0 for direction in directions if direction is not None}
+    """Lights that all stand behind the swatch, mirrored in it. Raises BakeError where only some are said to.
+
+    A light in the plane of the swatch is on neither side.
+    """
+    below = {direction[2] < 0 for direction in directions if direction is not None and abs(direction[2]) > _HORIZON}
     if len(below) > 1:
         remedy = "give all elevations below the horizon, or all as angles to the swatch"
         raise BakeError(origin, "has lights on both sides of a swatch that is lit from behind", remedy)
@@ -172,10 +177,12 @@ def _keep(
     unknown = [path.name for path, direction in zip(paths, directions) if direction is None]
     if unknown:
         warnings.append(f"left out, without a light direction: {list_names(unknown)}")
-    below = [path.name for path, direction in zip(paths, directions) if direction is not None and direction[2] <= 1e-6]
+    below = [
+        path.name for path, direction in zip(paths, directions) if direction is not None and direction[2] <= _HORIZON
+    ]
     if below:
         warnings.append(f"left out, lit from below the horizon: {list_names(below)}")
-    kept = [(path, d) for path, d in zip(paths, directions) if d is not None and d[2] > 1e-6]
+    kept = [(path, d) for path, d in zip(paths, directions) if d is not None and d[2] > _HORIZON]
     if not kept:
         raise BakeError(origin, "every light lies below the horizon", "let z point from the swatch to the camera")
     facts |= {"left_out": unknown + below}

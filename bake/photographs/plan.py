@@ -59,7 +59,7 @@ def plan_reading(
     chosen = [choose_encoding(path, info, settings.decode) for path, info in zip(paths, infos)]
     placement = place(paths[0], *size, settings)
     if settings.white_card is not None:
-        check_inside(paths[0], "white card", settings.white_card, *size)
+        check_inside(paths[0], settings.card_word, settings.white_card, *size)
     needed = len(groups) * placement.width * placement.height * 12
     if needed > MAX_STACK_BYTES:
         cause = f"needs {needed / 2**30:.1f} GiB as {len(groups)} x {placement.width} x {placement.height} texels"

@@ -40,7 +40,8 @@ class StackSettings:
     white_reflectance : of that card
     albedo : of the swatch as the artist states it, instead of a card
     align : "auto" corrects small movements of the camera, "warn" only reports them, "off" does not look
-    behind : the lights stand behind the swatch, and card and albedo are a diffuser and a transmittance
+    behind : the lights stand behind the swatch, and card and albedo are a diffuser and a transmittance, as errors and
+        warnings call them then
 
     Raises
     ------
@@ -62,6 +63,16 @@ class StackSettings:
     align: str = "auto"
     behind: bool = False
 
+    @property
+    def card_word(self) -> str:
+        """What `white_card` shows."""
+        return "diffuser" if self.behind else "white card"
+
+    @property
+    def share_word(self) -> str:
+        """What `albedo` states."""
+        return "transmittance" if self.behind else "albedo"
+
     def __post_init__(self) -> None:
         def put(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
@@ -78,10 +89,10 @@ class StackSettings:
         put("spread", _number("spread", self.spread, 0.1, 90))
         put("white_reflectance", _share("white_reflectance", self.white_reflectance))
         if self.albedo is not None:
-            put("albedo", _share("albedo", self.albedo))
-        for name in ("crop", "white_card"):
+            put("albedo", _share(self.share_word, self.albedo))
+        for name, word in (("crop", "crop"), ("white_card", self.card_word)):
             if (value := getattr(self, name)) is not None:
-                put(name, _rectangle(name, value))
+                put(name, _rectangle(word, value))
         if self.corners is not None:
             put("corners", _corners(self.corners))
         for name in ("lights", "flat_field"):
@@ -90,7 +101,8 @@ class StackSettings:
         if self.crop and self.corners:
             raise _wrong("both a crop and corners are given", "give one of them")
         if self.white_card and self.albedo is not None:
-            raise _wrong("both a white card and an albedo are given", "give one of them")
+            article = "a" if self.behind else "an"
+            raise _wrong(f"both a {self.card_word} and {article} {self.share_word} are given", "give one of them")
 
 
 def _wrong(cause: str, remedy: str) -> BakeError:

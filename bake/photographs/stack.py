@@ -63,6 +63,20 @@ class PhotoStack:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class PlannedStack:
+    """Photographs whose headers have been read: which belong to the stack, how they are lit, decoded and placed.
+
+    warnings, facts : of the lights
+    """
+
+    settings: StackSettings
+    origin: Path
+    plan: Plan
+    warnings: tuple[str, ...]
+    facts: dict[str, Any]
+
+
 def read_stack(
     source: Path | str | Sequence[Path | str],
     settings: StackSettings | None = None,
@@ -83,9 +97,16 @@ def read_stack(
     BakeError : a file that is no image, damaged, too large or not finite; two sizes; fewer than two lights; all black
         or all clipped; a crop or corner outside; unusable lights, exposures, card or flat field
     """
+    if progress is not None:
+        progress("reading", 0.0)
+    return read_planned(plan_stack(source, settings, decoder), progress, decoder)
+
+
+def plan_stack(
+    source: Path | str | Sequence[Path | str], settings: StackSettings | None = None, decoder: Decoder | None = None
+) -> PlannedStack:
+    """What `read_stack` does before it reads pixels; it raises BakeError for all that headers and lights show."""
     settings = settings or StackSettings()
-    say = progress or (lambda stage, share: None)
-    say("reading", 0.0)
     paths, warnings = find_photographs(source, (settings.lights, settings.flat_field))
     origin = paths[0].parent
     infos = {path: read_info(path, decoder) for path in paths}  # also of those left out: a broken file is never silent
@@ -96,9 +117,14 @@ def read_stack(
         settings.spread,
         settings.sides,
     )
-    warnings += lights.warnings
     plan = plan_reading(lights.paths, [infos[path] for path in lights.paths], lights.directions, settings)
-    warnings += plan.warnings
+    return PlannedStack(settings, origin, plan, (*warnings, *lights.warnings, *plan.warnings), lights.facts)
+
+
+def read_planned(planned: PlannedStack, progress: Progress | None = None, decoder: Decoder | None = None) -> PhotoStack:
+    """The photographs themselves, as `read_stack` does."""
+    say = progress or (lambda stage, share: None)
+    settings, origin, plan, warnings = planned.settings, planned.origin, planned.plan, [*planned.warnings]
     images, cards, counts, flat = _read_images(plan, settings, decoder, warnings, say)
     names = plan.names
     judgement = judge_brightness(origin, names, images, counts, warnings)
@@ -120,7 +146,7 @@ def read_stack(
         directions = _turned(directions, plan.placement.turn)
     facts = {
         **plan.facts,
-        "lights": lights.facts,
+        "lights": planned.facts,
         "frame": _frame_facts(plan, settings, images, border),
         "flat_field": flat,
         **judgement,
@@ -164,7 +190,9 @@ def _read_images(
         counts.append(view.counts)
         say("reading", (k + 1) / len(plan.groups))
     if clipped_cards:
-        warnings.append(f"the white card is clipped, so its scale is too low a guess: {', '.join(clipped_cards[:8])}")
+        warnings.append(
+            f"the {settings.card_word} is clipped, so its scale is too low a guess: {', '.join(clipped_cards[:8])}"
+        )
     return images, None if card is None else cards, counts, None if flat is None else flat.facts
 
 
@@ -179,20 +207,15 @@ def _calibrate(
     cosines = None if directions is None else directions[:, 2]
     facts: dict[str, Json]
     if cards is not None:
-        facts = dict(calibrate_by_card(names, images, cards, cosines, settings.white_reflectance))
+        facts = dict(calibrate_by_card(names, images, cards, cosines, settings.white_reflectance, settings.card_word))
     elif settings.albedo is not None:
-        facts = dict(calibrate_by_albedo(images, cosines, settings.albedo))
+        facts = dict(calibrate_by_albedo(images, cosines, settings.albedo, settings.share_word))
     else:
         facts = {"by": "", "how": "none: values are relative"}
-    if settings.behind:
-        facts |= {key: _of_light_behind(str(facts[key])) for key in ("by", "how")}
     if not np.isfinite(images).all():
-        raise BakeError(origin, "cannot be calibrated: the scale is out of range", "check the card or the photographs")
+        remedy = f"check the {settings.card_word} or the photographs"
+        raise BakeError(origin, "cannot be calibrated: the scale is out of range", remedy)
     return facts
-
-
-def _of_light_behind(words: str) -> str:
-    return words.replace("white card", "diffuser").replace("albedo", "transmittance")
 
 
 def _turned(directions: NDArray[np.float64], turn: float) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ from ..rights import Rights
 from ..source import BrdfSource, Facts, Json
 from ..tables.albedo import directional_albedo
 from ..tiling.tileable import TileSettings, make_tileable
-from .against_light import ThroughSettings, read_through
+from .against_light import ThroughSettings, read_both
 from .albedo import map_albedo_facts
 from .lobe_fit import fit_lobe
 from .render_settings import RenderSettings
@@ -86,6 +86,8 @@ class ArcSettings:
         if not 1 <= self.rank <= 3:
             raise BakeError("rank", f"cannot be {self.rank}", "choose 1, 2 or 3")
         check_storage(self.compression, self.storage)
+        if self.through is not None:
+            self.through.stack(self.stack)
 
 
 def bake_arc(
@@ -106,16 +108,14 @@ def bake_arc(
     """
     settings = settings or ArcSettings()
     started = time.perf_counter()
-    stack = read_stack(_paths(source), settings.stack, progress, decoder)
+    paths, through = _paths(source), None
+    if settings.through is None:
+        stack = read_stack(paths, settings.stack, progress, decoder)
+    else:
+        behind = settings.through.found(paths if isinstance(paths, Path) else Path(*paths[:1]).parent)
+        stack, through = read_both(paths, settings.stack, behind, progress, decoder)
     name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
-    origin = photographs_origin(_paths(source))
-    through = None
-    if settings.through is not None:
-        say = progress or (lambda stage, share: None)
-        # A stage that has begun does not begin again.
-        stack, through = read_through(
-            settings.through, stack, settings.stack, lambda _, share: say("aligning", share), decoder
-        )
+    origin = photographs_origin(paths)
     if on_read:
         on_read(stack, name, origin)
     result = bake_stack(stack, out, settings, progress, name=name, origin=origin, through=through)

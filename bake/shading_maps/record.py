@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..brdf.baked_table import BakedTable
-from ..brdf.common import BundleRecord, ImageRecord, check_size, kind_of, rights_of
+from ..brdf.common import AlbedoRecord, BundleRecord, ImageRecord, check_size, kind_of, rights_of
 from ..brdf.grids import is_anisotropic
 from ..brdf.parts import TableRecord
 from ..brdf.record import BrdfRecord
@@ -21,6 +21,7 @@ from ..errors import BakeError
 from ..photographs.settings import StackSettings
 from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
+from .against_light import ThroughSettings
 from .bake import ArcSettings
 from .record_parts import (
     LitAlbedoRecord,
@@ -65,8 +66,8 @@ class ShadingMapRecord(BundleRecord):
     f_r : the measured BRDF that the bundle holds, if any
     through : the same of light that is let through, `render` being that of it alone; None of what was not photographed
         against the light. Without its bundle, which `transmitted` adds
-    settings : to bake the same again with, but for files, of which a bundle keeps the names alone; None where they
-        are not all there
+    settings : to bake the same again with, but for files, of which a bundle keeps the names alone, and gives only those
+        of photographs against the light; None where they are not all there
     """
 
     kind, kind_words = "shading_map", "a shading map"
@@ -167,6 +168,8 @@ def _through_of(fields: Fields, beside: MapRecord) -> ShadingMapRecord:
     layouts = beside.layout, record.map.layout
     if len({(layout.width, layout.height) for layout in layouts}) > 1:
         raise BakeError(where, "is of another size than the map of reflected light", "bake it again")
+    if record.albedo.theta_o_deg != AlbedoRecord.parse(fields, "albedo").theta_o_deg:
+        raise BakeError(where, "gives the albedo at other angles than that of reflected light", "bake it again")
     return record
 
 
@@ -180,7 +183,8 @@ def _settings_of(fields: Fields, render: RenderSettings) -> ArcSettings | None:
     try:
         read = {key: _hashable(value) for key, value in told["stack"].items() if key not in _FILES}
         kept = {key: value for key, value in told.items() if key not in ("stack", "brdf", "through")}
-        return ArcSettings(**kept, render=render, stack=StackSettings(**read), rights=rights)
+        through = ThroughSettings.told(told["through"]) if told.get("through") is not None else None
+        return ArcSettings(**kept, render=render, stack=StackSettings(**read), rights=rights, through=through)
     except (BakeError, TypeError, ValueError, KeyError, AttributeError):
         return None
 

@@ -30,6 +30,7 @@ from ...material.together import built_together
 from ...photographs.find_decoder import blender_decoder
 from ...summary.bake_stages import bake_stages
 from ...summary.quality_levels import learn_pace
+from ...summary.shading_map_rows import all_warnings
 from . import kept_pace
 
 # What a material shown while it is baked says of itself: FRESH in the undo step that shows it first, BAKING after that.
@@ -279,7 +280,7 @@ class AgainTask(BakeTask):
 def warnings_of(material: bpy.types.Material) -> tuple[str, ...]:
     """What is doubtful about a swatch's photographs."""
     record = record_of(material)
-    return tuple(record.photographs.warnings) if isinstance(record, ShadingMapRecord) else ()
+    return all_warnings(record) if isinstance(record, ShadingMapRecord) else ()
 
 
 def with_source(request: BakeRequest, source: Any) -> BakeRequest:

@@ -23,6 +23,7 @@ from .registration import registration
 from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_rights
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
+_DIFFUSER = ThroughSettings(Path()).diffuser_transmittance
 _MAP = ("slices", "storage", "compression", "rank", "tileable")
 _PARTS = {
     "swatch": "Swatch",
@@ -149,6 +150,11 @@ class ArcProperties:
         "through_lights": _path("Their Lights", "Directions of those lights. Automatic: found in their folder"),
         "states_transmittance": _flag("State Transmittance", "Calibrate by the share of light that is let through"),
         "transmittance": _float("Transmittance", "Share of light that the swatch lets through", 0.25, 0.001, 1),
+        "has_diffuser": _flag("Diffuser", "Calibrate by a diffuser that lies beside the swatch, lit from behind too"),
+        "diffuser": _rectangle("Diffuser (px)", "The diffuser"),
+        "diffuser_transmittance": _float(
+            "Its Transmittance", "Share of light that the diffuser lets through", _DIFFUSER, 0.01, 1
+        ),
         "author": AUTHOR,
         "license": LICENSE,
         "source_url": SOURCE_URL,
@@ -192,7 +198,13 @@ def _through_of(p: Any) -> ThroughSettings | None:
     folder = _file(p.through)
     if folder is None:
         return None
-    return ThroughSettings(folder, _file(p.through_lights), number(p.transmittance) if p.states_transmittance else None)
+    return ThroughSettings(
+        folder,
+        _file(p.through_lights),
+        number(p.transmittance) if p.states_transmittance else None,
+        tuple(p.diffuser) if p.has_diffuser and not p.states_transmittance else None,
+        number(p.diffuser_transmittance),
+    )
 
 
 def _file(text: str) -> Path | None:
@@ -219,15 +231,23 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
     p.albedo = 0.5 if stack.albedo is None else stack.albedo
     p.spread, p.sides = stack.spread, stack.sides
     p.white_reflectance, p.align = stack.white_reflectance, stack.align
-    through = settings.through
-    found = None if through is None else through.source
-    p.through = "" if found is None else str(found[0].parent if isinstance(found, tuple) else found)
-    p.through_lights = "" if through is None or through.lights is None else str(through.lights)
-    p.states_transmittance = through is not None and through.transmittance is not None
-    if through is not None and through.transmittance is not None:
-        p.transmittance = through.transmittance
+    _show_through(p, settings.through)
     for name, path in (("lights", stack.lights), ("flat_field", stack.flat_field), ("brdf", settings.brdf)):
         setattr(p, name, "" if path is None else str(path))
+
+
+def _show_through(p: Any, through: ThroughSettings | None) -> None:
+    """Set the properties of photographs against the light."""
+    if through is None:
+        p.through, p.through_lights, p.states_transmittance, p.has_diffuser = "", "", False, False
+        return
+    source = through.source
+    p.through = str(source[0].parent if isinstance(source, tuple) else source)
+    p.through_lights = "" if through.lights is None else str(through.lights)
+    p.states_transmittance, p.has_diffuser = through.transmittance is not None, through.diffuser is not None
+    if through.transmittance is not None:
+        p.transmittance = through.transmittance
+    p.diffuser, p.diffuser_transmittance = through.diffuser or (0, 0, 0, 0), through.diffuser_transmittance
 
 
 def draw_arc_settings(
@@ -285,7 +305,8 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     gamma = ("gamma",) if p.decode == "gamma" else ()
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("azimuth",) if p.one_plane else ()
-    stated = ("transmittance",) if p.states_transmittance else ()
+    card = ("has_diffuser", *(("diffuser", "diffuser_transmittance") if p.has_diffuser else ()))
+    stated = ("transmittance",) if p.states_transmittance else card
     behind = ("through_lights", "states_transmittance", *stated) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
     return {
