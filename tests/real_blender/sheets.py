@@ -73,7 +73,7 @@ def main(place: Path, names: list[str]) -> None:
         print(f"sheets: {blender.install()}", flush=True)
         told = blender.run("--python-exit-code", "9", "--python", "sheets_inside.py")
         if NO_RAYCAST in told:
-            print(f"sheets: skipped, {NO_RAYCAST}, and so no shader that samples lamps", flush=True)
+            print(f"sheets: skipped: {NO_RAYCAST}, by which nodes tell what a lamp lights", flush=True)
             return
         failed = 0
         for name, case in cases.items():
