@@ -22,7 +22,7 @@ _HIGHEST = {
     "decode": "gamma",
     "scale_by": "card",
     "one_plane": True,
-    "through": "//felt",
+    "through": "felt",
     "states_transmittance": True,
     "compression": "basis",
     "lobe": "phong_cubic",

@@ -250,7 +250,6 @@ def draw_arc_settings(
         column = draw_part(inner, p, [part for part in _PARTS if part != "rendering"])
     else:
         column = draw_part(inner, p, tuple(_PARTS), len(_PARTS))
-        draw_in_dialogue(column)
     if p.part == "rights":
         draw_rights(column, p)
     for name in _shown(p, light).get(p.part, ()):
@@ -260,6 +259,8 @@ def draw_arc_settings(
             column.prop(p, name, placeholder=_WHERE_EMPTY[name])
         else:
             column.prop(p, name)
+    if draw_in_dialogue is not None:
+        draw_in_dialogue(column)
 
 
 def _draw_corner(layout: bpy.types.UILayout, p: Any, name: str) -> None:
