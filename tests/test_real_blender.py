@@ -87,7 +87,7 @@ def rows(settings: SimpleNamespace) -> dict[str, int]:
             self.rows += 1
 
     known = bpy.ops.measured_materials.import_arc.get_rna_type().properties
-    high = {p.identifier: p.array_length if getattr(p, "array_length", 0) > 2 else 1 for p in known}
+    high = {p.identifier: max(1, getattr(p, "array_length", 0) // 2) for p in known}  # two numbers in a row
     found = {part: sum(high[name] for name in names) for part, names in _shown(settings, settings).items()}
     for settings.part in ("rendering", "through"):
         layout = Layout()
