@@ -85,11 +85,11 @@ def too_late(found: dict[str, Any]) -> str:
     """
     preview, load = found["seconds_to_preview"], found["load"]
     busy = load > QUIET * (os.cpu_count() or 1)
-    excuse = f"on a machine with a load of {load:.1f} before the walk"
+    where = f"on a machine with a load of {load:.1f} before the walk"
     if preview["clock"] > SOON:
         if not busy:
-            return f"the first picture is there after {preview}"
-        print(f"desk: not judged, {excuse}: the first picture is there after {preview}")
+            return f"the first picture is there after {preview}, {where}"
+        print(f"desk: not judged, {where}: the first picture is there after {preview}")
     if "final" in found:
         quickest = {
             place: {by: min(run[by] for run in runs) for by in ("clock", "processor")}
@@ -98,8 +98,8 @@ def too_late(found: dict[str, Any]) -> str:
         longer = {by: quickest["beside"][by] > LONGER * quickest["in process"][by] for by in ("clock", "processor")}
         if longer["clock"]:
             if longer["processor"] or not busy:
-                return f"a bake beside the window takes longer than in process: {quickest}"
-            print(f"desk: excused by processor time, {excuse}: a bake beside the window and in process took {quickest}")
+                return f"a bake beside the window takes longer than in process, {where}: {quickest}"
+            print(f"desk: excused by processor time, {where}: a bake beside the window and in process took {quickest}")
     return ""
 
 
