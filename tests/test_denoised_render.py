@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.material.build_brdf import build_brdf
+from measured_materials.addon.material.scene_fit import NO_RAYS
 from measured_materials.addon.rendering import denoising
 from measured_materials.addon.rendering.denoising import Denoising, plan_denoising
 from measured_materials.addon.studio.studio import build_studio, remove_studio, render_linear
@@ -30,6 +31,7 @@ from support.swatches import map_bundle, rough_map
 
 PAINT = analytic.MetallicPaint(diffuse=(0.05, 0.1, 0.3), flake=(0.1, 0.2, 0.4), flake_alpha=0.3, coat_alpha=0.1)
 SIZE = 64
+TINY = ("--resolution", "8", "--samples", "1", "--denoise", "never")
 
 
 @pytest.fixture(scope="module")
@@ -133,8 +135,18 @@ def test_a_swatch_by_osl_shows_the_same_and_is_denoised_by_a_twin(
     assert said["osl"] and said["denoised"]
     assert error(noisy, many) > 1.3 * error(clean, many)
     # What shows nothing of lamps by itself is built of nodes, and says so.
-    _, said = rendered(bundle, tmp_path, capsys, "--osl", "--mode", "preview", *large)
-    assert not said["osl"]
+    assert main(["render", str(bundle), "--out", str(tmp_path / "a.png"), *TINY, "--osl", "--mode", "preview"]) == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if "--osl" in line]
+    assert told == [f"--osl changes nothing: {NO_RAYS}"]
+
+
+@pytest.mark.parametrize("osl, told", [((), ""), (("--osl",), "Cycles' own shaders alone are as good of nodes")])
+def test_why_a_brdf_is_no_script_is_said(
+    paint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], osl: tuple[str, ...], told: str
+) -> None:
+    """Where it was asked for."""
+    _, said = rendered(paint, tmp_path, capsys, "--mode", "preview", *TINY, *osl)
+    assert not said["osl"] and said["osl_why"] == told
 
 
 def test_older_bundles_are_rendered_as_they_are(paint: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images import image_io
+from measured_materials.bake.images import png as png_module
 from measured_materials.bake.images.png import PngFile
 
 
@@ -64,6 +65,35 @@ def test_rows_have_the_filter_that_serves_them(tmp_path: Path) -> None:
     alike = (rows, np.diff(rows, axis=0, prepend=np.zeros((1, 120), np.uint8)))
     assert len(data) < 0.85 * min(len(zlib.compress(one.tobytes(), 9)) for one in alike)
     np.testing.assert_array_equal(PngFile(tmp_path / "a.png", 1 << 20).pixels(), pixels)
+
+
+def test_rows_as_we_mix_them_are_read_at_once_and_at_any_length(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sums begin anew at every row that is stored whole; nothing that we write is too long to be read."""
+    rng = np.random.default_rng(3)
+    monkeypatch.setattr(png_module, "_unfilter", None)
+    slope = np.arange(60_000).astype(np.uint8)[:, None, None]
+    pixels = np.concatenate([slope, rng.choice(np.array([3, 200], np.uint8), (10_000, 1, 1))])
+    image_io.write_png(tmp_path / "a.png", pixels)
+    data = (tmp_path / "a.png").read_bytes()
+    assert len(np.unique(np.frombuffer(zlib.decompress(data[data.index(b"IDAT") + 4 : -16]), np.uint8)[::2])) == 2
+    np.testing.assert_array_equal(PngFile(tmp_path / "a.png", 1 << 20).pixels(), pixels)
+    for kinds in rng.choice([0, 2], (20, 9)):
+        image = rng.integers(0, 256, (9, 3, 3))
+        (tmp_path / "b.png").write_bytes(png((3, 9), rows=filtered(image, kinds)))
+        np.testing.assert_array_equal(PngFile(tmp_path / "b.png", 1 << 20).pixels(), image)
+
+
+@pytest.mark.parametrize("height", [1, 2, 5, 40, 300, 1500])
+def test_filters_are_tried_within_the_budget(monkeypatch: pytest.MonkeyPatch, height: int) -> None:
+    """All attempts together, however many rows there are; the two of which all rows are alike are always made."""
+    spent = []
+    compress = zlib.compress
+    monkeypatch.setattr(zlib, "compress", lambda data, level: (spent.append(len(data)), compress(data, 1))[1])
+    png_module.png_bytes(np.random.default_rng(4).integers(0, 4, (height, 1000, 1), np.uint8))
+    assert len(spent) >= 2 and sum(spent) <= max(2 * spent[0], png_module._TRIED)
+    assert height == 1 or height * spent[0] > png_module._TRIED or len(spent) >= 2 + height
 
 
 def chunk(name: bytes, data: bytes) -> bytes:

@@ -132,7 +132,7 @@ def run(options: argparse.Namespace) -> Result:
     rendering = 0.5 + options.resolution**2 * options.samples / 1.5e6
     with Progress({"building": 2.0, "rendering": rendering, "writing": 0.3}) as progress:
         progress.start(bundle.path.stem)
-        linear, denoised, scripted = _render(record, settings, options, out, mark, progress)
+        linear, denoised, osl = _render(record, settings, options, out, mark, progress)
     mean = linear.mean((0, 1))
     files = [str(out)] + ([str(out.with_suffix(".exr"))] if options.exr else [])
     document = {
@@ -142,13 +142,15 @@ def run(options: argparse.Namespace) -> Result:
         "resolution": options.resolution,
         "samples": options.samples,
         "mean_linear": [float(value) for value in mean],
-        "osl": scripted,
+        "osl": _is_kept(osl),
+        "osl_why": "" if osl is None else osl.why,
         "denoised": denoised.done,
         "denoised_why": denoised.why,
     }
     if settings is not None:
         document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
-    return Result(document, [*files, denoised.words(options.exr)])
+    without = [] if osl is None or osl.kept else [f"--osl changes nothing: {osl.why}"]
+    return Result(document, [*files, *without, denoised.words(options.exr)])
 
 
 def _mark_in(out: Path) -> str:
@@ -202,8 +204,8 @@ def _render(
     out: Path,
     mark: str,
     progress: Progress,
-) -> tuple[Any, Any, bool]:
-    """Write the files and return the picture, linear, what was done about its noise, and whether a script took part."""
+) -> tuple[Any, Any, Any]:
+    """Write the files and return the picture, linear, what was done about its noise, and what became of --osl."""
     import bpy
 
     from ...bake.images.image_io import write_png
@@ -222,14 +224,14 @@ def _render(
             environment=options.environment,
         )
         try:
-            linear, scripted = _shown(record, settings, options, (scene, material), denoised, out, progress)
+            linear, osl = _shown(record, settings, options, (scene, material), denoised, out, progress)
         finally:
             remove_studio(scene)
     finally:
         bpy.data.materials.remove(material)
     progress("writing", 0.0)
     write_png(out, to_display(linear), mark)
-    return linear, denoised, scripted
+    return linear, denoised, osl
 
 
 def _shown(
@@ -240,9 +242,9 @@ def _shown(
     denoised: Any,
     out: Path,
     progress: Progress,
-) -> tuple[Any, bool]:
-    """Build the material into the studio, a scene and the material it shows, and render it; with whether it is of
-    OSL."""
+) -> tuple[Any, Any]:
+    """Build the material into the studio, a scene and the material it shows, and render it; with what became of --osl,
+    an effect of the material, or None where it was not asked for."""
     from ..material.choices import NEVER
     from ..rendering.denoising import denoise_by_twin, denoise_renders, twin_of
     from ..rendering.quiet_camera import quiet_camera
@@ -254,39 +256,43 @@ def _shown(
     build = (
         partial(_build_brdf, record, options) if settings is None else partial(_build_map, record, settings, options)
     )
-    scripted = options.osl and build(scene, material)
-    if not scripted:
+    osl = build(scene, material) if options.osl else None
+    if not _is_kept(osl):
         if denoised.done:
             denoise_renders(scene)  # first, for the material then knows of its passes
         build(scene, material)
     if options.quiet_camera != NEVER:
         quiet_camera(scene, [obj for obj in scene.objects if _wears(obj, material)])
-    if scripted and denoised.done:
+    if _is_kept(osl) and denoised.done:
         twin = twin_of(record) if settings is None else _map_twin(record, settings, options)
-        return denoise_by_twin(twin, scene, material, render_linear(scene, progress=say), exr), True
-    return render_linear(scene, exr, progress=say), scripted
+        return denoise_by_twin(twin, scene, material, render_linear(scene, progress=say), exr), osl
+    return render_linear(scene, exr, progress=say), osl
 
 
-def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> bool:
-    """Whether a script takes part, for which the scene is then set."""
+def _is_kept(effect: Any) -> bool:
+    return effect is not None and effect.kept
+
+
+def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> Any:
+    """What became of --osl, None where it was not asked for; if a script takes part, the scene is set for it."""
     from ...nodes.osl_script import use_osl
     from ..material.build_brdf import build_brdf, usual_choices
     from ..material.choices import OSL
+    from ..material.scene_fit import language_of
 
     given = {"aim": options.aim, "sample": options.sample_lamps}
     given |= {} if options.filter is None else {"filter": options.filter}
     given |= {"shader": OSL} if options.osl else {}
     choices = replace(usual_choices(record, options.mode), **given)
     plan = build_brdf(record, material, choices=choices, scene=scene)[1]
-    scripted: bool = plan.osl or plan.scripted
-    if scripted:
+    if plan.osl or plan.scripted:
         use_osl(scene)
-    return scripted
+    return language_of(plan.effects)
 
 
 def _build_map(
     record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace, scene: Any, material: Any
-) -> bool:
+) -> Any:
     """As `_build_brdf`, of a shading map."""
     from ...nodes.feature_passes import asks_for_passes
     from ...nodes.osl_script import use_osl
@@ -294,6 +300,7 @@ def _build_map(
     from ..material.bake_photographs import set_repeat
     from ..material.build_shading_map import build_lit_map, plan_map_light
     from ..material.choices import NODES, OSL, Choices
+    from ..material.scene_fit import language_of
 
     report = surveyed(scene)
     choices = Choices(aim=options.aim, sample=options.sample_lamps, shader=OSL if options.osl else NODES)
@@ -302,7 +309,7 @@ def _build_map(
         use_osl(scene)
     build_lit_map(record, material, settings, light, report, features=asks_for_passes(scene) and not light.scripted)
     set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
-    return light.scripted
+    return language_of(light.effects)
 
 
 def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace) -> Any:

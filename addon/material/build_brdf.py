@@ -116,7 +116,7 @@ def _sampling_by_script(record: BrdfRecord, report: LampReport) -> Sampling:
     if record.sheet is not None:  # which no script holds as a whole
         return sampling_of(report, scripted=True, gain=GAIN_OF_SHEET)
     if report.slots + (not report.world_inexact) > 1:
-        # Nodes draw one of the lights. Tried on bronze under three lamps: 1.4 times the noise at equal time.
+        # Nodes draw one of the lights, and are noisier at equal time.
         return Sampling(needless="there are several lights, of which one script as a whole samples each")
     return sampling_of(report, scripted=True)
 

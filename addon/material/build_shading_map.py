@@ -23,6 +23,7 @@ from .choices import OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
 from .scene_fit import (
     NO_RAYS,
+    OSL_EFFECT,
     RAYS,
     SAMPLED_EFFECT,
     THROUGH,
@@ -141,20 +142,20 @@ def plan_map_light(
     ------
     BakeError : lamps are to be sampled, which would bias the picture here
     """
-    if settings.mode == "preview":
-        return MapLight(False, False, False, ())
     script = choices.shader == OSL
+    by_nodes = (Effect(OSL_EFFECT, False, NO_RAYS),) if script else ()
+    if settings.mode == "preview":
+        return MapLight(False, False, False, by_nodes)
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
         sampling = _AIMED_ONLY if through else sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
-            osl = (Effect("Open Shading Language", True, RAYS),) if script else ()
+            osl = (Effect(OSL_EFFECT, True, RAYS),) if script else ()
             return MapLight(False, True, script, (*beside, sampled, plan_bounces(settings.mode), *osl))
     aim = plan_aim(choices, what_to_aim_at(report), ready=ready)
-    osl = (Effect("Open Shading Language", False, NO_RAYS),) if script else ()
-    effects = (aim, sampled, plan_bounces(settings.mode), *osl)
+    effects = (aim, sampled, plan_bounces(settings.mode), *by_nodes)
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
 
 

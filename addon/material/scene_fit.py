@@ -6,7 +6,7 @@ leave out an effect that would be missed is refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
 SAMPLED_EFFECT = "Lamps sampled in the shader"
+OSL_EFFECT = "Open Shading Language"
 # Of nodes whose rays are scripts.
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 NO_RAYS = "no lamp is sampled, and nodes are as good"
@@ -131,9 +132,9 @@ def plan_brdf(
     if sheet and not sample:
         effects.append(THROUGH)
     if scripted:
-        effects.append(Effect("Open Shading Language", True, RAYS))
+        effects.append(Effect(OSL_EFFECT, True, RAYS))
     elif sheet and choices.shader == OSL:
-        effects.append(Effect("Open Shading Language", False, NO_RAYS))
+        effects.append(Effect(OSL_EFFECT, False, NO_RAYS))
     else:
         effects += _language(choices, residual)
     return BrdfPlan(
@@ -148,7 +149,12 @@ def _language(choices: Choices, mirror: bool) -> list[Effect]:
     why = (
         "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
     )
-    return [Effect("Open Shading Language", mirror, why)]
+    return [Effect(OSL_EFFECT, mirror, why)]
+
+
+def language_of(effects: Sequence[Effect]) -> Effect | None:
+    """What became of the wish for Open Shading Language; None where nobody has it."""
+    return next((effect for effect in effects if effect.name == OSL_EFFECT), None)
 
 
 def plan_script(choices: Choices, by_script: Sampling) -> bool:

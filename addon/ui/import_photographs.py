@@ -20,7 +20,7 @@ from .background.window import window
 from .context import object_under
 from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
-from .properties.lighting import LightingProperties, draw_lighting
+from .properties.lighting import LightingProperties, draw_lighting, draw_transmission
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
 from .window_progress import window_progress
 
@@ -78,7 +78,9 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
 
     def _draw_in_part(self, layout: bpy.types.UILayout) -> None:
         if self.part == "rendering":
-            draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True, through=bool(self.through))
+            draw_lighting(layout, self, fitted=self.fit_lobe, with_mode=True)
+        elif self.part == "through" and self.through:
+            draw_transmission(layout, self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake, and put the material onto the object."""

@@ -29,7 +29,7 @@ _MOST_SHRUNK = 1032  # deflate, to 1
 _MOST_CHUNKS = 1 << 18  # so that a file of empty chunks costs little
 _AT_ONCE = 1 << 16
 _TEXT, _LONGEST_TEXT = b"tEXtSource\0", 200
-_LONGEST_SIDE = 1 << 16  # of an image with filtered rows, which are undone diagonal by diagonal
+_LONGEST_SIDE = 1 << 16  # of an image whose rows take from their left, which are undone diagonal by diagonal
 
 
 def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
@@ -70,9 +70,12 @@ def _packed(rows: NDArray[np.uint8], differences: NDArray[np.uint8]) -> bytes:
 
     candidates = [(compressed(chosen), chosen) for chosen in (np.zeros(height, np.intp), np.ones(height, np.intp))]
     best, chosen = min(candidates, key=lambda candidate: len(candidate[0]))
-    trials = min(height, _TRIED // kinds[0].size)
-    counts = [count for count in (2, 8) if count < trials] + [trials] * (trials > 1)
-    for run in (run for count in counts for run in np.array_split(np.arange(height), count)):
+    left, counts = _TRIED // kinds[0].size - len(candidates), [1]
+    for count in (2, 8, height):
+        if (affordable := min(count, height, left)) > counts[-1]:
+            counts.append(affordable)
+            left -= affordable
+    for run in (run for count in counts[1:] for run in np.array_split(np.arange(height), count)):
         other = chosen.copy()
         other[run] = 1 - other[run]
         if len(found := compressed(other)) < len(best):
@@ -153,8 +156,8 @@ class PngFile:
             raise self._damaged()
         if not filters.any():
             return body
-        if (filters == _UP).all():  # as we write it
-            return np.add.accumulate(body, 0, dtype=np.uint8)
+        if np.isin(filters, (_NO_FILTER, _UP)).all():  # all that we write
+            return _summed(filters, body)
         if max(self.width, self.height) > _LONGEST_SIDE:
             raise BakeError(self.path, f"is longer than {_LONGEST_SIDE} pixels on a side", "use a smaller image")
         return _unfilter(filters, body)
@@ -190,6 +193,14 @@ class PngFile:
 
     def _damaged(self, cause: str = "is cut short or its pixels are damaged") -> BakeError:
         return BakeError(self.path, cause, _REMEDY)
+
+
+def _summed(filters: NDArray[np.uint8], body: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Rows (H, W, C) that are whole or differences from the row above, (H,): sums from the last whole row on."""
+    begun = np.maximum.accumulate(np.where(filters == _NO_FILTER, np.arange(len(filters)), 0))
+    total = np.add.accumulate(body, 0, dtype=np.uint8)
+    total -= (total - body)[begun]
+    return total
 
 
 def _unfilter(filters: NDArray[np.uint8], body: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -24,6 +24,7 @@ from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.source import Array
 from support.sheet_scenes import GLAZED, SETTINGS, T_OF_PARTS, lit_by, record_of, under_sky
 
+NO_RAYCAST = "no Raycast node in this Blender"  # as sheets_inside.py has it
 TOLERANCE, FINDS, PLANTED = 2e-3, 0.01, 1.02
 # theta of the viewer, where a square area lamp is, its edge, and whether the camera sees it; a sky without a lamp.
 CASES = {
@@ -71,7 +72,8 @@ def main(place: Path, names: list[str]) -> None:
         blender = Blender(place, share)
         print(f"sheets: {blender.install()}", flush=True)
         told = blender.run("--python-exit-code", "9", "--python", "sheets_inside.py")
-        if "no Raycast node" in told:
+        if NO_RAYCAST in told:
+            print(f"sheets: skipped: {NO_RAYCAST}, by which nodes tell what a lamp lights", flush=True)
             return
         failed = 0
         for name, case in cases.items():

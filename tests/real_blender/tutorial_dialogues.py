@@ -16,16 +16,19 @@ from row_widths import Layout
 ARC = "MEASURED_MATERIALS_OT_import_arc"
 # What a dialogue keeps at both of its sides, in pixels at a UI scale of 1.
 _BORDERS = 20
-# The tabs from left to right, and settings with which they are highest.
-_PARTS = ("swatch", "brightness", "lights", "rendering", "files", "rights")
+# Settings with which the tabs are highest.
 _HIGHEST = {
     "frame": "corners",
     "decode": "gamma",
     "scale_by": "card",
     "one_plane": True,
+    "through": "felt",
+    "states_transmittance": True,
     "compression": "basis",
     "lobe": "phong_cubic",
+    "transmission": "phong_cubic",
     "sigma": 0.5,
+    "transmission_sigma": 0.5,
     "a_max": 0.5,
 }
 
@@ -80,8 +83,9 @@ def steps():
         setattr(dialogues[ARC][0], name, value)
     yield from leave_buttons(ARC)
     yield from switch_in_dialogue(ARC, "advanced", 0.5)
-    for number, name in enumerate(_PARTS):
-        yield from open_part(ARC, name, (number + 0.5) / len(_PARTS))
+    tabs = bpy.ops.measured_materials.import_arc.get_rna_type().properties["part"].enum_items.keys()
+    for number, name in enumerate(tabs):
+        yield from open_part(ARC, name, (number + 0.5) / len(tabs))
         yield from leave_buttons(ARC)
         yield from fits(name)
     yield from keys("Escape")

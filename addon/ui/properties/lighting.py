@@ -180,18 +180,28 @@ def draw_lighting(
     column.use_property_split, column.use_property_decorate = True, False
     if not fitted:
         _draw_lobe(column, properties, "lobe")
+    _draw_number(column, properties, "sigma")
     if through:
-        _draw_lobe(column, properties, "transmission", THROUGH)
-    for name in ("sigma", *(("transmission_sigma",) if through else ()), "a_max"):
-        column.prop(properties, f"{name}_auto")
-        if getattr(properties, name) != 0:
-            column.prop(properties, name, text="1/sr" if name == "a_max" else "Factor")
+        draw_transmission(column, properties)
+    _draw_number(column, properties, "a_max", "1/sr")
     column.prop(properties, "technique")
     if uses_mode(properties.technique):
         column.prop(properties, "above")
         if with_mode:
             column.prop(properties, "mode")
     column.prop(properties, "tiling")
+
+
+def draw_transmission(layout: bpy.types.UILayout, properties: Any) -> None:
+    """What a swatch that was photographed against the light lets through, by itself where there is a part for it."""
+    _draw_lobe(layout, properties, "transmission", THROUGH)
+    _draw_number(layout, properties, "transmission_sigma")
+
+
+def _draw_number(layout: bpy.types.UILayout, properties: Any, name: str, text: str = "Factor") -> None:
+    layout.prop(properties, f"{name}_auto")
+    if getattr(properties, name) != 0:
+        layout.prop(properties, name, text=text)
 
 
 def _draw_lobe(column: bpy.types.UILayout, properties: Any, name: str, front: str = "") -> None:

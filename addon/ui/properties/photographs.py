@@ -35,6 +35,9 @@ _PARTS = {
     "rights": "License",
 }
 _CORNERS = ("corner_top_left", "corner_top_right", "corner_bottom_right", "corner_bottom_left")
+# Numbers that are drawn two in a row, and what each is.
+_PAIRS = {**dict.fromkeys(_CORNERS, "XY"), **dict.fromkeys(("crop", "white_card"), "XYWH")}
+_TITLES = {"crop": "Crop (px)", "white_card": "Card (px)"}
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
 _WORDS = {
@@ -124,7 +127,7 @@ class ArcProperties:
         "rank": _whole("Rank", "Numbers per texel and channel", _USUAL.rank, 1, 3),
         "storage": _enum("Storage", "Format of the texels", tuple(map(str, IMAGE_STORAGES)), _USUAL.storage),
         "frame": _enum("Frame", "Where the swatch is in the photographs", ("whole", "crop", "corners"), "whole"),
-        "crop": _rectangle("Crop (px)", "The swatch"),
+        "crop": _rectangle(_TITLES["crop"], "The swatch"),
         **{name: _corner(_corner_title(name)) for name in _CORNERS},
         "decode": _enum(
             "Decode",
@@ -135,7 +138,7 @@ class ArcProperties:
         "gamma": _float("Gamma", "Its exponent", 2.2, 0.1, 10),
         "scale_by": _enum("Calibrate", "How brightness gets its unit", ("none", "albedo", "card"), "none"),
         "albedo": _float("Albedo", "Share of light that the swatch reflects", 0.5, 0.001, 1),
-        "white_card": _rectangle("Card (px)", "The white card"),
+        "white_card": _rectangle(_TITLES["white_card"], "The white card"),
         "white_reflectance": _float("Reflectance", "Of the white card", _STACK.white_reflectance, 0.01, 1),
         "flat_field": _path("Flat Field", "Photograph of an evenly white board under the same lamp"),
         "align": _enum("Stabilise", "What is done about small movements of the camera", ALIGNMENTS, _STACK.align),
@@ -270,26 +273,28 @@ def draw_arc_settings(
         column = draw_part(inner, p, [part for part in _PARTS if part != "rendering"])
     else:
         column = draw_part(inner, p, tuple(_PARTS), len(_PARTS))
-        draw_in_dialogue(column)
     if p.part == "rights":
         draw_rights(column, p)
     for name in _shown(p, light).get(p.part, ()):
-        if name in _CORNERS:
-            _draw_corner(column, p, name)
+        if name in _PAIRS:
+            _draw_pairs(column, p, name)
         elif name in _WHERE_EMPTY:
             column.prop(p, name, placeholder=_WHERE_EMPTY[name])
         else:
             column.prop(p, name)
+    if draw_in_dialogue is not None:
+        draw_in_dialogue(column)
 
 
-def _draw_corner(layout: bpy.types.UILayout, p: Any, name: str) -> None:
-    """Both numbers in one row."""
+def _draw_pairs(layout: bpy.types.UILayout, p: Any, name: str) -> None:
+    """Two numbers in a row."""
     split = layout.split(factor=0.4)
-    left, right = split.row(), split.row(align=True)
+    left = split.row()
+    right = split.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
     left.alignment = "RIGHT"  # as the names of the other settings
-    left.label(text=_corner_title(name))
+    left.label(text=_TITLES.get(name) or _corner_title(name))
     right.use_property_split = False
-    for index, axis in enumerate("XY"):
+    for index, axis in enumerate(_PAIRS[name]):
         right.prop(p, name, index=index, text=axis)
 
 
