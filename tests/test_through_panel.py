@@ -51,7 +51,7 @@ def felt(stacks: tuple[Path, Path], plate: Any, tmp_path: Path) -> Any:
         filepath=str(front),
         bundles=str(tmp_path),
         through=str(behind),
-        states_transmittance=True,
+        through_by="transmittance",
         transmittance=TRANSMITTANCE,
         scale_by="albedo",
         albedo=0.4,
@@ -103,11 +103,11 @@ def test_a_second_folder_that_has_moved_is_told(felt: Any, stacks: tuple[Path, P
 def test_the_window_offers_a_diffuser(felt: Any) -> None:
     properties = felt.measured_arc
     shown = _shown(properties, felt.measured_lighting)["through"]
-    assert "transmittance" in shown and "has_diffuser" not in shown
-    properties.states_transmittance, properties.has_diffuser = False, True
+    assert "transmittance" in shown and "diffuser" not in shown
+    properties.through_by = "diffuser"
     properties.diffuser = (1, 2, 3, 4)
     shown = _shown(properties, felt.measured_lighting)["through"]
-    assert {"has_diffuser", "diffuser", "diffuser_transmittance"} <= set(shown) and "transmittance" not in shown
+    assert {"diffuser", "diffuser_transmittance"} <= set(shown) and "transmittance" not in shown
     kept = arc_settings_of(properties, felt.measured_lighting, "exact").through
     assert kept is not None and kept.diffuser == (1, 2, 3, 4) and kept.transmittance is None
 

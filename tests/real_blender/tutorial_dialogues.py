@@ -23,7 +23,7 @@ _HIGHEST = {
     "scale_by": "card",
     "one_plane": True,
     "through": "felt",
-    "states_transmittance": True,
+    "through_by": "diffuser",
     "compression": "basis",
     "lobe": "phong_cubic",
     "transmission": "phong_cubic",

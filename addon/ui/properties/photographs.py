@@ -36,8 +36,9 @@ _PARTS = {
 }
 _CORNERS = ("corner_top_left", "corner_top_right", "corner_bottom_right", "corner_bottom_left")
 # Numbers that are drawn two in a row, and what each is.
-_PAIRS = {**dict.fromkeys(_CORNERS, "XY"), **dict.fromkeys(("crop", "white_card"), "XYWH")}
-_TITLES = {"crop": "Crop (px)", "white_card": "Card (px)"}
+_PAIRS = {**dict.fromkeys(_CORNERS, "XY"), **dict.fromkeys(("crop", "white_card", "diffuser"), "XYWH")}
+_THROUGH_BY = "none", "transmittance", "diffuser"
+_TITLES = {"crop": "Crop (px)", "white_card": "Card (px)", "diffuser": "Diffuser (px)"}
 
 # What a choice is called and does; choices themselves are those of the settings, in their order.
 _WORDS = {
@@ -63,6 +64,8 @@ _WORDS = {
     "corners": ("Corners", "Four corners, which makes an oblique view square-on"),
     "albedo": ("Albedo", "By the share of light that the swatch reflects, as you state it"),
     "card": ("White Card", "By a diffuse card that lies beside the swatch"),
+    "transmittance": ("Transmittance", "By the share of light that the swatch lets through, as you state it"),
+    "diffuser": ("Diffuser", "By a diffuser that lies beside the swatch, lit from behind too"),
 }
 
 
@@ -151,10 +154,9 @@ class ArcProperties:
         "brdf": _path("Measured", "Measured material (.mmat) to use as the base reflection", "DIR_PATH"),
         "through": _path("Against the Light", "Folder of photographs of the same frame, lit from behind", "DIR_PATH"),
         "through_lights": _path("Their Lights", "Directions of those lights. Automatic: found in their folder"),
-        "states_transmittance": _flag("State Transmittance", "Calibrate by the share of light that is let through"),
+        "through_by": _enum("Calibrate", "How the light let through gets its unit", _THROUGH_BY, "none"),
         "transmittance": _float("Transmittance", "Share of light that the swatch lets through", 0.25, 0.001, 1),
-        "has_diffuser": _flag("Diffuser", "Calibrate by a diffuser that lies beside the swatch, lit from behind too"),
-        "diffuser": _rectangle("Diffuser (px)", "The diffuser"),
+        "diffuser": _rectangle(_TITLES["diffuser"], "The diffuser"),
         "diffuser_transmittance": _float(
             "Its Transmittance", "Share of light that the diffuser lets through", _DIFFUSER, 0.01, 1
         ),
@@ -204,8 +206,8 @@ def _through_of(p: Any) -> ThroughSettings | None:
     return ThroughSettings(
         folder,
         _file(p.through_lights),
-        number(p.transmittance) if p.states_transmittance else None,
-        tuple(p.diffuser) if p.has_diffuser and not p.states_transmittance else None,
+        number(p.transmittance) if p.through_by == "transmittance" else None,
+        tuple(p.diffuser) if p.through_by == "diffuser" else None,
         number(p.diffuser_transmittance),
     )
 
@@ -242,12 +244,12 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
 def _show_through(p: Any, through: ThroughSettings | None) -> None:
     """Set the properties of photographs against the light."""
     if through is None:
-        p.through, p.through_lights, p.states_transmittance, p.has_diffuser = "", "", False, False
+        p.through, p.through_lights, p.through_by = "", "", "none"
         return
     source = through.source
     p.through = str(source[0].parent if isinstance(source, tuple) else source)
     p.through_lights = "" if through.lights is None else str(through.lights)
-    p.states_transmittance, p.has_diffuser = through.transmittance is not None, through.diffuser is not None
+    p.through_by = "diffuser" if through.diffuser else "none" if through.transmittance is None else "transmittance"
     if through.transmittance is not None:
         p.transmittance = through.transmittance
     p.diffuser, p.diffuser_transmittance = through.diffuser or (0, 0, 0, 0), through.diffuser_transmittance
@@ -310,9 +312,8 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     gamma = ("gamma",) if p.decode == "gamma" else ()
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("azimuth",) if p.one_plane else ()
-    card = ("has_diffuser", *(("diffuser", "diffuser_transmittance") if p.has_diffuser else ()))
-    stated = ("transmittance",) if p.states_transmittance else card
-    behind = ("through_lights", "states_transmittance", *stated) if p.through else ()
+    stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
+    behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
     return {
         "swatch": (*size, "slices", "tileable", "frame", *frame),
