@@ -222,7 +222,7 @@ def test_only_what_is_a_script_is_counted_as_one(scene: TestScene, cloth: bpy.ty
     rays, by = "1 material built of nodes that ask an OSL script what is seen", "to be rendered on the CPU"
     assert switch(nodes=False) == f"{rays}: {by}; 1 material stays of nodes"
     plain.measured_quality.mode = "reference"
-    assert switch(nodes=False) == f"1 material built as one OSL script each, {rays}: {by}"
+    assert switch(nodes=False) == f"1 material built as an OSL script, {rays}: {by}"
     assert switch(nodes=True) == "2 materials built as nodes"
     scene.sphere.data.materials.pop(index=0)
-    assert switch(nodes=False) == f"1 material built as one OSL script each: {by}"
+    assert switch(nodes=False) == f"1 material built as an OSL script: {by}"

@@ -11,10 +11,12 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.lights import aim_targets
 from measured_materials.addon.material import rebuild
 from measured_materials.addon.material.adjust.energy import energy_of
 from measured_materials.addon.material.facts import facts_of, record_of
 from measured_materials.addon.material.kinds import SHADING_MAP, lets_light_through
+from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.addon.summary.parts import parts_of
 from measured_materials.addon.ui.panels import panel
@@ -23,6 +25,7 @@ from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading_maps.against_light import ThroughSettings
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.nodes.osl_script import is_scripted
 from measured_materials.nodes.through_closure import PORTAL
 from support.stacks import ELEVATIONS, frame, write_frame, write_stack
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
@@ -71,6 +74,22 @@ def test_a_second_folder_is_imported(felt: Any, stacks: tuple[Path, Path], tmp_p
     assert effects["Light through the sheet"].kept
     assert "aimed at lamps instead" in effects["Lamps sampled in the shader"].why
     assert not {"sample", "shader"} & set(SHADING_MAP.effective(felt))
+
+
+def test_what_only_other_swatches_are_offered_is_of_no_matter(felt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was set before stays set, and the scene check asks for no sampling where nodes could."""
+    for name, value in (("sample", "always"), ("shader", "osl")):
+        setattr(felt.measured_quality, name, value)
+        assert not felt.measured_quality.problem and getattr(rebuild.current_choices(felt), name) == value
+    felt.measured_lighting.sigma = 0.5
+    assert not felt.measured_lighting.problem and not is_scripted(felt)
+    felt.measured_quality.sample = "auto"
+    monkeypatch.setattr(aim_targets, "can_raycast", lambda: True)
+    for shader in ("nodes", "osl"):
+        felt.measured_quality.shader = shader
+        SHADING_MAP.refit(felt, bpy.context.scene)
+        found = check_scene(bpy.context.scene)
+        assert found is not None and "not_sampled" not in {finding.rule for finding in found}
 
 
 def test_another_transmission_takes_no_bake(felt: Any, tmp_path: Path) -> None:

@@ -195,7 +195,7 @@ def _built_words(materials: list[bpy.types.Material], nodes: bool) -> str:
     whole = sum(is_one_script(material) for material in materials)
     rays = sum(is_scripted(material) for material in materials) - whole
     others = len(materials) - whole - rays
-    built = [f"{_counted(whole)} built as one OSL script each"] * (whole > 0)
+    built = [f"{_counted(whole)} built as {'an OSL script' if whole == 1 else 'OSL scripts'}"] * (whole > 0)
     built += [f"{_counted(rays)} built of nodes that ask an OSL script what is seen"] * (rays > 0)
     words = [f"{', '.join(built)}: to be rendered on the CPU"] * bool(built)
     words += [f"{_counted(others)} {'stays' if others == 1 else 'stay'} of nodes"] * (others > 0)
