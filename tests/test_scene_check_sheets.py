@@ -87,6 +87,24 @@ def test_only_lamps_behind_a_sheet_are_told(cloth: Bundle, lamp: str, behind: bo
         assert ("lamp_camera" in rules(scene)) is behind
 
 
+def test_faces_are_those_that_a_render_shows(cloth: Bundle) -> None:
+    """As modifiers leave them; where these differ in a render, or no face is left, any lamp may lie behind one."""
+    with sound_sheet(cloth) as scene:
+        card_only(scene)
+        lamp_of(scene).visible_camera = False
+        assert "lamp_camera" not in rules(scene)
+        thick = scene.sphere.modifiers.new("thick", "SOLIDIFY")
+        thick.thickness = 0.5
+        assert "lamp_camera" in rules(scene)
+        thick.use_rim = False
+        assert "lamp_camera" not in rules(scene)
+        thick.show_viewport = False
+        assert "lamp_camera" in rules(scene)
+        scene.sphere.modifiers.clear()
+        scene.sphere.data.clear_geometry()
+        assert "lamp_camera" in rules(scene)
+
+
 def test_what_sends_no_rays_through_portals_is_left_alone(cloth: Bundle, bundle: Bundle, tmp_path: Path) -> None:
     """An opaque paint, and a sheet of native closures alone."""
     for made, mode in ((bundle, "exact"), (cloth, "preview")):

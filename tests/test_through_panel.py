@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.lights import aim_targets
+from measured_materials.addon.lights.light_tables import update_scene
 from measured_materials.addon.material import rebuild
 from measured_materials.addon.material.adjust.energy import energy_of
 from measured_materials.addon.material.facts import facts_of, record_of
@@ -27,6 +28,7 @@ from measured_materials.bake.shading_maps.against_light import ThroughSettings
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.nodes.osl_script import is_scripted
 from measured_materials.nodes.through_closure import PORTAL
+from support.scenes import lit_sphere
 from support.stacks import ELEVATIONS, frame, write_frame, write_stack
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
 from test_addon import Stage, registered  # noqa: F401
@@ -85,11 +87,14 @@ def test_what_only_other_swatches_are_offered_is_of_no_matter(felt: Any, monkeyp
     assert not felt.measured_lighting.problem and not is_scripted(felt)
     felt.measured_quality.sample = "auto"
     monkeypatch.setattr(aim_targets, "can_raycast", lambda: True)
-    for shader in ("nodes", "osl"):
-        felt.measured_quality.shader = shader
-        SHADING_MAP.refit(felt, bpy.context.scene)
-        found = check_scene(bpy.context.scene)
-        assert found is not None and "not_sampled" not in {finding.rule for finding in found}
+    with lit_sphere(felt, 16, resolution=8) as scene:
+        scene.leave_terminator()
+        update_scene(scene.scene)
+        for shader in ("nodes", "osl"):
+            felt.measured_quality.shader = shader
+            SHADING_MAP.refit(felt, scene.scene)
+            found = check_scene(scene.scene)
+            assert found is not None and "not_sampled" not in {finding.rule for finding in found}
 
 
 def test_another_transmission_takes_no_bake(felt: Any, tmp_path: Path) -> None:
