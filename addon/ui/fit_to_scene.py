@@ -199,7 +199,7 @@ def _built_words(materials: list[bpy.types.Material], nodes: bool) -> str:
     built += [f"{_counted(rays)} built of nodes that ask an OSL script what is seen"] * (rays > 0)
     words = [f"{', '.join(built)}: to be rendered on the CPU"] * bool(built)
     words += [f"{_counted(others)} {'stays' if others == 1 else 'stay'} of nodes"] * (others > 0)
-    return "; ".join(words)
+    return "; ".join(words) or f"{_counted(0)} built as OSL scripts"
 
 
 def learn_the_world(scene: bpy.types.Scene) -> None:
