@@ -65,12 +65,13 @@ def build_shading_map(
     scripted : a script of OSL asks what rays meet. All else is nodes, whose textures have to be packed where Open
         Shading Language is on; where it is off no light is sampled
 
+    A swatch that lets light through samples no lamps: `lights`, `surroundings` and `scripted` are of no matter to it,
+    which is aimed at `lamps` instead.
+
     Raises
     ------
     BakeError : the bundle does not describe a shading map this version knows, or this Blender has no OSL for a script
     """
-    if scripted:
-        require_osl()
     record = ShadingMapRecord.of(source)
     settings = settings or record.render
     if settings.lobe is None:
@@ -80,7 +81,9 @@ def build_shading_map(
         for name in {part.map.image, "envelope"} & set(part.images):
             check_image(part.files(), name)
     if behind is not None:
-        lights = None  # a swatch that lets light through is aimed at lamps instead
+        lights, scripted = None, False
+    if scripted:
+        require_osl()
 
     tables = LightTables(lamps, lights, surroundings, scripted) if lamps is not None and lights is not None else None
     asked = {"lamps": lamps, "lights": tables, "features": features, "normals": normals}

@@ -8,14 +8,21 @@ from pathlib import Path
 import pytest
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.summary.cost_estimate import MODE_TIME, SAMPLED_TIME, expectation
+from measured_materials.addon.summary.cost_estimate import (
+    MODE_TIME,
+    NODES,
+    RAY_SCRIPT,
+    SAMPLED_TIME,
+    SCRIPT,
+    expectation,
+)
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from support.coarse_bakes import coarse  # noqa: F401
-from support.records import brdf_record
+from support.records import brdf_record, sheet_parts
 from test_addon import registered  # noqa: F401
 
 
@@ -38,7 +45,21 @@ def test_times_are_those_of_the_bench() -> None:
     file = Path(__file__).parent / "bench" / "recorded" / "engine.json"
     figures = json.loads(file.read_text(encoding="utf-8"))["values"]
     assert {mode: round(figures[f"time, {mode}"], 1) for mode in MODE_TIME} == MODE_TIME
-    assert round(figures["time, exact, lamps sampled"], 1) == SAMPLED_TIME
+    assert round(figures["time, exact, lamps sampled"], 1) == SAMPLED_TIME[SCRIPT]
+
+
+def test_a_time_is_told_of_what_it_was_measured_of() -> None:
+    """Of nodes that ask a script what is seen, and of sheets, the error alone."""
+    known, error = brdf_record(), "rror 0.4 % of the reflected light"
+    times = {sampler: expectation(known, "exact", "trilinear", sampler=sampler) for sampler in (SCRIPT, NODES)}
+    assert times == {
+        SCRIPT: f"About 3.8 times the render time of a Principled BSDF; e{error}",
+        NODES: f"About 3.0 times the render time of a Principled BSDF; e{error}",
+    }
+    assert expectation(known, "exact", "trilinear", sampler=RAY_SCRIPT) == f"E{error}"
+    sheet = brdf_record(**sheet_parts(through={}))
+    assert {expectation(sheet, "exact", "trilinear", sampler=by) for by in ("", NODES, RAY_SCRIPT)} == {f"E{error}"}
+    assert not expectation(brdf_record(residual=None), "exact", "trilinear", sampler=RAY_SCRIPT)
 
 
 @pytest.mark.parametrize("mode", ("preview", "balanced", "exact"))

@@ -69,7 +69,7 @@ def lined(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
 
 
 @contextmanager
-def shown(record: BrdfRecord, theta: float) -> Iterator[TestScene]:
+def shown(theta: float) -> Iterator[TestScene]:
     """The scene, before anything lights it, with another material."""
     with sheet_scene(diffuse_material(), theta) as scene:
         use_osl(scene.scene)
@@ -116,7 +116,7 @@ def test_a_lamp_hidden_from_the_camera_loses_nothing(
     glazed: BrdfRecord, theta: float, place: tuple[float, float, float]
 ) -> None:
     """As Blender makes them: no Ray Portal of a camera's ray meets it, and its light is all sampled."""
-    with shown(glazed, theta) as scene:
+    with shown(theta) as scene:
         lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
         assert not lamp.visible_camera
         dress(scene, glazed)
@@ -126,7 +126,7 @@ def test_a_lamp_hidden_from_the_camera_loses_nothing(
 @pytest.mark.slow
 def test_a_lamp_that_the_camera_sees_is_not_counted_twice(glazed: BrdfRecord) -> None:
     """It is so large that mirrors meet it often."""
-    with shown(glazed, 80.0) as scene:
+    with shown(80.0) as scene:
         lamp = add_lamp(scene, "AREA", (1, 1, -1.5), energy=300, size=6.0)
         lamp.visible_camera = True
         dress(scene, glazed)
@@ -136,7 +136,7 @@ def test_a_lamp_that_the_camera_sees_is_not_counted_twice(glazed: BrdfRecord) ->
 @pytest.mark.slow
 @pytest.mark.parametrize(("theta", "place"), [(40.0, BEHIND), (130.0, BEFORE), (150.0, BEHIND)])
 def test_either_side_shows_what_is_its_own(lined: BrdfRecord, theta: float, place: tuple[float, float, float]) -> None:
-    with shown(lined, theta) as scene:
+    with shown(theta) as scene:
         lamp = add_lamp(scene, "AREA", place, energy=300, size=1.0)
         dress(scene, lined)
         assert_mean(scene, lit_by(lined, "exact", theta, lamp), samples=24)
@@ -145,7 +145,7 @@ def test_either_side_shows_what_is_its_own(lined: BrdfRecord, theta: float, plac
 @pytest.mark.parametrize("theta", [80.0, pytest.param(120.0, marks=pytest.mark.slow)])
 def test_a_sheet_between_two_sources(glazed: BrdfRecord, theta: float) -> None:
     """A lamp on one side, a sun on the other, neither of them bright beyond the other."""
-    with shown(glazed, theta) as scene:
+    with shown(theta) as scene:
         lamp = add_lamp(scene, "AREA", BEHIND, energy=300, size=1.0)
         sun = add_sun(scene, (-1, 0.5, 2), 4.0)
         dress(scene, glazed)
@@ -175,7 +175,7 @@ def add_room(scene: TestScene) -> Array:
 
 @pytest.mark.parametrize("theta", [70.0, *(pytest.param(theta, marks=pytest.mark.slow) for theta in (20.0, 130.0))])
 def test_the_world_s_picture_is_sampled_on_both_sides(glazed: BrdfRecord, theta: float) -> None:
-    with shown(glazed, theta) as scene:
+    with shown(theta) as scene:
         pixels = add_room(scene)
         dress(scene, glazed)
         truth = under_sky(glazed, "exact", theta, environment(pixels))
@@ -187,7 +187,7 @@ def test_an_anisotropic_sheet_samples_along_the_tangent(tmp_path: Path) -> None:
     settings = BakeSettings(8, basis="normal", parameterization="uniform", sampler=SETTINGS.sampler, viewers=(6, 3))
     record = record_of(bake_source(Woven(), tmp_path / "woven", settings))
     for theta, height in ((40.0, -3), (140.0, 3)):
-        with shown(record, theta) as scene:
+        with shown(theta) as scene:
             lamp = add_lamp(scene, "AREA", (2, -0.5, height), energy=300, size=2.0)
             dress(scene, record)
             assert_mean(scene, lit_by(record, "exact", theta, lamp), samples=24)
@@ -196,7 +196,7 @@ def test_an_anisotropic_sheet_samples_along_the_tangent(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_noise_under_a_lamp_behind_is_a_fraction(glazed: BrdfRecord) -> None:
     """Of the variance a fiftieth is left at most."""
-    with shown(glazed, 40.0) as scene:
+    with shown(40.0) as scene:
         add_lamp(scene, "AREA", BEHIND, energy=300, size=0.5).visible_camera = True
         variances = []
         for choices in (AIMED, SAMPLED):

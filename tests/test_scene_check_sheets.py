@@ -32,8 +32,8 @@ def white(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
     return record_of(bake_source(WHITE, tmp_path_factory.mktemp("white") / "white", SETTINGS))
 
 
-def lost(scene: TestScene, channel: int) -> float:
-    """Share of a channel of the picture that the scene's setting takes, given what it is without."""
+def left(scene: TestScene, channel: int) -> float:
+    """A channel of the picture, in the mean: of light, or alpha, what the scene's settings leave of 1."""
     scene.scene.cycles.samples = 256
     return float(render_rgba(scene.scene)[..., channel].mean())
 
@@ -44,20 +44,20 @@ def test_what_the_film_and_a_hidden_world_take(white: BrdfRecord, theta: float, 
     with sheet_scene(build_material(white, mode="reference"), theta) as scene:
         scene.scene.world, background = compat.new_world("even")
         background.inputs["Color"].default_value = (1, 1, 1, 1)
-        whole = lost(scene, 0)
+        whole = left(scene, 0)
         assert whole == pytest.approx(1, abs=5e-3)
         scene.scene.world.cycles_visibility.camera = False
-        assert low < 1 - lost(scene, 0) < high
+        assert low < 1 - left(scene, 0) < high
         scene.scene.world.cycles_visibility.camera = True
         scene.scene.render.film_transparent = True
-        assert low < 1 - lost(scene, 0) < high and low < 1 - lost(scene, 3) < high
+        assert low < 1 - left(scene, 0) < high and low < 1 - left(scene, 3) < high
         scene.scene.cycles.film_transparent_glass = True
-        assert lost(scene, 0) < 0.01
+        assert left(scene, 0) < 0.01
 
 
 @pytest.mark.parametrize("side, low, high", [(-1, -0.01, 0.01), (1, 0.35, 0.39)])
 def test_what_a_lamp_that_the_camera_does_not_see_loses(white: BrdfRecord, side: int, low: float, high: float) -> None:
-    """On the viewer's side, as the sentence has it, and across from there."""
+    """Leaning away from the viewer, and towards the viewer, as the sentence has it."""
     with sheet_scene(build_material(white, mode="reference"), 60.0) as scene:
         lamp = add_lamp(scene, "AREA", (side * 1.08, side * 0.91, -3), energy=300, size=3.0)
         lamp.visible_camera = True
@@ -85,6 +85,24 @@ def test_only_lamps_behind_a_sheet_are_told(cloth: Bundle, lamp: str, behind: bo
             other.matrix_world = turned
         other.visible_camera = False
         assert ("lamp_camera" in rules(scene)) is behind
+
+
+def test_faces_are_those_that_a_render_shows(cloth: Bundle) -> None:
+    """As modifiers leave them; where these differ in a render, or no face is left, any lamp may lie behind one."""
+    with sound_sheet(cloth) as scene:
+        card_only(scene)
+        lamp_of(scene).visible_camera = False
+        assert "lamp_camera" not in rules(scene)
+        thick = scene.sphere.modifiers.new("thick", "SOLIDIFY")
+        thick.thickness = 0.5
+        assert "lamp_camera" in rules(scene)
+        thick.use_rim = False
+        assert "lamp_camera" not in rules(scene)
+        thick.show_viewport = False
+        assert "lamp_camera" in rules(scene)
+        scene.sphere.modifiers.clear()
+        scene.sphere.data.clear_geometry()
+        assert "lamp_camera" in rules(scene)
 
 
 def test_what_sends_no_rays_through_portals_is_left_alone(cloth: Bundle, bundle: Bundle, tmp_path: Path) -> None:

@@ -36,10 +36,12 @@ from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import Ggx, Lambert, ThinCloth
 from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.material_tree import measured_nodes
+from measured_materials.nodes.osl_script import is_scripted
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
+from support.sheet_scenes import set_sky
 from test_addon import registered  # noqa: F401
 
 CLOTH = ThinCloth((0.1, 0.1, 0.1), (0.3, 0.2, 0.1), (0.2, 0.2, 0.1), (0.4, 0.4, 0.4), 8.0)
@@ -79,13 +81,29 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
     assert "not_sampled" not in rules(scene)  # nodes cannot before Blender 5.1
     with monkeypatch.context() as newer:
         newer.setattr(aim_targets, "can_raycast", lambda: True)
-        assert "not_sampled" in rules(scene)
+        (told,) = (found for found in check_scene(scene.scene) or () if found.rule == "not_sampled")
+        assert told.why.endswith(
+            "sampling leaves about a tenth of the noise under a lamp, for " + aim_targets.GAIN_OF_SHEET.time
+        )
     assert "lamp_camera" in rules(scene)
     rebuild_brdf(cloth, Choices(mode=mode, shader="osl"), scene.scene)
     update_scene(scene.scene)
     assert not rules(scene) & {"not_sampled", "not_aimed", "osl_files", "lamp_camera"}
     scripts = [n for tree in trees_below(cloth.node_tree) for n in tree.nodes if n.bl_idname == "ShaderNodeScript"]
     assert scripts and cloth.cycles.emission_sampling == "NONE"
+
+
+def test_a_sheet_that_is_to_sample_anyway_asks_a_script(cloth: bpy.types.Material, scene: TestScene) -> None:
+    """Also where it need not: under a world of no picture and no lamp, in a Blender whose nodes cannot ask."""
+    skip_without_osl()
+    for obj in [obj for obj in scene.scene.objects if obj.type == "LIGHT"]:
+        obj.hide_render = True
+    set_sky(scene.scene)
+    update_scene(scene.scene)
+    rebuild_brdf(cloth, Choices(sample="always", shader="osl"), scene.scene)
+    assert is_scripted(cloth) and not BRDF.cost(cloth).startswith("About")
+    rebuild_brdf(cloth, Choices(shader="osl"), scene.scene)
+    assert not is_scripted(cloth) and not BRDF.cost(cloth).startswith("About")
 
 
 def totals(cloth: bpy.types.Material) -> list[float]:
@@ -162,11 +180,12 @@ def test_a_material_knows_what_its_back_gains_by_gloss(tmp_path: Path) -> None:
 
 
 def test_a_sheet_is_offered_what_any_brdf_is(cloth: bpy.types.Material) -> None:
+    """But for a script in mode Reference, which samples no lamps."""
     for mode, names in (
         ("preview", ("mode",)),
         ("exact", ("mode", "aim", "sample", "residual", "filter", "shader")),
         ("balanced", ("mode", "aim", "sample", "residual", "filter", "shader")),
-        ("reference", ("mode", "aim", "filter", "shader")),
+        ("reference", ("mode", "aim", "filter")),
     ):
         cloth.measured_quality.mode = mode
         assert BRDF.effective(cloth) == names
@@ -200,10 +219,12 @@ def test_only_what_is_a_script_is_counted_as_one(scene: TestScene, cloth: bpy.ty
         assert MEASURED_MATERIALS_OT_use_osl.execute(operator, context) == {"FINISHED"}
         return told[-1]
 
-    by = "built as OSL scripts, which render on the CPU"
-    assert switch(nodes=False) == f"1 material {by}; 1 material stays of nodes"
+    rays, by = "1 material built of nodes that ask an OSL script what is seen", "to be rendered on the CPU"
+    assert switch(nodes=False) == f"{rays}: {by}; 1 material stays of nodes"
     plain.measured_quality.mode = "reference"
-    assert switch(nodes=False) == f"2 materials {by}"
+    assert switch(nodes=False) == f"1 material built as an OSL script, {rays}: {by}"
     assert switch(nodes=True) == "2 materials built as nodes"
     scene.sphere.data.materials.pop(index=0)
-    assert switch(nodes=False) == f"1 material {by}"
+    assert switch(nodes=False) == f"1 material built as an OSL script: {by}"
+    scene.sphere.data.materials.clear()
+    assert switch(nodes=False) == "0 materials built as OSL scripts"

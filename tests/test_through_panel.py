@@ -11,10 +11,13 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.lights import aim_targets
+from measured_materials.addon.lights.light_tables import update_scene
 from measured_materials.addon.material import rebuild
 from measured_materials.addon.material.adjust.energy import energy_of
 from measured_materials.addon.material.facts import facts_of, record_of
 from measured_materials.addon.material.kinds import SHADING_MAP, lets_light_through
+from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.addon.scene_check.findings import measured_trees
 from measured_materials.addon.summary.parts import parts_of
 from measured_materials.addon.ui.panels import panel
@@ -23,7 +26,9 @@ from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading_maps.against_light import ThroughSettings
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from measured_materials.nodes.osl_script import is_scripted
 from measured_materials.nodes.through_closure import PORTAL
+from support.scenes import lit_sphere
 from support.stacks import ELEVATIONS, frame, write_frame, write_stack
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
 from test_addon import Stage, registered  # noqa: F401
@@ -110,6 +115,25 @@ def test_the_window_offers_a_diffuser(felt: Any) -> None:
     assert {"diffuser", "diffuser_transmittance"} <= set(shown) and "transmittance" not in shown
     kept = arc_settings_of(properties, felt.measured_lighting, "exact").through
     assert kept is not None and kept.diffuser == (1, 2, 3, 4) and kept.transmittance is None
+
+
+def test_what_only_other_swatches_are_offered_is_of_no_matter(felt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was set before stays set, and the scene check asks for no sampling where nodes could."""
+    for name, value in (("sample", "always"), ("shader", "osl")):
+        setattr(felt.measured_quality, name, value)
+        assert not felt.measured_quality.problem and getattr(rebuild.current_choices(felt), name) == value
+    felt.measured_lighting.sigma = 0.5
+    assert not felt.measured_lighting.problem and not is_scripted(felt)
+    felt.measured_quality.sample = "auto"
+    monkeypatch.setattr(aim_targets, "can_raycast", lambda: True)
+    with lit_sphere(felt, 16, resolution=8) as scene:
+        scene.leave_terminator()
+        update_scene(scene.scene)
+        for shader in ("nodes", "osl"):
+            felt.measured_quality.shader = shader
+            SHADING_MAP.refit(felt, scene.scene)
+            found = check_scene(scene.scene)
+            assert found is not None and "not_sampled" not in {finding.rule for finding in found}
 
 
 def test_another_transmission_takes_no_bake(felt: Any, tmp_path: Path) -> None:

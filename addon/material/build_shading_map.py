@@ -19,7 +19,7 @@ from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
 from ..lights.seen_world import surroundings_of
-from .choices import OF_MAP, OSL, Choices, choices_of
+from .choices import AUTO, NODES, OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
 from .scene_fit import (
     NO_RAYS,
@@ -39,6 +39,8 @@ from .textures.packed import pack_textures
 
 # Of swatches that let light through, in any scene.
 _AIMED_ONLY = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
+# What the panel does not offer for these, whatever was set before.
+_NOT_OF_THROUGH = {"sample": AUTO, "shader": NODES}
 # Label of the node that lays the swatch out.
 SWATCH_MAPPING = "Swatch size and rotation"
 
@@ -57,8 +59,9 @@ def build_map(
     The scene is by default the current one, and the material is then prepared for lamps added later. Raises BakeError.
     """
     ready, scene = scene is None, scene or bpy.context.scene
-    report, choices = surveyed(scene), choices_of(material.measured_quality)
+    report, chosen = surveyed(scene), choices_of(material.measured_quality)
     record = ShadingMapRecord.of(source)
+    choices = chosen if record.through is None else replace(chosen, **_NOT_OF_THROUGH)
     stored, layout = record.map, record.map.layout
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
@@ -83,7 +86,7 @@ def build_map(
     if passes and settings.mode != "preview":
         why = _NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
-    kept = {name: getattr(choices, name) for name in OF_MAP}
+    kept = {name: getattr(chosen, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
 
 
@@ -148,7 +151,7 @@ def plan_map_light(
         return MapLight(False, False, False, by_nodes)
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = _AIMED_ONLY if through else sampling_of(report, scripted=script, gain=GAIN_OF_SWATCH)
+        sampling = sampling_for_map(choices, report, through=through)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
@@ -157,6 +160,11 @@ def plan_map_light(
     aim = plan_aim(choices, what_to_aim_at(report), ready=ready)
     effects = (aim, sampled, plan_bounces(settings.mode), *by_nodes)
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
+
+
+def sampling_for_map(choices: Choices, report: LampReport, *, through: bool) -> Sampling:
+    """What a swatch can sample in a scene of which this is the report; one that lets light `through`, nothing."""
+    return _AIMED_ONLY if through else sampling_of(report, scripted=choices.shader == OSL, gain=GAIN_OF_SWATCH)
 
 
 _NO_PASSES = "OSL cannot write them; built of nodes they can be had"

@@ -19,9 +19,10 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import is_bundle
 from ...bake.bundle.result import Progress
 from ...bake.errors import BakeError
+from ...nodes.osl_script import is_one_script, is_scripted
 from ..baking.request import Model
 from ..summary.brdf_rows import error_rows
-from ..summary.cost_estimate import expectation
+from ..summary.cost_estimate import NODES, RAY_SCRIPT, SCRIPT, expectation
 from ..summary.text import one_line
 from .bake_material import analytic_of, bake_again, error_words, exists, model_of
 from .bake_photographs import bake_arc_again, map_words, photographs_of
@@ -151,8 +152,10 @@ class _Brdf(Kind):
         mode = material.measured_quality.mode
         if mode == "preview":
             return ("mode",)
-        mirror = ("sample", "residual") if mode != "reference" else ()
-        return ("mode", "aim", *mirror, "filter", "shader")
+        if mode != "reference":
+            return ("mode", "aim", "sample", "residual", "filter", "shader")
+        # Of a sheet a script tells what is seen where lamps are sampled, and no more.
+        return ("mode", "aim", "filter") if lets_light_through(material) else ("mode", "aim", "filter", "shader")
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):
@@ -162,9 +165,11 @@ class _Brdf(Kind):
     def cost(self, material: bpy.types.Material) -> str:
         try:
             record, choices = record_of(material), choices_of(material.measured_quality)
-            sampled = any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material))
+            sampler = ""
+            if any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material)):
+                sampler = SCRIPT if is_one_script(material) else RAY_SCRIPT if is_scripted(material) else NODES
             filter = plan_filter(record, choices)[0] or record.table.filter
-            return expectation(record, choices.mode, filter, sampled=sampled)
+            return expectation(record, choices.mode, filter, sampler=sampler)
         except BakeError:
             return ""
 

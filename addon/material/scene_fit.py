@@ -106,8 +106,9 @@ def plan_brdf(
         residual = effect.kept
         effects.append(effect)
     aim = sample = scripted = False
+    sheet = record.sheet is not None
     if residual:
-        if choices.shader == OSL and plan_script(choices, by_script):
+        if choices.shader == OSL and plan_script(choices, by_script, sheet):
             sampling, scripted = by_script, True
         sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
@@ -119,7 +120,6 @@ def plan_brdf(
         elif sampling.beside:
             effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
-    sheet = record.sheet is not None
     osl = residual and choices.shader == OSL and not sheet and not scripted
     features = passes and residual and not osl and not scripted
     if residual:
@@ -157,12 +157,13 @@ def language_of(effects: Sequence[Effect]) -> Effect | None:
     return next((effect for effect in effects if effect.name == OSL_EFFECT), None)
 
 
-def plan_script(choices: Choices, by_script: Sampling) -> bool:
+def plan_script(choices: Choices, by_script: Sampling, sheet: bool) -> bool:
     """Whether nodes sample as much, and as well, as one script would, once a script tells which lamps are seen.
 
-    Textures stay in the .blend then. Under several lights, or lamps and a world of no picture, one script does more.
+    Textures stay in the .blend then. Under several lights, or lamps and a world of no picture, one script does more. No
+    script holds a sheet as a whole: its nodes take one wherever they sample. Raises BakeError as `plan_sampling`.
     """
-    if by_script.impossible or by_script.needless:
+    if not sheet and (by_script.impossible or by_script.needless):
         return False
     return plan_sampling(choices, by_script).kept
 

@@ -23,6 +23,7 @@ from ..lights import aim_targets, light_tables
 from ..lights.lamp_survey import LampReport
 from ..material import rebuild
 from ..material.build_brdf import sampling_for
+from ..material.build_shading_map import sampling_for_map
 from ..material.choices import AUTO, OSL, Choices
 from ..material.facts import is_measured, record_of
 from ..material.kinds import SHADING_MAP, kind_of
@@ -274,27 +275,24 @@ def not_sampled(subject: Subject) -> Iterator[Finding]:
             mend = editable(material, partial(kind_of(material).refit, material, subject.scene))
         found = f"lamps are no longer sampled: {sampling.impossible or sampling.needless}"
         why = "its mirror is not aimed at them, and meets a small one by chance only"
-        swatch = kind_of(material) is SHADING_MAP
-        if sampled and stale:
-            found = "the world's picture is not sampled, though it can be"
-            noise = "more noise" if swatch else "about twice the noise"
-            why = f"the world was another when it was fitted; a mirror that is aimed has {noise}"
-        if not sampled:
-            found = "lamps are not sampled, though they can be"
-            times = "five" if swatch else "three"
-            why = f"it was fitted when they could not; a mirror that is aimed has about {times} times the noise"
+        if kept:
+            found, before = "lamps are not sampled, though they can be", "they could not"
+            if sampled:
+                found, before = "the world's picture is not sampled, though it can be", "the world was another"
+            why = f"it was fitted when {before}; beside a mirror that is aimed, sampling leaves {sampling.gain}"
         yield Finding("not_sampled", SLOW, _name(material), found, "fitted to the scene", why, mend)
 
 
 def _sampling(material: bpy.types.Material, choices: Choices, report: LampReport) -> aim_targets.Sampling:
     """What the material's builder is told, as far as the material says what it is."""
-    osl = choices.shader == OSL
-    if kind_of(material) is SHADING_MAP:
-        return aim_targets.sampling_of(report, scripted=osl)
+    swatch = kind_of(material) is SHADING_MAP
     try:
-        return sampling_for(record_of(material), choices, report)
+        record = record_of(material)
     except BakeError:
-        return aim_targets.sampling_of(report, osl=osl)
+        return aim_targets.sampling_of(report, osl=choices.shader == OSL)
+    if swatch:
+        return sampling_for_map(choices, report, through=record.through is not None)
+    return sampling_for(record, choices, report)
 
 
 def _shows_another_world(material: bpy.types.Material, report: LampReport) -> bool:

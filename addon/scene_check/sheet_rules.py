@@ -64,13 +64,17 @@ def lamps(subject: Subject) -> Iterator[Finding]:
         where = f"lamp {obj.name}"
         if not obj.visible_camera and obj.visible_diffuse and _is_behind(obj, aimed, subject.scene):
             why = (
-                "the camera's rays go on through a sheet at flat angles and do not meet it; at 60 degrees a sheet lost "
-                "37 % of the light of a lamp on the viewer's side, and nothing of one across from there"
+                "the camera's rays go on through a sheet at flat angles and do not meet it; behind a sheet seen at 60 "
+                "degrees a lamp lost 37 % where it leant from the normal towards the viewer, and nothing where it "
+                "leant away"
             )
             mend = setting(obj, "visible_camera", True)
             yield Finding("lamp_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)
         if obj.visible_diffuse and not obj.visible_transmission:
-            why = "of what lies behind a sheet it is lost but at flat angles, and Cycles' own shaders see it"
+            why = (
+                "rays that are bent through a sheet are transmission rays and do not meet it; those that go on at flat "
+                "angles do, and those of Cycles' own shaders"
+            )
             mend = setting(obj, "visible_transmission", True)
             yield Finding("lamp_transmission", WRONG, where, "Ray Visibility, Transmission is off", "on", why, mend)
 
@@ -86,7 +90,7 @@ def world(subject: Subject) -> Iterator[Finding]:
         mend = setting(visibility, "camera", True)
         yield Finding("world_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)
     if not visibility.transmission:
-        why = "its light comes through sheets at flat angles only, but for that of Cycles' own shaders"
+        why = "its light comes through sheets at flat angles only, and by Cycles' own shaders"
         mend = setting(visibility, "transmission", True)
         yield Finding("world_transmission", WRONG, where, "Ray Visibility, Transmission is off", "on", why, mend)
 
@@ -106,7 +110,7 @@ def bounces(subject: Subject) -> Iterator[Finding]:
             found = f"Light Paths, {label} Bounces are {value}"
             yield Finding(name, WRONG, where, found, str(_BOUNCES), why, setting(cycles, name, _BOUNCES))
     if not cycles.caustics_refractive:
-        why = "without, nothing that a diffuse bounce lights sees through a sheet, but by Cycles' own shaders"
+        why = "without it, rays that a diffuse surface has scattered pass a sheet by Cycles' own shaders only"
         mend = setting(cycles, "caustics_refractive", True)
         yield Finding("refractive_caustics", WRONG, where, "Refractive Caustics is off", "on", why, mend)
 
@@ -157,8 +161,8 @@ def _is_behind(lamp: bpy.types.Object, shown: list[bpy.types.Object], scene: bpy
     viewer = _place(camera, camera.data.type == "ORTHO")
     light = _place(lamp, lamp.data.type == "SUN")
     for obj in shown:
-        faces = _faces(obj)
-        if faces is None or scene.objects.get(obj.name) != obj:  # of curves, and instances, who knows
+        faces = _faces(obj, scene)
+        if faces is None or scene.objects.get(obj.name) != obj:  # nobody knows
             return True
         points, normals = faces
         sides = [(normals * (place[:3] - points * place[3])).sum(-1) for place in (viewer, light)]
@@ -173,11 +177,18 @@ def _place(obj: bpy.types.Object, far: bool) -> Array:
     return np.append(matrix[:3, 2], 0.0) if far else np.append(matrix[:3, 3], 1.0)
 
 
-def _faces(obj: bpy.types.Object) -> tuple[Array, Array] | None:
-    """Middles and normals (n, 3) of a mesh's faces, in the world; None of what is no mesh."""
-    if obj.type != "MESH":
+def _faces(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[Array, Array] | None:
+    """Middles and normals (n, 3) of a mesh's faces as modifiers leave them, in the world; None where a render may show
+    others, or none are there, as of curves and of what geometry nodes instance."""
+    if obj.type != "MESH" or any(modifier.show_render != modifier.show_viewport for modifier in obj.modifiers):
         return None
-    polygons = obj.data.polygons
+    layer = next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+    shown = obj.evaluated_get(layer.depsgraph)
+    if obj.modifiers and not shown.is_evaluated:  # the layer does not show it
+        return None
+    polygons = shown.data.polygons
+    if not polygons:
+        return None
     points, normals = (np.empty(3 * len(polygons), np.float32) for _ in range(2))
     polygons.foreach_get("center", points)
     polygons.foreach_get("normal", normals)

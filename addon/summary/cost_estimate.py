@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 from ...bake.brdf.record import BrdfRecord
+from .text import capital
 
 # Processor time of a camera sample, Principled BSDF = 1: median over 12 materials in 4 lightings
 # (`./run bench engine`), and of the filters beside trilinear (`./run bench speed`).
 MODE_TIME = {"preview": 1.0, "balanced": 1.5, "exact": 1.5, "reference": 2.0}
-# Of modes that sample lamps in the shader, in the same bench as OSL; of nodes on 5.2 about as much.
-SAMPLED_TIME = 3.8
+# By what samples lamps: one script of OSL, in the same bench; nodes, on Blender 5.2 under a world of one picture
+# (`tests/real_blender/noise.py`, median of five materials); of nodes that ask a script what is seen, it is not known.
+SCRIPT, NODES, RAY_SCRIPT = "script", "nodes", "ray script"
+SAMPLED_TIME = {SCRIPT: 3.8, NODES: 3.0}
 FILTER_TIME = {"nearest": 0.98, "trilinear": 1.0, "bspline": 1.1}
 
 
-def expectation(record: BrdfRecord, mode: str, filter: str, *, sampled: bool = False) -> str:
-    """Time and error of a measured BRDF's material in words; without the error where the bundle does not state it.
+def expectation(record: BrdfRecord, mode: str, filter: str, *, sampler: str = "") -> str:
+    """Time and error of a measured BRDF's material in words: each as far as it is known, as the time of a sheet is not.
 
     Parameters
     ----------
     record : the bundle's, or of what a material keeps of it
     mode : of `bake.brdf.modes.MODES`
     filter : of `bake.tables.table.FILTERS`
-    sampled : the shader samples lamps itself
+    sampler : what samples lamps in the shader, of the names above; empty if nothing does
     """
-    traced = mode != "preview"
-    factor = (SAMPLED_TIME if sampled else MODE_TIME.get(mode, 1.0)) * (FILTER_TIME.get(filter, 1.0) if traced else 1.0)
-    many = f"{factor:.1f}"
-    words = f"About {'' if many == '1.0' else f'{many} times '}the render time of a Principled BSDF"
-    error = _error(record, mode, filter)
-    if error is None:
-        return words
-    return f"{words}; error {100 * error:.2g} % of the reflected light"
+    words, error = [], _error(record, mode, filter)
+    time = MODE_TIME.get(mode, 1.0) if not sampler else SAMPLED_TIME.get(sampler)
+    if time is not None and record.sheet is None:
+        many = f"{time * (FILTER_TIME.get(filter, 1.0) if mode != 'preview' else 1.0):.1f}"
+        words.append(f"about {'' if many == '1.0' else f'{many} times '}the render time of a Principled BSDF")
+    if error is not None:
+        words.append(f"error {100 * error:.2g} % of the reflected light")
+    return capital("; ".join(words))
 
 
 def _error(record: BrdfRecord, mode: str, filter: str) -> float | None:

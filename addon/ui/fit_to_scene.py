@@ -11,7 +11,7 @@ import bpy
 
 from ...bake.errors import BakeError
 from ...nodes.feature_passes import denoise_by_features, drop_feature_passes, stop_denoising
-from ...nodes.osl_script import is_scripted, require_osl, use_osl
+from ...nodes.osl_script import is_one_script, is_scripted, require_osl, use_osl
 from ...nodes.portions import Pause, Portions
 from ..lights import light_tables, world_survey
 from ..material.choices import NODES, OSL
@@ -188,13 +188,18 @@ def _counted(materials: int) -> str:
 
 
 def _built_words(materials: list[bpy.types.Material], nodes: bool) -> str:
-    """What materials were built as; a sheet, or what has no mirror, is no script where scripts were asked for."""
+    """What materials were built as: where scripts were asked for, one script each, nodes whose rays are scripts, as of
+    a sheet, or nodes alone, as of what has no mirror."""
     if nodes:
         return f"{_counted(len(materials))} built as nodes"
-    scripts = sum(is_scripted(material) for material in materials)
-    others = len(materials) - scripts
-    beside = f"; {_counted(others)} {'stays' if others == 1 else 'stay'} of nodes" if others else ""
-    return f"{_counted(scripts)} built as OSL scripts, which render on the CPU{beside}"
+    whole = sum(is_one_script(material) for material in materials)
+    rays = sum(is_scripted(material) for material in materials) - whole
+    others = len(materials) - whole - rays
+    built = [f"{_counted(whole)} built as {'an OSL script' if whole == 1 else 'OSL scripts'}"] * (whole > 0)
+    built += [f"{_counted(rays)} built of nodes that ask an OSL script what is seen"] * (rays > 0)
+    words = [f"{', '.join(built)}: to be rendered on the CPU"] * bool(built)
+    words += [f"{_counted(others)} {'stays' if others == 1 else 'stay'} of nodes"] * (others > 0)
+    return "; ".join(words) or f"{_counted(0)} built as OSL scripts"
 
 
 def learn_the_world(scene: bpy.types.Scene) -> None:
