@@ -35,6 +35,7 @@ from support.direct_light import environment
 from support.osl import skip_without_osl
 from support.scenes import TestScene, add_lamp, diffuse_material
 from support.sheet_scenes import (
+    BEADED,
     BEFORE,
     BEHIND,
     GLAZED,
@@ -43,6 +44,7 @@ from support.sheet_scenes import (
     assert_mean,
     lit_by,
     record_of,
+    set_sky,
     sheet_scene,
     under_sky,
 )
@@ -60,6 +62,11 @@ def osl() -> None:
 def glazed(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
     """Of both sides alike, which takes half the time to compile."""
     return record_of(bake_source(GLAZED, tmp_path_factory.mktemp("glazed") / "glazed", SETTINGS))
+
+
+@pytest.fixture(scope="module")
+def beaded(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
+    return record_of(bake_source(BEADED, tmp_path_factory.mktemp("beaded") / "beaded", SETTINGS))
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +138,37 @@ def test_a_lamp_that_the_camera_sees_is_not_counted_twice(glazed: BrdfRecord) ->
         lamp.visible_camera = True
         dress(scene, glazed)
         assert_mean(scene, lit_by(glazed, "exact", 80.0, lamp), samples=24)
+
+
+@pytest.mark.parametrize(
+    ("theta", "place"),
+    [
+        (40.0, (1.5, 1.3, 2.4)),
+        pytest.param(40.0, (-1.5, -1.3, -2.4), marks=pytest.mark.slow),
+        pytest.param(70.0, (2.2, 1.9, 1.1), marks=pytest.mark.slow),
+        pytest.param(130.0, (1.9, 1.6, -2.1), marks=pytest.mark.slow),
+    ],
+)
+def test_a_mirror_drawn_beyond_its_share_is_weighed_as_it_is_drawn(
+    beaded: BrdfRecord, theta: float, place: tuple[float, float, float]
+) -> None:
+    """The lamp is so large that its points and the faint mirror's directions are about as dense."""
+    with shown(beaded, theta) as scene:
+        lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
+        dress(scene, beaded)
+        assert_mean(scene, lit_by(beaded, "exact", theta, lamp), samples=64)
+
+
+@pytest.mark.parametrize("place", [BEFORE, pytest.param(BEHIND, marks=pytest.mark.slow)])
+def test_what_lies_behind_a_lamp_is_seen_as_often_as_it_should_be(
+    glazed: BrdfRecord, place: tuple[float, float, float]
+) -> None:
+    """The lamp is no brighter than the sky: half of the mirrors that meet it go on."""
+    with shown(glazed, 40.0) as scene:
+        lamp = add_lamp(scene, "AREA", place, energy=30, size=4.0)
+        set_sky(scene.scene)
+        dress(scene, glazed)
+        assert_mean(scene, lit_by(glazed, "exact", 40.0, lamp) + under_sky(glazed, "exact", 40.0), samples=48)
 
 
 @pytest.mark.slow

@@ -45,7 +45,19 @@ class Glazed(ThinCloth):
         return super().reflected_behind(wi, wo) + 0.5 * self.transmitted(wi * BELOW, wo)
 
 
+class Beaded(ThinCloth):
+    """One that throws a little light back to where it came from, which no native closure carries: so little that the
+    mirror of what it reflects is drawn beyond its share."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return super().evaluate(wi, wo) + self.transmitted(-wi, wo) / 30
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        return super().reflected_behind(wi, wo) + self.transmitted(-wi, wo) / 30
+
+
 GLAZED = Glazed((0.2, 0.1, 0.1), None, (0.1, 0.2, 0.1), (0.3, 0.3, 0.2), 8.0)
+BEADED = Beaded((0.03, 0.03, 0.03), None, (0.0, 0.0, 0.0), (0.9, 0.9, 0.9), 8.0)
 
 
 def record_of(result: BakeResult) -> BrdfRecord:
