@@ -151,9 +151,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
 def _why_world_inexact(scene: bpy.types.Scene, light: WorldLight) -> str:
     if scene.world is None or not light.aimed:
         return light.why_not
-    if scene.render.film_transparent and scene.cycles.film_transparent_glass:
-        return "Transparent Glass of the film hides the world from what comes through a sheet"
-    return why_world_not_exact(scene.world) if light.picture else "the world is more than one picture"
+    return why_world_not_exact(scene) if light.picture else "the world is more than one picture"
 
 
 def lamp_settings(obj: bpy.types.Object) -> Any:

@@ -69,7 +69,7 @@ def lamps(subject: Subject) -> Iterator[Finding]:
             )
             mend = setting(obj, "visible_camera", True)
             yield Finding("lamp_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)
-        if obj.visible_diffuse and not obj.visible_transmission:
+        if aimed and obj.visible_diffuse and not obj.visible_transmission:
             why = "of what lies behind a sheet it is lost but at flat angles, and Cycles' own shaders see it"
             mend = setting(obj, "visible_transmission", True)
             yield Finding("lamp_transmission", WRONG, where, "Ray Visibility, Transmission is off", "on", why, mend)
@@ -81,7 +81,9 @@ def world(subject: Subject) -> Iterator[Finding]:
     if world is None or not sheets(subject) or not world.cycles_visibility.diffuse:
         return
     visibility, where = world.cycles_visibility, f"world {world.name}"
-    if not visibility.camera and not all(_samples(material, WORLD_KEY) for material in sheets(subject)):
+    if all(_samples(material, WORLD_KEY) for material in sheets(subject)):
+        return  # which needs no ray to meet it
+    if not visibility.camera:
         why = f"the camera's rays go on through a sheet at flat angles and do not meet it; {_LOST} were lost"
         mend = setting(visibility, "camera", True)
         yield Finding("world_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)
