@@ -40,6 +40,7 @@ from support.sheet_scenes import (
     BEHIND,
     GLAZED,
     LINED,
+    PRISMATIC,
     SETTINGS,
     assert_mean,
     lit_by,
@@ -128,6 +129,15 @@ def test_a_lamp_hidden_from_the_camera_loses_nothing(
         assert not lamp.visible_camera
         dress(scene, glazed)
         assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=48)
+
+
+def test_a_lamp_that_no_portal_meets_loses_nothing(tmp_path: Path) -> None:
+    """Its mirrors lead to the lamp, by rays that stay the camera's."""
+    prismatic = record_of(bake_source(PRISMATIC, tmp_path / "prismatic", SETTINGS))
+    with shown(prismatic, 60.0) as scene:
+        lamp = add_lamp(scene, "AREA", (2.0, 1.7, -1.5), energy=300, size=1.5)
+        dress(scene, prismatic)
+        assert_mean(scene, lit_by(prismatic, "exact", 60.0, lamp), samples=48)
 
 
 @pytest.mark.parametrize("theta", [40.0, pytest.param(80.0, marks=pytest.mark.slow)])
@@ -268,6 +278,29 @@ def test_which_rays_meet_a_light_is_known() -> None:
         assert rays_of_world(scene.scene) == 6 and survey_scene(scene.scene).world_rays == 6
         scene.scene.cycles.film_transparent_glass = True
         assert "Transparent Glass" in survey_scene(scene.scene).world_inexact
+
+
+def test_what_an_instancer_hides_its_lamps_hide_too() -> None:
+    """As Cycles has it: of both flags the lesser holds."""
+    with sheet_scene(diffuse_material(), 40.0) as scene:
+        lamp = add_lamp(scene, "AREA", BEHIND, energy=300, size=1.0)
+        lamp.visible_camera = True
+        collection, owner = bpy.data.collections.new("lamps"), bpy.data.objects.new("owner", None)
+        scene.scene.collection.objects.unlink(lamp)
+        collection.objects.link(lamp)
+        owner.instance_type, owner.instance_collection = "COLLECTION", collection
+        scene.scene.collection.objects.link(owner)
+
+        def surveyed(for_render: bool) -> list[int]:
+            return [light.rays for light in survey_scene(scene.scene, for_render=for_render).lights]
+
+        for for_render in (False, True):
+            assert surveyed(for_render) == [7]
+            owner.visible_camera = owner.visible_transmission = False
+            assert surveyed(for_render) == [2]
+            owner.visible_glossy = False
+            assert surveyed(for_render) == []
+            owner.visible_camera = owner.visible_transmission = owner.visible_glossy = True
 
 
 @pytest.mark.parametrize("kind", [RECTANGLE, SUN])

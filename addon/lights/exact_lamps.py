@@ -41,9 +41,11 @@ def emitted_light(lamp: Lamp, colour: Array, data: bpy.types.Light, rays: int) -
     return LampLight((red, green, blue), facing, beam, rays)
 
 
-def rays_of_lamp(obj: bpy.types.Object) -> int:
-    """Which rays meet a lamp besides those of mirrors, as `LampLight` has it."""
-    return obj.visible_camera + 2 * obj.visible_diffuse + 4 * obj.visible_transmission
+def rays_of_lamp(*shown: bpy.types.Object) -> int:
+    """Which rays meet a lamp besides those of mirrors, as `LampLight` has it: those that meet its instancer too."""
+    names = "visible_camera", "visible_diffuse", "visible_transmission"
+    camera, diffuse, transmission = (all(getattr(obj, name) for obj in shown) for name in names)
+    return camera + 2 * diffuse + 4 * transmission
 
 
 def rays_of_world(scene: bpy.types.Scene) -> int:

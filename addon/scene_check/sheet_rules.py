@@ -119,7 +119,11 @@ def film(subject: Subject) -> Iterator[Finding]:
     if not scene.render.film_transparent or not sheets(subject):
         return
     where = f"scene {scene.name}"
-    why = f"the world behind a sheet is cut out where the camera's rays go on through it: {_LOST}"
+    # What a shader samples of the world is shown; the film's alpha lacks it all the same.
+    cut = (
+        "the alpha of the world" if all(_samples(material, WORLD_KEY) for material in sheets(subject)) else "the world"
+    )
+    why = f"{cut} behind a sheet is cut out where the camera's rays go on through it: {_LOST}"
     wanted = "off, or the world replaced by lamps and surfaces"
     yield Finding("film_transparent", WRONG, where, "Film, Transparent is on", wanted, why)
     if scene.cycles.film_transparent_glass:
