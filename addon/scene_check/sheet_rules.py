@@ -120,9 +120,8 @@ def film(subject: Subject) -> Iterator[Finding]:
         return
     where = f"scene {scene.name}"
     # What a shader samples of the world is shown; the film's alpha lacks it all the same.
-    cut = (
-        "the alpha of the world" if all(_samples(material, WORLD_KEY) for material in sheets(subject)) else "the world"
-    )
+    sampled = all(_samples(material, WORLD_KEY) for material in sheets(subject))
+    cut = "the alpha of the world" if sampled else "the world"
     why = f"{cut} behind a sheet is cut out where the camera's rays go on through it: {_LOST}"
     wanted = "off, or the world replaced by lamps and surfaces"
     yield Finding("film_transparent", WRONG, where, "Film, Transparent is on", wanted, why)
