@@ -83,10 +83,10 @@ def driven(scene: bpy.types.Scene) -> None:
 
 
 def behind_glass(scene: bpy.types.Scene) -> None:
-    """Once there is a world's picture, and a transparent film."""
+    """Once there is a world's picture that could be sampled, and a transparent film."""
     if scene.world is None:
         spot_world(scene)
-        scene.render.film_transparent = True
+        scene.render.film_transparent, scene.cycles.blur_glossy = True, 0.0
     else:
         scene.cycles.film_transparent_glass = True
 
