@@ -179,12 +179,13 @@ def _lamp_objects(
     for instance in depsgraph.object_instances:
         if (obj := instance.object).type != "LIGHT":
             continue
-        owner = (instance.parent if instance.is_instance else obj).original
+        by = instance.parent if instance.is_instance else obj  # evaluated, as animation has it
+        owner = by.original
         shown.add((owner, obj.original))
         # Instances on vertices, faces and particles are known to the dependency graph alone.
         others = instance.is_instance and owner.instance_type != "COLLECTION" and owner in renderable
         if not for_render or (owner, obj.original) in rendered or (others and not obj.original.hide_render):
-            yield owner, obj, instance.matrix_world.copy()
+            yield by, obj, instance.matrix_world.copy()
     yield from (entry for entry in placed if entry[:2] not in shown)
 
 
