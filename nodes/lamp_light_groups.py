@@ -142,7 +142,8 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     Counted is the part that `light_point_group` gives by the balance heuristic; both are 0 where wi meets no light, or
     something stands between. Behind is about the radiance of what is seen past the lamp, or 0 where a ray that is sent
     there may end before it arrives. Together is 1 where it should be sent even so, beside the closures. Of a sheet,
-    Straight is the part of all light that a ray meets which goes on as what it is, as one of a Ray Portal does.
+    Straight is the part of all light that a ray meets which goes on as what it is, as one of a Ray Portal does, and
+    Bent that which one of transmission meets.
     """
 
     def results(slots: int, world: bool, position: Any, *arguments: Any) -> tuple[Any, ...]:
@@ -181,15 +182,15 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
         found = whole, sum(counted[1:], start=counted[0]), *_behind(whole, sky, out)
         if not tables.sheet:
             return found
-        straight = [expr.scale(light, _goes_straight(which)) for light, which in zip(every, rays, strict=True)]
-        return *found, sum(straight[1:], start=straight[0])
+        met = [[expr.scale(light, by) for by in _met_by(which)] for light, which in zip(every, rays, strict=True)]
+        return *found, *(sum(lights[1:], start=lights[0]) for lights in zip(*met, strict=True))
 
     inputs = tables.place | {"wi": "vector", "Density": "float"}
     outputs = {"All": "vector", "Counted": "vector", "Behind": "float", "Together": "float"}
     dark = expr.vec(0.0, 0.0, 0.0)
     nothing: tuple[Any, ...] = (dark, dark, 0.0, 0.0)
     if tables.sheet:
-        outputs, nothing = outputs | {"Straight": "vector"}, (*nothing, dark)
+        outputs, nothing = outputs | {"Straight": "vector", "Bent": "vector"}, (*nothing, dark, dark)
     return _switched_group("MM Light Met", inputs, outputs, results, nothing, tables)
 
 
@@ -203,13 +204,18 @@ def _leaves(wi: Any, normal: Any = None) -> Any:
     return (facing if normal is None else facing * expr.dot(wi, normal)) > 0
 
 
-def _goes_straight(rays: Any) -> Any:
-    """Whether a ray that is still what it was meets a light, by the number of `bake.sampling.lamp_light`."""
+def _met_by(rays: Any) -> tuple[Any, Any]:
+    """Whether a ray that is still what it was meets a light, and whether one of transmission does, by the number of
+    `bake.sampling.lamp_light`."""
     path = expr.node("ShaderNodeLightPath", {}, {}).outputs
+    transmission = rays > 3.5
+    rays = rays - transmission * 4
     diffuse = rays > 1.5
     camera = rays - diffuse * 2
-    of_others = expr.where(expr.Scalar(path["Is Diffuse Ray"]), diffuse, 1.0)
-    return expr.where(expr.Scalar(path["Is Camera Ray"]), camera, of_others)
+    # Rays from a Translucent BSDF are both.
+    straight = expr.where(expr.Scalar(path["Is Diffuse Ray"]), diffuse, 1.0)
+    straight = straight * expr.where(expr.Scalar(path["Is Transmission Ray"]), transmission, 1.0)
+    return expr.where(expr.Scalar(path["Is Camera Ray"]), camera, straight), transmission
 
 
 def _behind(every: Any, sky: Any, out: Any) -> tuple[Any, Any]:

@@ -137,12 +137,13 @@ def met_light(
     place : of the tables
     drawing : about how often the mirror is followed, the material's own density of the direction, and a random number
     aims : 1 where the direction was aimed at what cannot be sampled
-    bent : of what leads through a sheet, 1 where its ray is one of its own kind; a Ray Portal's may meet fewer lights
+    bent : of what leads through a sheet, 1 where its ray becomes one of transmission, else a Ray Portal's stays what it
+        was; either may meet fewer lights
     """
     chance, of_table, number = drawing
     found = call(light_met_group(tables), *place, wi_world, chance * of_table)
     every, counted, behind, together = found[:4]
-    brought = every if bent is None else expr.where_vector(bent, every, found[4])
+    brought = every if bent is None else expr.where_vector(bent, found[5], found[4])
     lamp = expr.dot(brought, expr.vec(*LUMINANCE))
     followed = expr.maximum(expr.divide(behind, behind + lamp), _LEAST_FOLLOWED) * (behind > 0)
     # Of a mirror that is aimed the weight says nothing of its light: Cycles would hardly ever follow one at the sun.

@@ -25,11 +25,25 @@ _LEAST = 0.1
 
 @dataclass(frozen=True)
 class _Mirror:
-    """A part's residual, the share of all the light that it is, and how often its mirror is drawn of the two."""
+    """A part's residual as a mirror.
+
+    Parameters
+    ----------
+    followed : about how often one is followed beside the closures, whichever it is
+    drawn : how often this one is, of the two
+    number : even in [0, 1] where it is
+    """
 
     table: TableGroups
-    share: Any
-    drawn: Any = 1.0
+    followed: Any
+    drawn: Any
+    number: Any
+
+    @property
+    def chance(self) -> Any:
+        """About how often it is both: by this and nothing else the balance heuristic has to count it, wherever it does,
+        or what it leaves of a light's points and of what the mirror meets does not add up to 1."""
+        return self.followed * self.drawn
 
 
 def sampled_sheet(
@@ -58,15 +72,15 @@ def sampled_sheet(
     envelopes = [part.envelope for part, _ in parts if part.envelope is not None]
     frame = frame_of(normal, incoming, envelopes[0].tangent)
     native: list[Callable[[Any], Any]] = []
-    mirrors: list[_Mirror] = []
+    residuals: list[tuple[TableGroups, Any]] = []
     for (part, share), envelope in zip(parts, envelopes, strict=True):
         weights = envelope.weights(frame[0])
         native.append(partial(envelope.closure, weights, normal, adjustments))
         if part.table is not None:
-            mirrors.append(_Mirror(part.table, weights[0][1] * share))
-    front, mirrors = _drawn(mirrors)
+            residuals.append((part.table, weights[0][1] * share))
+    front, mirrors = _drawn(residuals, u[5])
     place = position, normal, front
-    traced = [_mirrored(mirror, mirrors, native, numbers, frame, place, adjustments, tables) for mirror in mirrors]
+    traced = [_mirrored(mirror, native, numbers, frame, place, adjustments, tables) for mirror in mirrors]
     world, density, light = call(light_point_group(tables), *place, *random)
     surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
     side = expr.dot(world, normal)
@@ -74,7 +88,9 @@ def sampled_sheet(
     point = world, density, light, side * expr.dot(world, surface) > 0
     shown = []
     for mirror in mirrors:
-        direct, reached = direct_light(mirror.table, _up(mirror, normal), frame, point, u[4], mirror.share, adjustments)
+        direct, reached = direct_light(
+            mirror.table, _up(mirror, normal), frame, point, u[4], mirror.chance, adjustments
+        )
         shown.append(emission(direct * adjustments.gain, reached))
     if len(mirrors) == 1:
         return add_closures([*traced, *shown])
@@ -82,16 +98,23 @@ def sampled_sheet(
     return add_closures([chosen, choose_closure(side > 0, shown[1], shown[0])])
 
 
-def _drawn(mirrors: list[_Mirror]) -> tuple[Any, list[_Mirror]]:
-    """The part of the residuals' light that is reflected, and the mirrors with how often each is drawn."""
-    if len(mirrors) == 1:
-        return 0.0 if mirrors[0].table.through else 1.0, mirrors
-    reflected, through = mirrors
-    part = expr.divide(reflected.share, reflected.share + through.share)
-    front = expr.minimum(expr.maximum(part, _LEAST), 1 - _LEAST)
+def _drawn(residuals: list[tuple[TableGroups, Any]], number: Any) -> tuple[Any, list[_Mirror]]:
+    """The part of the light sampled that is reflected, and the mirrors of residuals, each with its share of all light.
+
+    Parameters
+    ----------
+    number : random, which draws one of the mirrors
+    """
+    if len(residuals) == 1:
+        ((table, share),) = residuals
+        return 0.0 if table.through else 1.0, [_Mirror(table, share, 1.0, number)]
+    (reflected, above), (through, below) = residuals
+    followed = above + below
+    front = expr.minimum(expr.maximum(expr.divide(above, followed), _LEAST), 1 - _LEAST)
+    # What the choice between the mirrors leaves of the number is even again.
     return front, [
-        _Mirror(reflected.table, reflected.share, front),
-        _Mirror(through.table, through.share, 1 - front),
+        _Mirror(reflected, followed, front, expr.divide(number, front)),
+        _Mirror(through, followed, 1 - front, expr.divide(number - front, 1 - front)),
     ]
 
 
@@ -102,7 +125,6 @@ def _up(mirror: _Mirror, normal: Any) -> Any:
 
 def _mirrored(
     mirror: _Mirror,
-    mirrors: list[_Mirror],
     native: list[Callable[[Any], Any]],
     numbers: Any,
     frame: tuple[Any, Any, Any],
@@ -111,16 +133,11 @@ def _mirrored(
     tables: LightTables,
 ) -> Any:
     """One of the mirrors, the native closures beside it, and what is emitted of the light that the mirror meets."""
-    (_, incoming, u, more, _), (_, normal, front) = numbers, place
-    number = u[5]
-    if len(mirrors) > 1:
-        # What the choice between the mirrors leaves of the number is even again.
-        number = expr.divide(number - front, 1 - front) if mirror.table.through else expr.divide(number, front)
+    (_, incoming, _, more, _), (_, normal, _) = numbers, place
     ahead = draw_ahead(mirror.table, _up(mirror, normal), frame, numbers, tables)
     weight = adjustments.apply(expr.scale(ahead.weight, expr.divide(1.0, mirror.drawn)))
     bent = is_bent(ahead.wi_world, incoming) if mirror.table.through else None
-    followed = sum((one.share for one in mirrors[1:]), start=mirrors[0].share)
-    drawing = followed, ahead.of_table * mirror.drawn, number
+    drawing = mirror.followed, ahead.of_table * mirror.drawn, mirror.number
     met = met_light(tables, place, ahead.wi_world, drawing, ahead.aims, bent)
     lead = through_closure if mirror.table.through else mirror_closure
     return add_closures(

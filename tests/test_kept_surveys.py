@@ -22,7 +22,7 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes import compat
-from support.lamp_edits import EDITS, add, lamp
+from support.lamp_edits import EDITS, add, lamp, spot_world
 
 
 @pytest.fixture
@@ -82,6 +82,15 @@ def driven(scene: bpy.types.Scene) -> None:
     target.id, target.data_path = scene.objects["plate"], '["watts"]'
 
 
+def behind_glass(scene: bpy.types.Scene) -> None:
+    """Once there is a world's picture that could be sampled, and a transparent film."""
+    if scene.world is None:
+        spot_world(scene)
+        scene.render.film_transparent, scene.cycles.blur_glossy = True, 0.0
+    else:
+        scene.cycles.film_transparent_glass = True
+
+
 MORE: dict[str, Callable[[bpy.types.Scene], object]] = {
     "multiple importance": lambda s: setattr(lamp(s).data.cycles, "use_multiple_importance_sampling", False),
     "hidden from renders": lambda s: setattr(lamp(s), "hide_render", True),
@@ -95,6 +104,7 @@ MORE: dict[str, Callable[[bpy.types.Scene], object]] = {
     "a layer more": lambda s: s.view_layers.new("more"),
     "constraint": constrained,
     "driver": driven,
+    "transparent glass": behind_glass,
 }
 
 

@@ -35,14 +35,17 @@ from support.direct_light import environment
 from support.osl import skip_without_osl
 from support.scenes import TestScene, add_lamp, diffuse_material
 from support.sheet_scenes import (
+    BEADED,
     BEFORE,
     BEHIND,
     GLAZED,
     LINED,
+    PRISMATIC,
     SETTINGS,
     assert_mean,
     lit_by,
     record_of,
+    set_sky,
     sheet_scene,
     under_sky,
 )
@@ -60,6 +63,11 @@ def osl() -> None:
 def glazed(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
     """Of both sides alike, which takes half the time to compile."""
     return record_of(bake_source(GLAZED, tmp_path_factory.mktemp("glazed") / "glazed", SETTINGS))
+
+
+@pytest.fixture(scope="module")
+def beaded(tmp_path_factory: pytest.TempPathFactory) -> BrdfRecord:
+    return record_of(bake_source(BEADED, tmp_path_factory.mktemp("beaded") / "beaded", SETTINGS))
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +131,26 @@ def test_a_lamp_hidden_from_the_camera_loses_nothing(
         assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=48)
 
 
+def test_a_lamp_that_no_portal_meets_loses_nothing(tmp_path: Path) -> None:
+    """Its mirrors lead to the lamp, by rays that stay the camera's."""
+    prismatic = record_of(bake_source(PRISMATIC, tmp_path / "prismatic", SETTINGS))
+    with shown(60.0) as scene:
+        lamp = add_lamp(scene, "AREA", (2.0, 1.7, -1.5), energy=300, size=1.5)
+        dress(scene, prismatic)
+        assert_mean(scene, lit_by(prismatic, "exact", 60.0, lamp), samples=48)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theta", [40.0, 80.0])
+def test_a_lamp_hidden_from_transmission_loses_nothing(glazed: BrdfRecord, theta: float) -> None:
+    """Cycles' Translucent BSDF sees it all the same, but of a large one what its rays have to meet."""
+    with shown(theta) as scene:
+        lamp = add_lamp(scene, "AREA", BEHIND, energy=300, size=1.0)
+        lamp.visible_camera, lamp.visible_transmission = True, False
+        dress(scene, glazed)
+        assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=48)
+
+
 @pytest.mark.slow
 def test_a_lamp_that_the_camera_sees_is_not_counted_twice(glazed: BrdfRecord) -> None:
     """It is so large that mirrors meet it often."""
@@ -131,6 +159,36 @@ def test_a_lamp_that_the_camera_sees_is_not_counted_twice(glazed: BrdfRecord) ->
         lamp.visible_camera = True
         dress(scene, glazed)
         assert_mean(scene, lit_by(glazed, "exact", 80.0, lamp), samples=24)
+
+
+@pytest.mark.parametrize(
+    ("theta", "place"),
+    [
+        (40.0, (1.5, 1.3, 2.4)),
+        pytest.param(40.0, (-1.5, -1.3, -2.4), marks=pytest.mark.slow),
+        pytest.param(70.0, (2.2, 1.9, 1.1), marks=pytest.mark.slow),
+        pytest.param(130.0, (1.9, 1.6, -2.1), marks=pytest.mark.slow),
+    ],
+)
+def test_a_mirror_drawn_beyond_its_share_is_weighed_as_it_is_drawn(
+    beaded: BrdfRecord, theta: float, place: tuple[float, float, float]
+) -> None:
+    """The lamp is so large that its points and the faint mirror's directions are about as dense."""
+    with shown(theta) as scene:
+        lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
+        dress(scene, beaded)
+        assert_mean(scene, lit_by(beaded, "exact", theta, lamp), samples=64)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [2.3, -2.3])
+def test_what_lies_behind_a_lamp_is_seen_as_often_as_it_should_be(glazed: BrdfRecord, height: float) -> None:
+    """Sky, where the highlight is and straight on; the lamp is no brighter."""
+    with shown(40.0) as scene:
+        lamp = add_lamp(scene, "AREA", (-1.5, -1.2, height), energy=30, size=4.0)
+        set_sky(scene.scene)
+        dress(scene, glazed)
+        assert_mean(scene, lit_by(glazed, "exact", 40.0, lamp) + under_sky(glazed, "exact", 40.0), samples=48)
 
 
 @pytest.mark.slow
@@ -206,22 +264,45 @@ def test_noise_under_a_lamp_behind_is_a_fraction(glazed: BrdfRecord) -> None:
 
 
 def test_which_rays_meet_a_light_is_known() -> None:
-    """A lamp that is hidden from transmission, or a film that shows nothing behind glass, is not sampled at all."""
+    """Under a film that shows nothing behind glass, the world is not sampled at all."""
     with sheet_scene(diffuse_material(), 40.0) as scene:
         set_unbiased(scene.scene, samples=1, seed=0)
         lamp = add_lamp(scene, "AREA", BEHIND, energy=300, size=1.0)
-        for camera, diffuse, rays in ((False, True, 2), (True, True, 3), (True, False, 1), (False, False, 0)):
+        for camera, diffuse, rays in ((False, True, 6), (True, True, 7), (True, False, 5), (False, False, 4)):
             lamp.visible_camera, lamp.visible_diffuse = camera, diffuse
             assert [light.rays for light in survey_scene(scene.scene).lights] == [rays]
         assert not why_not_exact(lamp, lamp.matrix_world)
         lamp.visible_transmission = False
-        assert "transmission" in why_not_exact(lamp, lamp.matrix_world)
+        assert not why_not_exact(lamp, lamp.matrix_world) and survey_scene(scene.scene).lights[0].rays == 0
         add_room(scene)
-        assert rays_of_world(scene.scene) == 3 and not survey_scene(scene.scene).world_inexact
+        assert rays_of_world(scene.scene) == 7 and not survey_scene(scene.scene).world_inexact
         scene.scene.render.film_transparent = True
-        assert rays_of_world(scene.scene) == 2 and survey_scene(scene.scene).world_rays == 2
+        assert rays_of_world(scene.scene) == 6 and survey_scene(scene.scene).world_rays == 6
         scene.scene.cycles.film_transparent_glass = True
         assert "Transparent Glass" in survey_scene(scene.scene).world_inexact
+
+
+def test_what_an_instancer_hides_its_lamps_hide_too() -> None:
+    """As Cycles has it: of both flags the lesser holds."""
+    with sheet_scene(diffuse_material(), 40.0) as scene:
+        lamp = add_lamp(scene, "AREA", BEHIND, energy=300, size=1.0)
+        lamp.visible_camera = True
+        collection, owner = bpy.data.collections.new("lamps"), bpy.data.objects.new("owner", None)
+        scene.scene.collection.objects.unlink(lamp)
+        collection.objects.link(lamp)
+        owner.instance_type, owner.instance_collection = "COLLECTION", collection
+        scene.scene.collection.objects.link(owner)
+
+        def surveyed(for_render: bool) -> list[int]:
+            return [light.rays for light in survey_scene(scene.scene, for_render=for_render).lights]
+
+        for for_render in (False, True):
+            assert surveyed(for_render) == [7]
+            owner.visible_camera = owner.visible_transmission = False
+            assert surveyed(for_render) == [2]
+            owner.visible_glossy = False
+            assert surveyed(for_render) == []
+            owner.visible_camera = owner.visible_transmission = owner.visible_glossy = True
 
 
 @pytest.mark.parametrize("kind", [RECTANGLE, SUN])

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.envelope import Elevations, EnvelopeSettings, fit_envelope
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.reading import Reading
 from measured_materials.bake.source import Array, SheetSource
 from measured_materials.bake.sources import read_source
@@ -237,3 +239,11 @@ def test_inspect_tells_what_comes_through_and_where_it_is_too_much(tmp_path: Pat
     found = json.loads(capsys.readouterr().out)["sheet"]
     assert found["energy"]["front"]["largest"] > 1.5 and found["energy"]["behind"]["above_one_deg"] == []
     assert 0.5 < found["through"]["directional"][0][1] < 0.8
+
+
+def test_light_that_all_goes_straight_on_leaves_native_closures_nothing() -> None:
+    """Even Translucent BSDF is worth less than nothing then; one closure is there all the same."""
+    cloth = ThinCloth((0.0, 0.0, 0.0), None, (0.0, 0.0, 0.0), (0.9, 0.9, 0.9), 8.0)
+    settings = EnvelopeSettings(viewers=Elevations(8), basis=(Lobe("lambert"),))
+    fit = fit_envelope(sheet_views(cloth)["through"], settings)
+    assert [lobe.name for lobe in fit.closures] == ["lambert"]

@@ -41,9 +41,11 @@ def emitted_light(lamp: Lamp, colour: Array, data: bpy.types.Light, rays: int) -
     return LampLight((red, green, blue), facing, beam, rays)
 
 
-def rays_of_lamp(obj: bpy.types.Object) -> int:
-    """Which rays meet a lamp besides those of mirrors, as `LampLight` has it."""
-    return obj.visible_camera + 2 * obj.visible_diffuse
+def rays_of_lamp(*shown: bpy.types.Object) -> int:
+    """Which rays meet a lamp besides those of mirrors, as `LampLight` has it: those that meet its instancer too."""
+    names = "visible_camera", "visible_diffuse", "visible_transmission"
+    camera, diffuse, transmission = (all(getattr(obj, name) for obj in shown) for name in names)
+    return camera + 2 * diffuse + 4 * transmission
 
 
 def rays_of_world(scene: bpy.types.Scene) -> int:
@@ -51,7 +53,7 @@ def rays_of_world(scene: bpy.types.Scene) -> int:
     if scene.world is None:
         return 0
     seen = scene.world.cycles_visibility
-    return (seen.camera and not scene.render.film_transparent) + 2 * seen.diffuse
+    return (seen.camera and not scene.render.film_transparent) + 2 * seen.diffuse + 4 * seen.transmission
 
 
 def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
@@ -68,8 +70,6 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
         return "it casts no shadows"
     if obj.lightgroup:
         return f"its light goes to light group {obj.lightgroup}"
-    if not obj.visible_transmission:
-        return "it is hidden from transmission rays"
     linking = obj.light_linking
     if linking.receiver_collection is not None or linking.blocker_collection is not None:
         return "Light Linking or Shadow Linking singles out objects"
@@ -84,10 +84,13 @@ def why_not_exact(obj: bpy.types.Object, matrix: Matrix) -> str:
     return ""
 
 
-def why_world_not_exact(world: bpy.types.World) -> str:
-    """Why the light of a world of one picture is not known exactly to a shader; empty if it is."""
-    if not world.cycles_visibility.transmission:
-        return "the world is hidden from transmission rays"
+def why_world_not_exact(scene: bpy.types.Scene) -> str:
+    """Why the light of a world of one picture is not known exactly to a shader; empty if it is, or there is none."""
+    if (world := scene.world) is None:
+        return ""
+    if scene.render.film_transparent and scene.cycles.film_transparent_glass:
+        # From whatever has come through glass before; no shader knows that of its ray.
+        return "Transparent Glass of the film hides the world from what comes through a sheet"
     if world.lightgroup:
         return f"the world's light goes to light group {world.lightgroup}"
     if world.cycles.max_bounces < _BOUNCES:

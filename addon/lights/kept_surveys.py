@@ -56,7 +56,7 @@ def _state(scene: bpy.types.Scene) -> Any:
     layers = [(layer.name, *_visibility(layer.layer_collection)) for layer in rendered_layers(scene)]
     volume = volume_in_file()
     unknown = [why_not_exact(obj, obj.matrix_basis) for obj in objects if obj.type == "LIGHT"]
-    unknown += why_not_in(scene, volume), volume, why_world_not_exact(scene.world) if scene.world else ""
+    unknown += why_not_in(scene, volume), volume, why_world_not_exact(scene)
     world = world_light(scene.world), rays_of_world(scene)
     return scene.frame_current_final, places, shown, lamps, layers, world, unknown
 

@@ -104,16 +104,16 @@ def rendered_layers(scene: bpy.types.Scene) -> list[bpy.types.ViewLayer]:
 def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampReport:
     """Lamps of an evaluated scene's view layers that a mirror can meet, the strongest first, and its world."""
     found, rays, left_out, inexact, seen, to_come = [], [], [], [], set(), set()
-    for obj, matrix in (entry for graph in depsgraphs for entry in _lamp_objects(graph, for_render)):
+    for owner, obj, matrix in (entry for graph in depsgraphs for entry in _lamp_objects(graph, for_render)):
         original, place = obj.original, tuple(map(tuple, matrix))
         if (original, place) in seen:
             continue  # shown by another view layer too
         seen.add((original, place))
-        why_not = _why_not(obj) or _why_not_there(obj.data, matrix)
+        why_not = _why_not(obj, owner) or _why_not_there(obj.data, matrix)
         power = 0.0 if why_not else _lamp(obj.data, matrix).power
         if power > 0:
             found.append((original.name, _lamp(obj.data, matrix), obj.data, matrix))
-            rays.append(rays_of_lamp(obj))
+            rays.append(rays_of_lamp(obj, owner))
             if reason := why_not_exact(original, matrix):
                 inexact.append(f"{original.name}: {reason}")
         elif _may_shine_later(original):
@@ -151,9 +151,7 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
 def _why_world_inexact(scene: bpy.types.Scene, light: WorldLight) -> str:
     if scene.world is None or not light.aimed:
         return light.why_not
-    if scene.render.film_transparent and scene.cycles.film_transparent_glass:
-        return "Transparent Glass of the film hides the world from what comes through a sheet"
-    return why_world_not_exact(scene.world) if light.picture else "the world is more than one picture"
+    return why_world_not_exact(scene) if light.picture else "the world is more than one picture"
 
 
 def lamp_settings(obj: bpy.types.Object) -> Any:
@@ -168,8 +166,10 @@ def _may_shine_later(obj: bpy.types.Object) -> bool:
     return changes(obj, _HIDING | {"scale"}) or changes(obj.data)
 
 
-def _lamp_objects(depsgraph: bpy.types.Depsgraph, for_render: bool) -> Iterator[tuple[bpy.types.Object, Matrix]]:
-    """Lamps as objects and instances, linked ones too, with their matrices in the world.
+def _lamp_objects(
+    depsgraph: bpy.types.Depsgraph, for_render: bool
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Object, Matrix]]:
+    """Lamps as objects and instances, linked ones too, after what instances them or themselves; matrices in the world.
 
     What only a render shows has no evaluated matrix yet: it is placed by the settings of the object and its parents.
     """
@@ -179,13 +179,14 @@ def _lamp_objects(depsgraph: bpy.types.Depsgraph, for_render: bool) -> Iterator[
     for instance in depsgraph.object_instances:
         if (obj := instance.object).type != "LIGHT":
             continue
-        owner = (instance.parent if instance.is_instance else obj).original
+        by = instance.parent if instance.is_instance else obj  # evaluated, as animation has it
+        owner = by.original
         shown.add((owner, obj.original))
         # Instances on vertices, faces and particles are known to the dependency graph alone.
         others = instance.is_instance and owner.instance_type != "COLLECTION" and owner in renderable
         if not for_render or (owner, obj.original) in rendered or (others and not obj.original.hide_render):
-            yield obj, instance.matrix_world.copy()
-    yield from ((lamp, matrix) for owner, lamp, matrix in placed if (owner, lamp) not in shown)
+            yield by, obj, instance.matrix_world.copy()
+    yield from (entry for entry in placed if entry[:2] not in shown)
 
 
 def _renderable(layer: bpy.types.LayerCollection) -> set[bpy.types.Object]:
@@ -256,10 +257,10 @@ def _in_beam(target: Vector, lamp: Lamp, data: Any, matrix: Matrix) -> Lamp:
     return replace(lamp, power=lamp.power * max((1 - tangent / math.tan(half)) / kept, _DARK))
 
 
-def _why_not(obj: bpy.types.Object) -> str:
-    """Why a mirror never meets this lamp; empty if it does."""
+def _why_not(obj: bpy.types.Object, owner: bpy.types.Object | None = None) -> str:
+    """Why a mirror never meets this lamp, which an owner may instance; empty if it does."""
     data = obj.data
-    if not obj.visible_glossy:
+    if not (obj.visible_glossy and (owner is None or owner.visible_glossy)):
         return "hidden from glossy rays"
     if getattr(data.cycles, "is_portal", False):
         return "a portal, which lights nothing itself"

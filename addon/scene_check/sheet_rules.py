@@ -70,7 +70,7 @@ def lamps(subject: Subject) -> Iterator[Finding]:
             )
             mend = setting(obj, "visible_camera", True)
             yield Finding("lamp_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)
-        if obj.visible_diffuse and not obj.visible_transmission:
+        if aimed and obj.visible_diffuse and not obj.visible_transmission:
             why = (
                 "rays that are bent through a sheet are transmission rays and do not meet it; those that go on at flat "
                 "angles do, and those of Cycles' own shaders"
@@ -85,7 +85,9 @@ def world(subject: Subject) -> Iterator[Finding]:
     if world is None or not sheets(subject) or not world.cycles_visibility.diffuse:
         return
     visibility, where = world.cycles_visibility, f"world {world.name}"
-    if not visibility.camera and not all(_samples(material, WORLD_KEY) for material in sheets(subject)):
+    if all(_samples(material, WORLD_KEY) for material in sheets(subject)):
+        return  # which needs no ray to meet it
+    if not visibility.camera:
         why = f"the camera's rays go on through a sheet at flat angles and do not meet it; {_LOST} were lost"
         mend = setting(visibility, "camera", True)
         yield Finding("world_camera", WRONG, where, "Ray Visibility, Camera is off", "on", why, mend)
@@ -121,7 +123,10 @@ def film(subject: Subject) -> Iterator[Finding]:
     if not scene.render.film_transparent or not sheets(subject):
         return
     where = f"scene {scene.name}"
-    why = f"the world behind a sheet is cut out where the camera's rays go on through it: {_LOST}"
+    # What a shader samples of the world is shown; the film's alpha lacks it all the same.
+    sampled = all(_samples(material, WORLD_KEY) for material in sheets(subject))
+    cut = "the alpha of the world" if sampled else "the world"
+    why = f"{cut} behind a sheet is cut out where the camera's rays go on through it: {_LOST}"
     wanted = "off, or the world replaced by lamps and surfaces"
     yield Finding("film_transparent", WRONG, where, "Film, Transparent is on", wanted, why)
     if scene.cycles.film_transparent_glass:

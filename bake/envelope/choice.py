@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -108,7 +109,7 @@ def _order(lobe: Closure) -> tuple[object, ...]:
 
 def _best(trial: Trial, sets: list[Set]) -> tuple[Set, float]:
     if not sets:
-        return (), 0.0
+        return (), -math.inf  # a set may be worth less than nothing, and is more than none
     shares = trial.shares(sets)
     best = int(np.argmax(shares))
     return sets[best], float(shares[best])

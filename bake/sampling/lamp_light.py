@@ -39,7 +39,7 @@ class LampLight:
     radiance : along its axis, by channel
     facing : a sphere's stand-in, a disk that faces whoever looks at it
     beam : kind, end and steepness
-    rays : 1 if the camera's meet it, and 2 more if those from diffuse surfaces do
+    rays : 1 if the camera's meet it, 2 more if those from diffuse surfaces do, and 4 more if those of transmission do
     """
 
     radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -28,6 +28,7 @@ LINED = ThinCloth((0.3, 0.2, 0.1), (0.1, 0.2, 0.3), (0.2, 0.2, 0.1), (0.3, 0.3, 
 SETTINGS = BakeSettings(resolution=12, alpha=(0.5, 0.3), sampler=SamplerLayout(n_o=16, n_h=16, n_phi=8))
 RESOLUTION, AZIMUTH = 16, 0.7
 BELOW, TURNED = np.array([1.0, 1.0, -1.0]), np.array([1.0, -1.0, -1.0])
+ACROSS = np.array([-1.0, -1.0, 1.0])
 # Of light as dense as cos(theta) over the hemisphere.
 NODES = 160
 # Student's t of 23 degrees of freedom at a two-sided level of 1e-3.
@@ -45,7 +46,27 @@ class Glazed(ThinCloth):
         return super().reflected_behind(wi, wo) + 0.5 * self.transmitted(wi * BELOW, wo)
 
 
+class Beaded(ThinCloth):
+    """One that throws a little light back to where it came from, which no native closure carries: so little that the
+    mirror of what it reflects is drawn beyond its share."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return super().evaluate(wi, wo) + self.transmitted(-wi, wo) / 30
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        return super().reflected_behind(wi, wo) + self.transmitted(-wi, wo) / 30
+
+
+class Prismatic(ThinCloth):
+    """One whose light comes out on the viewer's side of the plane at right angles to him, where a Ray Portal leads."""
+
+    def transmitted(self, wi: Array, wo: Array) -> Array:
+        return super().transmitted(wi * ACROSS, wo)
+
+
+PRISMATIC = Prismatic((0.2, 0.2, 0.2), None, (0.1, 0.1, 0.1), (0.5, 0.5, 0.5), 8.0)
 GLAZED = Glazed((0.2, 0.1, 0.1), None, (0.1, 0.2, 0.1), (0.3, 0.3, 0.2), 8.0)
+BEADED = Beaded((0.03, 0.03, 0.03), None, (0.0, 0.0, 0.0), (0.9, 0.9, 0.9), 8.0)
 
 
 def record_of(result: BakeResult) -> BrdfRecord:
