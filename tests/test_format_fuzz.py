@@ -136,6 +136,7 @@ def test_merl_of_any_head_is_clean(tmp_path: Path) -> None:
 
 
 VARIANTS = {
+    "EPFL/RGL tensor": "RGL",
     "tensor tree": "WINDOW or Radiance XML",
     "ALTA stream": "ALTA",
     "UTIA picture": "UTIA",

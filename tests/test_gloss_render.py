@@ -124,8 +124,8 @@ def test_a_gloss_is_its_quadrature(stand_in: Bundles, material: str, light: str,
 @pytest.mark.parametrize(
     "kind, light, gloss",
     [
-        ("sampled", "disk", 4.0),
-        ("nodes", "disk", 4.0),
+        pytest.param("sampled", "disk", 4.0, marks=pytest.mark.slow),
+        pytest.param("nodes", "disk", 4.0, marks=pytest.mark.slow),
         ("aimed", "small lamp", 0.5),
         pytest.param("sampled", "three lamps", 2.0, marks=pytest.mark.slow),
         pytest.param("sampled", "three lamps", 0.5, marks=pytest.mark.slow),

@@ -25,8 +25,7 @@ from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.clean_blend import clean_blend  # noqa: F401
 from support.scenes import add_lamp
-from test_denoiser_passes import denoiser_input
-from test_sheet_material import (
+from support.sheet_scenes import (
     BEFORE,
     BEHIND,
     BELOW,
@@ -38,6 +37,7 @@ from test_sheet_material import (
     upper_hemisphere,
     viewer,
 )
+from test_denoiser_passes import denoiser_input
 
 LEVELS = np.array([0.1, 0.25, 0.4, 0.6, 0.8, 1.0])
 # Light that is let through reddens as it grows, what is reflected turns blue: neither map is linear in any channel.
