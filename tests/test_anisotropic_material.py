@@ -128,8 +128,9 @@ def test_rotation_is_that_of_cycles_own_closure(brushed: Bundle) -> None:
     assert not compare(expected, wrong, mask, tolerance=0.004).passed
 
 
-@pytest.mark.parametrize("mode", ["exact", slow("reference")])
-@pytest.mark.parametrize("name", ["mirrored", slow("still")])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["exact", "reference"])
+@pytest.mark.parametrize("name", ["mirrored", "still"])
 def test_a_material_without_mirror_symmetry(crossed: Bundle, name: str, mode: str) -> None:
     """Native closures and the residual's mirror, or the mirror alone; the second lobe tells left from right."""
     with plane_scene(crossed_truth(), SHAPES[name], applied=True) as truth:

@@ -124,7 +124,8 @@ def test_nodes_in_a_dark_room(diffuse: Array, lambert: Bundle, mode: str) -> Non
     assert_diffuse(diffuse, mode, lambda room: room.show(material))
 
 
-@pytest.mark.parametrize("mode", ["exact", pytest.param("reference", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["exact", "reference"])
 def test_osl_in_a_dark_room(diffuse: Array, lambert: Bundle, mode: str) -> None:
     skip_without_osl()
 

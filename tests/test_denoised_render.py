@@ -73,6 +73,7 @@ def error(picture: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(((picture - truth) ** 2 / (truth**2 + 0.01)).mean()))
 
 
+@pytest.mark.slow
 def test_denoised_picture_is_closer(
     paint: Path, truth: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -85,7 +85,7 @@ def test_half_vector_material_is_the_fine_one(bundles: tuple[Bundle, Bundle], mo
 @pytest.mark.parametrize(
     "name, mode, language",
     [
-        ("sheared out of its plane", "exact", "nodes"),
+        pytest.param("sheared out of its plane", "exact", "nodes", marks=pytest.mark.slow),
         pytest.param("mirrored", "reference", "nodes", marks=pytest.mark.slow),
         pytest.param("turned", "exact", "osl", marks=pytest.mark.slow),
         pytest.param("sheared", "reference", "osl", marks=pytest.mark.slow),

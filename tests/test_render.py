@@ -55,6 +55,7 @@ def test_grey_lambert_equals_diffuse(grey: Bundle, segments: int) -> None:
         assert_same(reference, scene.render(128, range(100, 108)), scene.mask(), 0.0, EFFECT)
 
 
+@pytest.mark.slow
 def test_bump_map_correction_would_bias_a_coarse_sphere(grey: Bundle) -> None:
     """The setting that the builder switches off is one that matters: left on, the same comparison fails."""
     with lit_sphere(diffuse_material(0.5), 12, lamp=False) as scene:

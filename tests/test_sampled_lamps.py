@@ -184,6 +184,7 @@ def test_a_file_of_a_newer_blender_is_told(registered: None, paint: Bundle) -> N
         assert can_raycast() or all(tree[SLOTS_KEY] == 0 for tree in aims)
 
 
+@pytest.mark.slow
 def test_with_balanced_the_preview_is_shown_after_a_diffuse_bounce(paint: Bundle) -> None:
     """And nothing is emitted there: ground lit by the sphere is as under the other material."""
     with lit_sphere(sampling(paint, "balanced"), resolution=24) as scene:
