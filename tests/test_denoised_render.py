@@ -93,6 +93,7 @@ def test_denoised_picture_is_closer(
     assert np.abs(np.diff(clean.mean(-1), axis=1))[edges].mean() > least * steep[edges].mean()
 
 
+@pytest.mark.slow
 def test_osl_is_denoised_by_a_twin(
     paint: Path, truth: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

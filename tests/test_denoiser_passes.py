@@ -111,7 +111,7 @@ def test_passes_do_not_touch_the_picture(paint: Bundle) -> None:
     assert np.array_equal(pictures[0], pictures[1]) and np.array_equal(pictures[0], pictures[2])
 
 
-@pytest.mark.parametrize("mode", ["exact", "reference"])
+@pytest.mark.parametrize("mode", [pytest.param("exact", marks=pytest.mark.slow), "reference"])
 def test_denoised_picture_is_closer(paint: Bundle, truth: np.ndarray, mode: str) -> None:
     """At 16 samples, by these passes and by Cycles' own, which need the best prefilter not to harm."""
     with lit_sphere(featured(paint, mode), 64, resolution=96) as scene:

@@ -71,11 +71,11 @@ def turn(scene: bpy.types.Scene, strength: float) -> None:
     next(n for n in tree.nodes if n.type == "BACKGROUND").inputs["Strength"].default_value = strength
 
 
-OTHERS = "reference", "reference-lamp", "sampled-lamp", "world", "world-turned"
+OTHERS = "reference", "reference-lamp", "sampled-lamp", "world", "world-lamp", "world-turned"
 SLOW = [pytest.param(kind, marks=pytest.mark.slow) for kind in OTHERS]
 
 
-@pytest.mark.parametrize("kind", ["sampled", "world-lamp", *SLOW])
+@pytest.mark.parametrize("kind", ["sampled", *SLOW])
 def test_a_world_is_aimed_at_without_bias(paint: Bundle, kind: str) -> None:
     """Against quadrature, alone and with a large lamp in front of it; a planted 2 % is found."""
     with stage("room") as seen:
@@ -109,6 +109,7 @@ def in_room(paint: Bundle) -> Iterator[TestScene]:
         yield scene
 
 
+@pytest.mark.slow
 def test_bounce_light_and_noise_of_a_sampled_world(paint: Bundle, in_room: TestScene) -> None:
     """The picture of nodes, which aim a mirror, with less than half of its variance."""
     pictures = in_room.render(96, 8)
