@@ -22,6 +22,7 @@ from ..lights.seen_world import surroundings_of
 from .choices import AUTO, NODES, OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
 from .scene_fit import (
+    NO_PASSES,
     NO_RAYS,
     OSL_EFFECT,
     RAYS,
@@ -84,7 +85,7 @@ def build_map(
         normals=shows_normals(scene),
     )
     if passes and settings.mode != "preview":
-        why = _NO_PASSES if light.scripted else "a view layer asks for them"
+        why = NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(chosen, name) for name in OF_MAP}
     return {"choices": kept, "effects": [effect.facts() for effect in effects]}
@@ -165,9 +166,6 @@ def plan_map_light(
 def sampling_for_map(choices: Choices, report: LampReport, *, through: bool) -> Sampling:
     """What a swatch can sample in a scene of which this is the report; one that lets light `through`, nothing."""
     return _AIMED_ONLY if through else sampling_of(report, scripted=choices.shader == OSL, gain=GAIN_OF_SWATCH)
-
-
-_NO_PASSES = "OSL cannot write them; built of nodes they can be had"
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

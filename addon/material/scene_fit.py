@@ -21,6 +21,7 @@ SAMPLED_EFFECT = "Lamps sampled in the shader"
 OSL_EFFECT = "Open Shading Language"
 # Of nodes whose rays are scripts.
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
+NO_PASSES = "OSL cannot write them; built of nodes they can be had"
 NO_RAYS = "no lamp is sampled, and nodes are as good"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
@@ -124,7 +125,7 @@ def plan_brdf(
     features = passes and residual and not osl and not scripted
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
-        why = "OSL cannot write them; built of nodes they can be had" if passes and (osl or scripted) else why
+        why = NO_PASSES if passes and (osl or scripted) else why
         effects.append(Effect("Denoiser's passes", features, why))
     marked = normals and residual
     if marked:
