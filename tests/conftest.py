@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,6 +28,21 @@ def shared_data() -> Path:
 def shared_tools(shared_data: Path) -> Path:
     """Scripts beside the repository, among them the MERL reconstructor."""
     return SHARED / "tools"
+
+
+@pytest.fixture(autouse=True)
+def engine_kept() -> Iterator[None]:
+    """Whatever a test or the operators it calls choose as the engine, the next test finds the scene as it was.
+
+    The tests of one process share Blender's one file, and which of them come before is left to chance.
+    """
+    bpy = sys.modules.get("bpy")
+    # The wheel sets the context up with the first file; before that there is no scene.
+    scene = getattr(bpy.context, "scene", None) if bpy else None
+    engine = scene.render.engine if scene else None
+    yield
+    if engine is not None and bpy.context.scene is not None:
+        bpy.context.scene.render.engine = engine
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
