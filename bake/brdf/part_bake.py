@@ -15,7 +15,8 @@ from ..source import Array, BrdfSource, Facts, Json, SheetSource
 from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.filter_choice import FilterChoice, unweighed, weighed
+from ..tables.code_fit import can_be_fitted
+from ..tables.filter_choice import LEAST_GAIN, LEAST_GAIN_OF_CODES, FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
@@ -150,14 +151,18 @@ class PartBake:
         found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.envelope:
             return unweighed("over Cycles' own shaders a B-spline only smooths the rest"), found
-        if not self.settings.tries_spline or not self.source.isotropic:
-            return unweighed("codes and four dimensions have no B-spline that pays"), found
+        if not self.source.isotropic:
+            return unweighed("four dimensions have no B-spline that pays"), found
+        codes = self.settings.storage is Storage.LOG
+        if codes and not can_be_fitted(replace(table, filter="bspline")):
+            return unweighed("so large a table of logarithms has no fitted B-spline"), found
         errors: dict[str, Mapping[str, float]] = {}
         for self.filter in ("trilinear", "bspline"):
             found[self.filter] = self._kept(table)
             errors[self.filter] = self._errors(found[self.filter][0].table, self.filter)
         rms: dict[str, float] = {name: found["rms"] for name, found in errors.items()}
-        return weighed(rms, errors["trilinear"]["relative"]), found
+        least_gain = LEAST_GAIN_OF_CODES if codes else LEAST_GAIN
+        return weighed(rms, errors["trilinear"]["relative"], least_gain), found
 
     def _kept(self, table: Table) -> tuple[StoredTable, str]:
         """As it comes back, with what its values are: see `_Tabulated.spline`."""
@@ -171,8 +176,7 @@ class PartBake:
         if self.settings.spline != "fitted":
             candidates["plain"] = self._stored(table, self.truth)
         if self.settings.spline != "plain":
-            values = fit_coefficients(table.grid, table.values, lambda share: self.say("fitting spline", share))
-            candidates["fitted"] = self._stored(replace(table, values=values), self.truth)
+            candidates["fitted"] = self._fitted_spline(table)
         if len(candidates) == 1:
             ((name, chosen),) = candidates.items()
         else:
@@ -180,6 +184,14 @@ class PartBake:
             name = min(rms, key=rms.__getitem__)
             chosen = candidates[name]
         return chosen, name
+
+    def _fitted_spline(self, table: Table) -> StoredTable:
+        """Coefficients fitted to the source where they are codes, and those are few enough, else to the samples."""
+        if self.settings.storage is Storage.LOG and can_be_fitted(replace(table, filter="bspline")):
+            self.say("fitting spline", 0.0)
+            return self._stored(table, self.truth, self.source)
+        values = fit_coefficients(table.grid, table.values, lambda share: self.say("fitting spline", share))
+        return self._stored(replace(table, values=values), self.truth)
 
     def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
         filtered = replace(table, filter=self.filter)

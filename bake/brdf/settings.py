@@ -93,7 +93,7 @@ class BakeSettings:
     @property
     def tries_spline(self) -> bool:
         """Whether a B-spline of an isotropic table is made, be it only to weigh it."""
-        return tries_spline(self.filter, self.envelope, self.storage)
+        return tries_spline(self.filter, self.envelope)
 
     @property
     def bases(self) -> tuple[str, ...]:
@@ -108,6 +108,6 @@ class BakeSettings:
         return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
 
 
-def tries_spline(filter: str, envelope: bool, storage: str) -> bool:
-    """See `BakeSettings.tries_spline`: "auto" weighs one where the table is read as a whole, and not as codes."""
-    return filter == "bspline" or (filter == "auto" and not envelope and storage != Storage.LOG)
+def tries_spline(filter: str, envelope: bool) -> bool:
+    """See `BakeSettings.tries_spline`: "auto" weighs one where the table is read as a whole."""
+    return filter == "bspline" or (filter == "auto" and not envelope)

@@ -211,7 +211,7 @@ def _draw_table(column: bpy.types.UILayout, properties: Any) -> None:
             shape.prop(properties, "alpha_theta", slider=True)
             shape.prop(properties, "alpha_phi", slider=True)
     column.prop(properties, "filter")
-    if tries_spline(properties.filter, properties.envelope, properties.storage):
+    if tries_spline(properties.filter, properties.envelope):
         column.prop(properties, "spline")
 
 
