@@ -18,6 +18,7 @@ from ..tables.bspline_fit import fit_coefficients, sample_spline
 from ..tables.code_fit import can_be_fitted
 from ..tables.filter_choice import LEAST_GAIN, LEAST_GAIN_OF_CODES, FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
+from ..tables.search.byte_limit import file_bytes, grid_within, resolution_for
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.sheet import sheet_views
@@ -31,6 +32,8 @@ from .samplers import Layout, isotropic_layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
 
 _SMALL_SAMPLER = 16
+# Fitted codes take up to a tenth more room than those of the samples. A table that takes even more is made again.
+_FITTED, _REFITS = 1.04, 4
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,17 @@ class PartBake:
         self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
         self.weighed: FilterChoice | None = None
         self.black = not self.truth.any()
+        if settings.table_bytes is not None:
+            if not source.isotropic:
+                raise BakeError(
+                    source.name, "is anisotropic: its table cannot be fitted to bytes", "state a resolution"
+                )
+            self.settings = replace(settings, resolution=resolution_for(settings.table_bytes))
         if self.black:
             if not _has_other_sides(source, self.pairs):
                 raise BakeError(source.name, "reflects nothing", "check the file")
             small = isotropic_layout(kind_of_layout(settings.sampler), _SMALL_SAMPLER)
-            self.settings = replace(settings, filter=self.filter, sampler=small)
+            self.settings = replace(self.settings, filter=self.filter, sampler=small, table_bytes=None)
 
     def baked(self, reflection: Callable[..., Reflection], front: bool = True) -> BakedPart:
         """All steps, given what makes the `Reflection` of a treated source, its grid, its choice and the settings.
@@ -91,7 +100,7 @@ class PartBake:
         """
         choice, grid = self.choose_grid()
         made = self.tabulate(grid)
-        seen = reflection(self.source, grid, choice, self.settings)
+        seen = reflection(self.source, made.kept.table.grid, choice, self.settings)
         seen.black = self.black
         cells, layout = self.sampler(made.kept.table, seen)
         images = {"table": made.kept.image(), "sampler": cells}
@@ -137,7 +146,23 @@ class PartBake:
         return choice, grid
 
     def tabulate(self, grid: Grid) -> _Tabulated:
-        """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
+        """The table on this grid, of a spline its coefficients; within `table_bytes` on one of the sizes that fit.
+
+        Raises BakeError where the storage cannot hold them.
+        """
+        most = self.settings.table_bytes
+        if most is None:
+            return self._tabulated(grid)
+        room = most / _FITTED
+        for _ in range(_REFITS):
+            grid = grid_within(self.source, grid, room, self.pairs, self.truth)
+            made = self._tabulated(grid)
+            if (size := file_bytes(made.kept)) <= most:
+                return made
+            room *= 0.99 * most / size
+        raise BakeError(self.source.name, f"has no table within {most} bytes: {size} are needed", "allow more")
+
+    def _tabulated(self, grid: Grid) -> _Tabulated:
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.filter == "auto":

@@ -28,7 +28,7 @@ from .log_codes import LogCodes
 from .padding import GUTTER, PAD_MODES, pad_slices
 from .table import Filter, Table, filter_taps
 
-# Of pairs for each texel: far more than codes, or noise between the pairs would be fitted. (Of a quarter as many, tables
+# Of pairs for each texel: far more than codes, or their noise would be fitted. (Of a quarter as many, tables
 # of 48 KiB err up to twice as much; with a hundredth of the stay a quarter more, in a tenth more bytes. A B-spline
 # reads eight times as many texels of each, in as many times the time.)
 _PAIRS_EACH, _LEAST_PAIRS = {"trilinear": 24, "bspline": 12}, 1 << 16
