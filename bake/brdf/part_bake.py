@@ -33,7 +33,7 @@ from .settings import BakeSettings
 
 _SMALL_SAMPLER = 16
 # Fitted codes take up to a tenth more room than those of the samples. A table that takes even more is made again.
-_FITTED, _REFITS = 1.04, 4
+_FITTED, _REFITS = 1.06, 4
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ FITTED_FILTERS: tuple[Filter, ...] = ("trilinear", "bspline")
 MOST_TEXELS = 1 << 16
 # One step is not enough for coarse tables of a highlight, and a third gains a hundredth.
 _STEPS, _GRADIENTS, _STAY = 2, 12, 1.0
+_AT_ONCE = 1 << 14
 # An exponential goes further than its slope says: a step that makes things worse is shortened.
 _SHORTER = (1.0, 0.4, 0.15, 0.05)
 
@@ -131,14 +132,25 @@ class Reading:
 
     def interpolated(self, texels: Array) -> Array:
         """What the filter makes of them in each slice, (S, P)."""
-        return np.array([np.einsum("tp,tp->p", self.weight, texels[index]) for index in self.index])
+        found = np.empty(self.share.shape)
+        for part in self._parts():
+            for row, index in zip(found, self.index):
+                row[part] = np.einsum("tp,tp->p", self.weight[:, part], texels.take(index[:, part]))
+        return found
 
     def spread(self, shares: Array, squared: bool = False) -> Array:
         """The transpose of `interpolated`, of (S, P), or of its square: for all texels."""
-        weight = self.weight * self.weight if squared else self.weight
-        size = self.texels
-        parts = (np.bincount(i.reshape(-1), (weight * s).reshape(-1), size) for i, s in zip(self.index, shares))
-        return sum(parts, np.zeros(size))
+        found = np.zeros(self.texels)
+        for part in self._parts():
+            weight = self.weight[:, part]
+            weight = weight * weight if squared else weight
+            for index, row in zip(self.index, shares):
+                found += np.bincount(index[:, part].reshape(-1), (weight * row[part]).reshape(-1), self.texels)
+        return found
+
+    def _parts(self) -> list[slice]:
+        """Of the pairs, so many that a processor keeps what is made of them near: a third of the time."""
+        return [slice(start, start + _AT_ONCE) for start in range(0, self.share.shape[1], _AT_ONCE)]
 
 
 def _continuation(grid: Grid) -> tuple[Array, Array]:

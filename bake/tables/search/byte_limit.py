@@ -27,7 +27,7 @@ _LEAST = 4  # samples of an axis
 # A file of N = 8 takes about so many bytes. An axis grows with this power of them, where warps stay as they are; N, of
 # tables that each have their own, with the other.
 _BYTES_OF_8, _POWER, _POWER_OF_N = 2700, 0.36, 0.43
-_TRIES, _SPENT, _STEP = 8, 6, 1.03
+_TRIES, _SPENT, _STEP = 8, 3, 1.03
 
 
 def resolution_for(most_bytes: int) -> int:
