@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from measured_materials.bake.brdf import part_bake
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.part_bake import PartBake
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -39,6 +41,23 @@ def test_the_limit_is_kept_and_used(start: tuple[int, int, int]) -> None:
     bake = within(LIMIT)
     made = bake.tabulate(HalfVectorGrid(start, "fitted", warps=GRID.warps, cosine_power=2))
     assert 0.8 * LIMIT < file_bytes(made.kept) <= LIMIT
+
+
+def test_a_table_that_takes_more_than_expected_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Codes that are fitted may take any number of bytes more than those of the samples, here a half more."""
+    monkeypatch.setattr(
+        part_bake, "grid_within", lambda source, grid, most, pairs, truth: replace(GRID, sizes=of(most))
+    )
+    monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 1.5 * np.prod(kept.table.grid.shape))
+
+    def of(most: float) -> tuple[int, int, int]:
+        return 4, 4, int(most / 16)
+
+    bake = PartBake(GGX, BakeSettings(storage=Storage.LOG, table_bytes=1200), lambda stage, share: None, 512)
+    assert 0.9 * 1200 < 1.5 * np.prod(bake.tabulate(GRID).kept.table.grid.shape) <= 1200
+    monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 5000)
+    with pytest.raises(BakeError, match="no table within 1200 bytes"):
+        bake.tabulate(GRID)
 
 
 @pytest.mark.slow
