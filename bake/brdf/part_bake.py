@@ -33,7 +33,7 @@ from .settings import BakeSettings
 
 _SMALL_SAMPLER = 16
 # Fitted codes take up to a tenth more room than those of the samples. A table that takes even more is made again.
-_FITTED, _REFITS = 1.06, 4
+_FITTED, _REFITS = 1.08, 4
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class PartBake:
         if not self.source.isotropic:
             return unweighed("four dimensions have no B-spline that pays"), found
         codes = self.settings.storage is Storage.LOG
-        if codes and not can_be_fitted(replace(table, filter="bspline")):
+        if codes and not self._fits_codes(table):
             return unweighed("so large a table of logarithms has no fitted B-spline"), found
         errors: dict[str, Mapping[str, float]] = {}
         for self.filter in ("trilinear", "bspline"):
@@ -198,7 +198,8 @@ class PartBake:
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
         """The coefficients that are asked for, or those of less error, and which they are."""
         candidates = {}
-        if self.settings.spline != "fitted":
+        # Fitted codes are kept only where they err less than those of samples.
+        if self.settings.spline == "plain" or (self.settings.spline == "auto" and not self._fits_codes(table)):
             candidates["plain"] = self._stored(table, self.truth)
         if self.settings.spline != "plain":
             candidates["fitted"] = self._fitted_spline(table)
@@ -210,9 +211,12 @@ class PartBake:
             chosen = candidates[name]
         return chosen, name
 
+    def _fits_codes(self, table: Table) -> bool:
+        return self.settings.storage is Storage.LOG and can_be_fitted(replace(table, filter="bspline"))
+
     def _fitted_spline(self, table: Table) -> StoredTable:
         """Coefficients fitted to the source where they are codes, and those are few enough, else to the samples."""
-        if self.settings.storage is Storage.LOG and can_be_fitted(replace(table, filter="bspline")):
+        if self._fits_codes(table):
             self.say("fitting spline", 0.0)
             return self._stored(table, self.truth, self.source)
         values = fit_coefficients(table.grid, table.values, lambda share: self.say("fitting spline", share))
