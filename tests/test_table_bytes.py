@@ -45,14 +45,12 @@ def test_the_limit_is_kept_and_used(start: tuple[int, int, int]) -> None:
 
 def test_a_table_that_takes_more_than_expected_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Codes that are fitted may take any number of bytes more than those of the samples, here a half more."""
-    monkeypatch.setattr(
-        part_bake, "grid_within", lambda source, grid, most, pairs, truth: replace(GRID, sizes=of(most))
-    )
+
+    def found(source: object, grid: HalfVectorGrid, most: float, pairs: object, truth: object) -> HalfVectorGrid:
+        return replace(grid, sizes=(4, 4, max(int(most / 16), 4)))
+
+    monkeypatch.setattr(part_bake, "grid_within", found)
     monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 1.5 * np.prod(kept.table.grid.shape))
-
-    def of(most: float) -> tuple[int, int, int]:
-        return 4, 4, int(most / 16)
-
     bake = PartBake(GGX, BakeSettings(storage=Storage.LOG, table_bytes=1200), lambda stage, share: None, 512)
     assert 0.9 * 1200 < 1.5 * np.prod(bake.tabulate(GRID).kept.table.grid.shape) <= 1200
     monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 5000)
