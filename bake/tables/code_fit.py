@@ -34,8 +34,8 @@ from .table import Filter, Table, filter_taps
 _PAIRS_EACH, _LEAST_PAIRS = {"trilinear": 24, "bspline": 12}, 1 << 16
 FITTED_FILTERS: tuple[Filter, ...] = ("trilinear", "bspline")
 MOST_TEXELS = 1 << 16
-# One step is not enough for coarse tables of a highlight, and a third gains a hundredth.
-_STEPS, _GRADIENTS, _STAY = 2, 12, 1.0
+# One step is not enough for coarse tables of a highlight, and neither a third nor more gradients gain a hundredth.
+_STEPS, _GRADIENTS, _STAY = 2, 8, 1.0
 _AT_ONCE = 1 << 14
 # An exponential goes further than its slope says: a step that makes things worse is shortened.
 _SHORTER = (1.0, 0.4, 0.15, 0.05)
