@@ -121,7 +121,7 @@ class AlbedoRecord:
 
     @property
     def under_sky(self) -> Colour:
-        """Of a uniform sky, in [0, 1]: the colour of the material as a whole, of a sheen too, which is dark from above."""
+        """Of a uniform sky, in [0, 1]: the material's colour as a whole, of a sheen too, which is dark from above."""
         red, green, blue = (min(max(value, 0.0), 1.0) for value in self.white_sky)
         return red, green, blue
 

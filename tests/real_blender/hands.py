@@ -173,10 +173,7 @@ def hovered(area, region):
             return f"{found[0].name}: {found[1]}"
         if not bpy.ops.ui.copy_python_command_button.poll():
             return ""
-        try:
-            bpy.ops.ui.copy_python_command_button()
-        except RuntimeError:  # a preview is being rendered: the next look will tell
-            return ""
+        bpy.ops.ui.copy_python_command_button()
         return bpy.context.window_manager.clipboard
 
 

@@ -37,6 +37,7 @@ def steps():
 todo = steps()
 
 
+@importlib.import_module("bl_ext.user_default.measured_materials.addon.events").timer
 def advance():
     """Called by a timer; Blender's main loop runs in between."""
     try:
