@@ -1,7 +1,7 @@
 """The hemisphere in patches: rings of the polar angle, each of equal azimuths, over which matrices of windows lie.
 
-Klems (1994, "A New Method for Predicting the Solar Heat Gain of Complex Fenestration Systems") divides it so; the bounds
-are those of Radiance's library, which goes by the name of a basis, whatever a file says of its rings.
+Klems (1994, "A New Method for Predicting the Solar Heat Gain of Complex Fenestration Systems") divides it so; the
+bounds are those of Radiance's library, which goes by the name of a basis, whatever a file says of its rings.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class PatchBasis:
         return bins
 
     def index(self, xp: Any, w: Any) -> Any:
-        """`bins` in the namespace `xp`, numpy's or the nodes', as a number; at a bound itself it may be its neighbour."""
+        """`bins` in the namespace `xp`, numpy's or the nodes', as a number; at a bound either neighbour's."""
         x, y, z = xp.components(w)
         number, first = float(self.azimuths[0]), 0.0
         for bound, count, following in zip(self.bounds, self.azimuths, self.azimuths[1:], strict=False):

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.patches import KLEMS
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.goniometer.specular_frame import direction_around
-from measured_materials.bake.patches import KLEMS
 
 THETAS = np.array([5.0, 20.0, 35.0, 50.0, 65.0, 75.0])
 _OUT_THETAS, _OUT_PHIS = np.arange(0.0, 81.0, 10.0), np.arange(0.0, 360.0, 20.0)

@@ -106,7 +106,8 @@ def choose_grid(
         cause = f"cannot be {parameterization!r} of an anisotropic table in basis {' or '.join(bases)}"
         raise BakeError("parameterization", cause, "choose auto, or the normal basis and one that is not squared")
     made: IsotropicCandidates | AnisotropicCandidates = kind(source, n, alpha)
-    if (patches := patches_of(source)) and not source.isotropic and parameterization == "auto" and set(bases) == {*BASES}:
+    patches = "" if source.isotropic else patches_of(source)
+    if patches and parameterization == "auto" and set(bases) == {*BASES}:
         # Nothing else comes near, of any size.
         return GridChoice(race(source, (PatchGrid(patches),)), None, made.asymmetries())
     for done, (basis, spacing) in enumerate(wanted):
