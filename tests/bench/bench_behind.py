@@ -74,7 +74,7 @@ def run(out: Path, quick: bool) -> int | None:
             put(f"{name}, {size} samples", left)
         print(f"{name}: RMS {error:.1%} of the quadrature's, light {light:+.2%}; the reader's own RMS {read:.1%}")
         put(f"{name}, RMS", error)
-        put(f"{name}, light", light)
+        put(f"{name}, light", abs(light))
         put(f"{name}, reader", read)
         bright = 0.8 / float(np.percentile(truth, 99))
         for words, image in (("Cycles", seen), ("quadrature", truth), ("difference x 4", 4 * np.abs(seen - truth))):
