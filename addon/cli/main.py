@@ -12,7 +12,7 @@ from typing import TextIO
 
 from ...bake.bundle.checked_json import dump_json
 from ...bake.errors import BakeError
-from . import bake_brdf, check, demo, inspect, render, report
+from . import assets, bake_brdf, check, demo, inspect, render, report
 from .console.streams import results_stream, silence_output
 from .interrupts import INTERRUPTED, keyboard_interrupts, told
 from .result import Result, complain
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
         prog=PROGRAM, description="Measured BRDFs as path-traced materials in stock Blender Cycles."
     )
     commands = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (bake_brdf, inspect, render, check, report, demo):
+    for module in (bake_brdf, inspect, render, assets, check, report, demo):
         module.add_to(commands)
     return top
 
