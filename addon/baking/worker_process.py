@@ -72,8 +72,8 @@ class WorkerProcess:
         return self._process.pid
 
     def ask(self, request: Any) -> None:
-        """Hand the worker a request; `addon.baking.worker` takes only one, of a `BakeRequest`, the folder to write to, and
-        the bundle's name."""
+        """Hand the worker a request; that of `addon.baking.worker` is a `BakeRequest`, the folder to write to, and the
+        bundle's name, and it takes no second."""
         asked = pickle.dumps(request)
         self._words.put(struct.pack("<Q", len(asked)) + asked)
 

@@ -31,9 +31,9 @@ from ..summary.quality_levels import LEVELS, STANDARD
 from . import bake_brdf, bake_photographs
 from .bake_jobs import add_replace, add_rights, made_folder
 from .console.library_progress import LibraryProgress
+from .console.option_words import words_of
 from .console.result import Result
 from .lighting_options import add_lighting, known_lobes
-from .option_words import words_of
 from .reading_options import add_reading, reading_of
 
 _KIND = "library"
