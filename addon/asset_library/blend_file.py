@@ -47,15 +47,19 @@ class AssetSettings:
 
 
 def write_asset(
-    bundle: Path, target: Path, settings: AssetSettings, progress: Callable[[str, float], None] = lambda *_: None
+    bundle: Path,
+    target: Path,
+    library: Path,
+    settings: AssetSettings,
+    progress: Callable[[str, float], None] = lambda *_: None,
 ) -> str:
     """Write a bundle's material as an asset to the .blend `target`, or replace an older one by it in one step.
 
-    It is called as the file is. Its catalogue is noted in the library that the file lies in. The extension must be
-    registered; what is open stays as it is.
+    It is called as the file is. The extension must be registered; what is open stays as it is.
 
     Parameters
     ----------
+    library : folder in which Blender looks for the catalogues
     progress : called with "rendering" or "building" and the share of it that is done
 
     Returns
@@ -78,7 +82,7 @@ def write_asset(
         made.append(material)
         material.name = target.stem
         show_next_bake(material, settings.textures == "packed")
-        told = mark(material, blend=target, picture=picture)
+        told = mark(material, library=library, picture=picture)
         _write(material, target)
     return told
 

@@ -15,10 +15,11 @@ import bpy
 
 from ...bake.bundle.bundle import SUFFIX, is_bundle
 from ...bake.errors import BakeError
+from ..assets.mark import library_folder
 from ..material.together import built_together
 from ..summary.text import one_line
 from .blend_file import AssetSettings, write_asset
-from .written import Written, origin_of
+from .written import FILE, Written, origin_of
 
 State = Literal["written", "unchanged", "failed"]
 # Seconds of the stages of one asset, about; only the proportion matters.
@@ -103,20 +104,27 @@ def write_library(
     except OSError as error:
         raise BakeError(out, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
     written = Written.read(out)
+    library = library_folder(out / FILE) or out
     with built_together():
         for bundle in bundles:
             file = bundle.relative_to(root).with_suffix(".blend").as_posix() if bundle != root else f"{root.stem}.blend"
             progress.start(bundle.stem)
             started = time.perf_counter()
             try:
-                state, told = _bring(bundle, file, written, settings, progress, replace)
+                state, told = _bring(bundle, file, written, library, settings, progress, replace)
                 yield Asset(bundle, file, state, time.perf_counter() - started, told)
             except BakeError as error:
                 yield Asset(bundle, file, "failed", time.perf_counter() - started, error=error)
 
 
 def _bring(
-    bundle: Path, file: str, written: Written, settings: AssetSettings, progress: AssetProgress, replace: bool
+    bundle: Path,
+    file: str,
+    written: Written,
+    library: Path,
+    settings: AssetSettings,
+    progress: AssetProgress,
+    replace: bool,
 ) -> tuple[State, str]:
     """Write one asset if need be. Raises BakeError, whatever goes wrong."""
     target = written.folder / file
@@ -128,12 +136,14 @@ def _bring(
             cause = "was written or saved by somebody else and is not replaced"
             raise BakeError(target, cause, "move it away, or --replace to replace it")
         target.parent.mkdir(parents=True, exist_ok=True)
-        told = write_asset(bundle, target, settings, progress)
+        told = write_asset(bundle, target, library, settings, progress)
         written.note(file, origin)
         return "written", told
     except OSError as error:
         cause = f"cannot be read or written ({error.strerror or error})"
-        raise BakeError(error.filename or target, cause, "check the path, its permissions and the free space") from error
+        raise BakeError(
+            error.filename or target, cause, "check the path, its permissions and the free space"
+        ) from error
     except (RuntimeError, ValueError, TypeError, KeyError, MemoryError) as error:
         # Of Blender, or a defect: either is this material's alone.
         cause = f"cannot become an asset ({type(error).__name__}: {one_line(str(error))})"

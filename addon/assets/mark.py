@@ -25,7 +25,7 @@ def mark(
     material: bpy.types.Material,
     rights: Rights | None = None,
     *,
-    blend: Path | None = None,
+    library: Path | None = None,
     picture: NDArray[Any] | None = None,
 ) -> str:
     """Make the material an asset, or bring one in line with its last bake; words on what could not be done, or none.
@@ -33,7 +33,7 @@ def mark(
     Parameters
     ----------
     rights : to state; by default what is stated already stays, and else what the measurement says of itself
-    blend : the .blend that the asset will lie in; by default the open one
+    library : folder whose catalogues list it; by default that of the open .blend
     picture : (H, W, 1 to 4) sRGB in [0, 1] or bytes, row 0 on top; by default that of its bundle
 
     Raises
@@ -50,7 +50,7 @@ def mark(
     data.author, data.license, data.copyright = rights.author, rights.license, rights.copyright
     for tag in words.tags:
         data.tags.new(tag, skip_if_exists=True)
-    told = _set_picture(material, picture), _set_catalogue(material, words.catalogue, library_folder(blend))
+    told = _set_picture(material, picture), _set_catalogue(material, words.catalogue, library or library_folder())
     return "; ".join(filter(None, told))
 
 

@@ -11,7 +11,7 @@ from ...bake.errors import BakeError
 from ..summary.text import columns
 from .console.progress import Progress
 from .need_blender import need_blender
-from .result import Result
+from .console.result import Result
 
 _MOST_SAMPLES = 1 << 16
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from .console.progress import Progress
+from .console.result import Result
 from .need_blender import need_blender
-from .result import Result
 
 
 def add_to(commands: Any) -> None:
