@@ -20,6 +20,7 @@ from measured_materials.addon.asset_library.written import FILE as INDEX
 from measured_materials.addon.assets.catalogue import FILE as CATALOGUES
 from measured_materials.addon.assets.catalogue import catalogue_id
 from measured_materials.addon.cli.main import main
+from measured_materials.addon.library.lock import LOCK
 from measured_materials.addon.material.facts import record_of
 from measured_materials.bake.bundle.bundle import MATERIAL, PREVIEW
 from measured_materials.bake.images.image_io import read_image
@@ -79,6 +80,7 @@ def test_each_bundle_becomes_an_asset_and_a_bad_one_keeps_none_away(shelf: Path,
         "cloth/felt.blend",
         CATALOGUES,
         INDEX,
+        LOCK,
     }
     listed = (out / CATALOGUES).read_text(encoding="utf-8")
     for file, name, shelf_of_it in (("gold", "gold", FORMULAS), ("cloth/felt", "felt", PHOTOGRAPHS)):

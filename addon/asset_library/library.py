@@ -16,6 +16,7 @@ import bpy
 from ...bake.bundle.bundle import SUFFIX, is_bundle
 from ...bake.errors import BakeError
 from ..assets.mark import library_folder
+from ..library.lock import library_lock
 from ..material.together import built_together
 from ..summary.text import one_line
 from .blend_file import AssetSettings, write_asset
@@ -100,12 +101,12 @@ def write_library(
     _require_registered()
     try:
         out.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(out)
     except OSError as error:
         raise BakeError(out, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
-    written = Written.read(out)
-    library = library_folder(out / FILE) or out
-    with built_together():
+    with library_lock(out), built_together():
+        _remove_leftovers(out)
+        written = Written.read(out)
+        library = library_folder(out / FILE) or out
         for bundle in bundles:
             file = bundle.relative_to(root).with_suffix(".blend").as_posix() if bundle != root else f"{root.stem}.blend"
             progress.start(bundle.stem)
@@ -159,8 +160,8 @@ def _require_registered() -> None:
 
 
 def _remove_leftovers(out: Path) -> None:
-    """What a killed run was writing; `bake.atomic_write.replacing_file` names it. Raises OSError."""
+    """What a killed run was writing; `bake.atomic_write.replacing_file` names it."""
     for file in list(out.rglob(".*.partial.*")):
         if _LEFTOVER.fullmatch(file.name) and not file.is_symlink():
-            with contextlib.suppress(FileNotFoundError):
+            with contextlib.suppress(OSError):
                 file.unlink()

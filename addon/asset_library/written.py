@@ -1,4 +1,4 @@
-"""What an asset library was written from: one JSON file in its folder, by which only what has changed is written again."""
+"""What an asset library was written from: one JSON file in its folder, by which only what has changed is done again."""
 
 from __future__ import annotations
 

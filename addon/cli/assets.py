@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from ...bake.bundle.bundle import SUFFIX
 from ...bake.errors import BakeError
 from ..summary.text import columns
+from .console.need_blender import need_blender
 from .console.progress import Progress
-from .need_blender import need_blender
 from .console.result import Result
 
 _MOST_SAMPLES = 1 << 16
@@ -72,15 +72,20 @@ def run(options: argparse.Namespace) -> Result:
     if not bundles:
         raise BakeError(library, f"holds no bundle (a folder NAME{SUFFIX})", "bake some with --out there")
     out = options.out or (library.parent if bundles == [library] else library)
-    return write_assets(bundles, library, out, options)
+    given = {"textures": options.textures, "preview": options.preview, "samples": options.preview_samples}
+    return write_assets(bundles, library, out, options, **given)
 
 
-def write_assets(bundles: list[Path], root: Path, out: Path, options: argparse.Namespace) -> Result:
-    """As `asset_library.library.write_library`, with its progress and a table. Raises BakeError."""
+def write_assets(bundles: list[Path], root: Path, out: Path, options: argparse.Namespace, **given: str | int) -> Result:
+    """As `asset_library.library.write_library`, with its progress and a table; `given` are its settings.
+
+    Raises BakeError.
+    """
+    need_blender("assets")
     from ..asset_library.blend_file import AssetSettings
     from ..asset_library.library import STAGES, write_library
 
-    settings = AssetSettings(options.textures, options.preview, options.preview_samples)
+    settings = AssetSettings(**given)
     with Progress(STAGES, len(bundles)) as progress:
         found = list(write_library(bundles, root, out, settings, progress, replace=options.replace))
     document = {

@@ -16,10 +16,10 @@ from ...bake.images.png import png_about
 from ...bake.shading_maps.record import Record, ShadingMapRecord, read_record
 from ...bake.shading_maps.render_settings import USUAL_REPEAT, RenderSettings
 from ...bake.tables.table import FILTERS
+from .console.need_blender import need_blender
 from .console.progress import Progress
 from .console.result import Result
 from .lighting_options import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
-from .need_blender import need_blender
 
 _LARGEST = 16384
 _MOST_REPEATS = 1000.0

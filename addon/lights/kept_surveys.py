@@ -39,8 +39,8 @@ def surveyed(scene: bpy.types.Scene) -> LampReport:
         return known[1]
     report = survey_scene(scene, for_render=True)
     reports.pop(scene.session_uid, None)
+    # Its state not before: in Blender 5.2 the layers of a scene that was just made know no collections.
     if _tell_all(scene):
-        # Not before: in Blender 5.2 the layers of a scene that was just made know no collections.
         reports[scene.session_uid] = _state(scene), report
     return report
 
