@@ -1,10 +1,10 @@
-"""Functions that Blender calls at its events, such as a loaded file, and by its timers; what a version lacks is left out.
+"""Functions that Blender calls at its events, such as a loaded file, or later; what a version lacks is left out.
 
-Whether Python may write to datablocks, and call operators, Blender keeps in one place for all threads. A panel that draws
-forbids it, and puts back what it found when it is done; a render engine, whose previews run in threads of their own,
-allows it, and puts back what it found. A preview that begins while a panel draws, and ends later, so forbids it for
-good, to all but operators that a person starts. Timers, which nothing that draws ever calls, would then be refused for
-the rest of the session.
+Whether Python may write to datablocks, and call operators, Blender keeps in one place for all threads. A panel that
+draws forbids it, and puts back what it found when it is done; a render engine, whose previews run in threads of their
+own, allows it, and puts back what it found. A preview that begins while a panel draws, and ends later, so forbids it
+for good, to all but operators that a person starts. Timers, which nothing that draws ever calls, would then be refused
+for the rest of the session (findings/blender_forbids_writing_for_good.sh).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import bpy
 
 Handlers = Mapping[str, Callable[..., None]]
 
-# A property of the scene that holds nothing, to see by whether it may be set; and one of the window manager, which may be
-# set in any case. While Blender calls the function that follows a change of a property, everything may be written.
+# A property of the scene that holds nothing, to see by whether it may be set; and one of the window manager, which may
+# be set in any case. While Blender calls the function that follows a change of a property, everything may be written.
 _PROBE, _DOOR = "measured_materials_probe", "measured_materials_door"
 _to_run: list[Callable[[], None]] = []
 
