@@ -1,4 +1,4 @@
-"""Timers may write where Blender forbids it by mistake: here an operator's `poll` forbids it as a panel's `draw` does."""
+"""Timers may write where Blender forbids it by mistake: an operator's `poll` forbids it as a panel's `draw` does."""
 
 from __future__ import annotations
 
