@@ -106,6 +106,7 @@ class Reader:
 
     `read` takes what the file leaves open as the reading has it, and does not look at the rest of that. `chosen`, of
     formats that hold several materials, is the file's own name of the one that `read` takes, "" where there is but one.
+    `listed` gives the names of all, none where there is but one.
     """
 
     name: str
@@ -113,6 +114,7 @@ class Reader:
     matches: Callable[[Path, bytes], bool]
     read: Callable[[Path, Reading], BrdfSource]
     chosen: Callable[[Path, Reading], str] | None = None
+    listed: Callable[[Path], list[str]] | None = None
 
 
 # Of linear Rec.709's channels (ITU-R BT.709, section 3.2).

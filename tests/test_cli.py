@@ -361,7 +361,7 @@ def test_interruption_ends_what_does_not_come_back_to_python() -> None:
     # As a render does, the key derivation lets other threads run and looks at no signal until it is over.
     code = """
 import hashlib, os, signal, tempfile, threading
-from measured_materials.addon.cli import interrupts
+from measured_materials.addon.cli.console import interrupts
 interrupts._PATIENCE = 0.2
 threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
 with interrupts.keyboard_interrupts():

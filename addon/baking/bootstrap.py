@@ -28,7 +28,7 @@ def start():
         spec = importlib.util.spec_from_file_location(name, about["init"], submodule_search_locations=[about["folder"]])
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
-    importlib.import_module(name + ".addon.baking.worker").main()
+    importlib.import_module(name + "." + about["worker"]).main()
 
 
 start()

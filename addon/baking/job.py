@@ -6,7 +6,6 @@ import atexit
 import contextlib
 import json
 import queue
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ from ...bake.errors import BakeError
 from . import spare
 from .look import Look
 from .request import BakeRequest
-from .worker_process import WorkerProcess
+from .worker_process import WorkerProcess, ending_words
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED, NO_HOST = "waiting", "running", "done", "failed", "cancelled", "no host"
 
@@ -139,7 +138,7 @@ class BakeJob:
             return
         if self._process:
             print("\n".join(self._process.log), file=sys.stderr)
-        cause = f"was not baked: the process that baked it ended by itself ({_words(code)})"
+        cause = f"was not baked: the process that baked it ended by itself ({ending_words(code)})"
         self._fail(BakeError(self.request.title, cause, "try again; what it said last stands in the terminal"))
 
     def _fail(self, error: BakeError) -> None:
@@ -150,10 +149,3 @@ class BakeJob:
         process, self._process = self._process, None
         if process is not None:
             process.end()
-
-
-def _words(code: int) -> str:
-    if code < 0:
-        with contextlib.suppress(ValueError):
-            return signal.Signals(-code).name
-    return f"exit code {code}"

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NoReturn, TextIO
 
 from ...bake.errors import BakeError
 from ..cli.console.streams import results_stream
@@ -31,7 +31,7 @@ _NICENESS = 5
 def main() -> None:
     """Bake what is asked for and end the process."""
     with results_stream(to_the_end=True) as stream:
-        say = _teller(stream)
+        say = teller(stream)
         say(event="ready")
         _import()
 
@@ -64,14 +64,14 @@ def _bake(request: Any, staging: Path, name: str, say: Callable[..., None]) -> i
 
     try:
         if request.look:
-            look = look_at(request.photographs(), request.settings.stack, _progress(say), blender_decoder())
+            look = look_at(request.photographs(), request.settings.stack, progress_of(say), blender_decoder())
             say(event="looked", **look.as_event())
             return 0
         quick = None
         if request.quick:
             (staging / "quick").mkdir()
             quick = staging / "quick" / name, preview
-        result = run_request(request, staging / name, _progress(say), blender_decoder(), quick)
+        result = run_request(request, staging / name, progress_of(say), blender_decoder(), quick)
     except BakeError as error:
         say(event="error", file=error.file, cause=error.cause, remedy=error.remedy)
         return 1
@@ -83,7 +83,8 @@ def _bake(request: Any, staging: Path, name: str, say: Callable[..., None]) -> i
     return 0
 
 
-def _teller(stream: TextIO) -> Callable[..., None]:
+def teller(stream: TextIO) -> Callable[..., None]:
+    """A function that writes its keyword arguments as one JSON line; nothing happens where nobody listens any more."""
     alone = threading.Lock()  # a quick bake speaks beside the other
 
     def say(**event: Any) -> None:
@@ -97,7 +98,8 @@ def _teller(stream: TextIO) -> Callable[..., None]:
     return say
 
 
-def _progress(say: Callable[..., None]) -> Callable[[str, float], None]:
+def progress_of(say: Callable[..., None]) -> Callable[[str, float], None]:
+    """A bake's progress as such lines, not too many."""
     last: list[Any] = ["", 0.0]
 
     def report(stage: str, share: float) -> None:
@@ -114,6 +116,11 @@ def _end_with_parent(staging: Path) -> None:
     with contextlib.suppress(OSError, ValueError):
         while os.read(sys.stdin.fileno(), 1024):
             pass
+    leave_nothing(staging)
+
+
+def leave_nothing(staging: Path) -> NoReturn:
+    """End the process and what it is doing, without the folder that its work lies in."""
     # The bake goes on meanwhile and may still write.
     for _ in range(100):
         shutil.rmtree(staging, ignore_errors=True)

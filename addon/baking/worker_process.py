@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,11 @@ _PATIENCE = 10.0
 class WorkerProcess:
     """A worker, which imports what a bake needs and then waits for its request. Raises OSError where none starts.
 
+    Parameters
+    ----------
+    worker : module of the package whose `main` the process runs
+    environment : variables that it has beside those of this process
+
     Attributes
     ----------
     command : its program, with arguments
@@ -32,7 +38,9 @@ class WorkerProcess:
     log : the last lines of its complaints
     """
 
-    def __init__(self, command: list[str]) -> None:
+    def __init__(
+        self, command: list[str], *, worker: str = "addon.baking.worker", environment: Mapping[str, str] | None = None
+    ) -> None:
         self.command = command
         self.lines: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self.log: deque[str] = deque(maxlen=40)
@@ -41,12 +49,13 @@ class WorkerProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1", **(environment or {})},
             # A terminal's Ctrl-C is Blender's business; one group, to end a host's own children too.
             start_new_session=sys.platform != "win32",
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
         about = {"package": _PACKAGE, "init": str(_ROOT / "__init__.py"), "folder": str(_ROOT), "path": sys.path}
+        about["worker"] = worker
         # One thread writes, as a pipe takes only so much at once, and what is asked comes after the first line.
         self._words: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._words.put(json.dumps(about).encode() + b"\n")
@@ -63,7 +72,8 @@ class WorkerProcess:
         return self._process.pid
 
     def ask(self, request: Any) -> None:
-        """Hand the worker its one request: a `BakeRequest`, the folder to write to, and the bundle's name."""
+        """Hand the worker a request; that of `addon.baking.worker` is a `BakeRequest`, the folder to write to, and the
+        bundle's name, and it takes no second."""
         asked = pickle.dumps(request)
         self._words.put(struct.pack("<Q", len(asked)) + asked)
 
@@ -86,6 +96,14 @@ class WorkerProcess:
             process.wait(_PATIENCE)
         with contextlib.suppress(OSError, ValueError):
             process.stdin.close()  # type: ignore[union-attr]
+
+
+def ending_words(code: int) -> str:
+    """How a process ended, by its exit code: a signal's name where one ended it."""
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return signal.Signals(-code).name
+    return f"exit code {code}"
 
 
 def _write(stream: Any, words: queue.SimpleQueue[bytes | None]) -> None:

@@ -38,14 +38,14 @@ from .bake_jobs import (
     stated_rights,
     usage_error,
 )
+from .console.result import Result, complain
 from .reading_options import add_reading, reading_of
-from .result import Result, complain
 
 _SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
 
 
-def add_to(commands: Any) -> None:
-    """Add `bake` with what can be baked."""
+def add_to(commands: Any) -> Any:
+    """Add `bake` with what can be baked; returns its kinds, for further ones."""
     bake = commands.add_parser(
         "bake", help="bake a measurement or photographs to a bundle", description="Bake to a bundle."
     )
@@ -67,16 +67,18 @@ def add_to(commands: Any) -> None:
     brdf.add_argument("--out", type=Path, default=Path(), metavar="DIR|NAME.mmat", help="where to (default: here)")
     add_replace(brdf)
     add_rights(brdf)
-    _add_settings(brdf)
+    add_quality(brdf, BRDF_LEVELS)
+    add_settings(brdf)
     add_reading(brdf)
     brdf.add_argument("--json", action="store_true", help="print the result as JSON")
     brdf.set_defaults(run=run, command="bake brdf")
     bake_photographs.add_to(kinds)
+    return kinds
 
 
-def _add_settings(parser: argparse.ArgumentParser) -> None:
+def add_settings(parser: Any) -> None:
+    """Add the options that `settings_of` reads, but for `--quality`, those of reading and of rights."""
     usual = BakeSettings()
-    add_quality(parser, BRDF_LEVELS)
     parser.add_argument(
         "--resolution",
         type=int,
@@ -168,7 +170,7 @@ def _alpha(text: str) -> str | tuple[float, float]:
 
 def run(options: argparse.Namespace) -> Result:
     """Bake every input; a bad one is reported and does not stop the others."""
-    settings = _settings(options)
+    settings = settings_of(options)
     jobs, errors = _jobs(options, settings.reading)
     done, failed = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn, replace=options.replace)
     document = {
@@ -184,7 +186,8 @@ def _warn(job: Job, result: BakeResult) -> None:
         complain(f"warning: {job.title}: {warning}")
 
 
-def _settings(options: argparse.Namespace) -> BakeSettings:
+def settings_of(options: argparse.Namespace) -> BakeSettings:
+    """The settings that were asked for. Raises `argparse.ArgumentTypeError`, or BakeError for a wrong statement."""
     try:
         return BakeSettings(
             **chosen_quality(options, BRDF_LEVELS),
@@ -209,7 +212,7 @@ def _jobs(options: argparse.Namespace, reading: Reading) -> tuple[list[Job], lis
     for file in options.files:
         jobs.append(Job(file.name, title_of(file, reading), _file_baker(file), partial(_file_origin, file, reading)))
     for name, *pairs in options.analytic:
-        parameters = dict(_parameter(pair) for pair in pairs)
+        parameters = dict(parameter(pair) for pair in pairs)
         try:
             source = by_name(name, **parameters)
         except BakeError as error:
@@ -235,7 +238,8 @@ def _source_baker(source: Any) -> Bake:
     return lambda target, settings, progress: bake_source(source, target, settings, progress)
 
 
-def _parameter(pair: str) -> tuple[str, Any]:
+def parameter(pair: str) -> tuple[str, Any]:
+    """KEY=VALUE of a formula: a number, several, or a word. Raises `argparse.ArgumentTypeError`."""
     key, equals, text = pair.partition("=")
     if not equals or not key.isidentifier():
         raise argparse.ArgumentTypeError(f"--analytic takes KEY=VALUE after the name, not {pair!r}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from ...bake.bundle.origin import Origin, refuse_another
 from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
 from ...bake.rights import RIGHTS, Rights
+from ..library.names import name_key
 from ..summary.quality_levels import LEVELS, STANDARD
 from .console.progress import Progress
 
@@ -54,7 +54,7 @@ def bake_jobs(
     """
     targets = _targets(jobs, out)
     done, errors = [], []
-    with _made(out.parent if out.suffix.lower() == SUFFIX else out), Progress(stages, len(jobs)) as progress:
+    with made_folder(out.parent if out.suffix.lower() == SUFFIX else out), Progress(stages, len(jobs)) as progress:
         for job, target in zip(jobs, targets):
             progress.start(job.title)
             try:
@@ -139,8 +139,7 @@ def _targets(jobs: Sequence[Job], out: Path) -> list[Path]:
         return [out] * len(jobs)
     seen: set[str] = set()
     for job in jobs:
-        # Many file systems do not distinguish case, nor a letter with its accent from the two in a row.
-        key = unicodedata.normalize("NFC", job.stem).casefold()
+        key = name_key(job.stem)
         if key in seen:
             remedy = f"bake one of them with --out OTHER{SUFFIX}"
             raise argparse.ArgumentTypeError(f"two inputs would become {job.stem}{SUFFIX}; {remedy}")
@@ -149,7 +148,7 @@ def _targets(jobs: Sequence[Job], out: Path) -> list[Path]:
 
 
 @contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
+def made_folder(folder: Path) -> Iterator[None]:
     """Make the output folder for the block, and take back what nothing was put into."""
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     try:

@@ -40,8 +40,8 @@ from .bake_jobs import (
     stated_rights,
     usage_error,
 )
+from .console.result import Result, complain
 from .lighting_options import add_lighting, known_lobes, lighting, parsed_lobe
-from .result import Result, complain
 
 _DIFFUSER = ThroughSettings(Path()).diffuser_transmittance
 
@@ -63,9 +63,9 @@ def add_to(kinds: Any) -> None:
     add_replace(arc)
     add_rights(arc)
     add_quality(arc, MAP_LEVELS)
-    _add_reading(arc.add_argument_group("photographs"))
-    _add_through(arc.add_argument_group("against the light"))
-    _add_map(arc.add_argument_group("shading map"))
+    add_photographs(arc.add_argument_group("photographs"))
+    add_through(arc.add_argument_group("against the light"))
+    add_map(arc.add_argument_group("shading map"))
     add_lighting(
         arc.add_argument_group("lighting, which can be changed later without baking"),
         f"base reflection (f_r): {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF "
@@ -82,7 +82,8 @@ def add_to(kinds: Any) -> None:
     arc.set_defaults(run=run, command="bake photographs")
 
 
-def _add_reading(group: Any) -> None:
+def add_photographs(group: Any) -> None:
+    """Add the options on how the photographs are read."""
     usual = StackSettings()
     group.add_argument(
         "--size",
@@ -154,7 +155,8 @@ def _add_reading(group: Any) -> None:
     )
 
 
-def _add_through(group: Any) -> None:
+def add_through(group: Any) -> None:
+    """Add the options on photographs against the light."""
     group.add_argument(
         "--through",
         type=Path,
@@ -202,7 +204,8 @@ def _through(options: argparse.Namespace) -> ThroughSettings | None:
     )
 
 
-def _add_map(group: Any) -> None:
+def add_map(group: Any, storage: str = "--storage") -> None:
+    """Add the options on the shading map, that of its texels under the name `storage`."""
     usual = ArcSettings()
     group.add_argument(
         "--slices",
@@ -211,7 +214,7 @@ def _add_map(group: Any) -> None:
         help=f"levels of light, black included ({by_quality(MAP_LEVELS, 'slices')})",
     )
     group.add_argument(
-        "--storage",
+        storage,
         choices=[str(kind) for kind in IMAGE_STORAGES],
         default=str(usual.storage),
         help="of the texels (%(default)s)",
@@ -244,7 +247,7 @@ def _numbers(kind: type, count: int) -> Any:
 
 def run(options: argparse.Namespace) -> Result:
     """Bake every stack; a bad one is reported and does not stop the others."""
-    settings = _settings(options)
+    settings = settings_of(options)
     jobs = _jobs(options)
     if settings.through is not None and len(jobs) > 1:
         cause = f"--through {options.through} is one swatch's, but there are {len(jobs)} stacks"
@@ -294,7 +297,8 @@ def _photographs(sources: Sequence[Path]) -> set[Path]:
     return {path.resolve() for path in (*sources, *inside)}
 
 
-def _settings(options: argparse.Namespace) -> ArcSettings:
+def settings_of(options: argparse.Namespace) -> ArcSettings:
+    """The settings that were asked for. Raises `argparse.ArgumentTypeError`, or BakeError for a wrong statement."""
     auto, lobe, brdf = _lobe(options)
     level = chosen_quality(options, MAP_LEVELS)
     render = lighting(options, RenderSettings(), lobe)

@@ -12,10 +12,10 @@ from typing import TextIO
 
 from ...bake.bundle.checked_json import dump_json
 from ...bake.errors import BakeError
-from . import bake_brdf, check, demo, inspect, render, report
+from . import assets, bake_brdf, check, demo, inspect, library, render, report
+from .console.interrupts import INTERRUPTED, keyboard_interrupts, told
+from .console.result import Result, complain
 from .console.streams import results_stream, silence_output
-from .interrupts import INTERRUPTED, keyboard_interrupts, told
-from .result import Result, complain
 
 PROGRAM = "measured_materials"
 NOBODY_READS = 141
@@ -51,7 +51,8 @@ def parser() -> argparse.ArgumentParser:
         prog=PROGRAM, description="Measured BRDFs as path-traced materials in stock Blender Cycles."
     )
     commands = top.add_subparsers(metavar="COMMAND", required=True)
-    for module in (bake_brdf, inspect, render, check, report, demo):
+    library.add_to(bake_brdf.add_to(commands))
+    for module in (inspect, render, assets, check, report, demo):
         module.add_to(commands)
     return top
 

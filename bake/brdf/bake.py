@@ -10,7 +10,8 @@ from typing import Any
 
 from .. import VERSION
 from ..bundle.bundle import Kind, write_bundle
-from ..bundle.origin import file_origin
+from ..bundle.origin import file_origin, model_origin
+from ..bundle.recipe import RECIPE, recipe_of
 from ..bundle.result import BakeResult, Progress
 from ..source import BrdfSource, Json, SheetSource
 from ..sources import chosen_material, read_source
@@ -80,6 +81,7 @@ def bake_source(
         "generator": f"measured_materials {VERSION}",
         "source": {"name": source.name, **(origin or {}), "facts": source.facts, "treatment": bake.treatment},
         "settings": _plain_settings(settings, source),
+        **_recipe(settings, source, origin),
         **settings.rights.entry(),
         **part.facts,
     }
@@ -92,6 +94,13 @@ def bake_source(
     path = write_bundle(out, facts, images, preview_sphere(part.table), kind=KIND)
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
+
+
+def _recipe(settings: BakeSettings, source: BrdfSource, origin: dict[str, str] | None) -> dict[str, str]:
+    """The bundle's recipe, where the source's content is known: that of a file, or of a formula."""
+    if origin is None and source.facts.get("format") != "analytic":
+        return {}
+    return {RECIPE: recipe_of(settings, origin or model_origin(source.name, source.facts))}
 
 
 def _named(progress: Progress | None, source: BrdfSource) -> Progress:

@@ -18,6 +18,7 @@ from ..tables.bspline_fit import fit_coefficients, sample_spline
 from ..tables.code_fit import can_be_fitted
 from ..tables.filter_choice import LEAST_GAIN, LEAST_GAIN_OF_CODES, FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
+from ..tables.grids.patch_grid import PatchGrid
 from ..tables.search.byte_limit import file_bytes, grid_within, resolution_for
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
@@ -140,7 +141,10 @@ class PartBake:
             lambda share: self.say("choosing grid", share),
         )
         grid = best_horizon(self.source, choice.grid, self.pairs, self.truth)
-        if wanted.parameterization == "auto" and wanted.storage is Storage.LOG:
+        if isinstance(grid, PatchGrid):
+            # Within a patch nothing is blended.
+            self.filter = "nearest"
+        elif wanted.parameterization == "auto" and wanted.storage is Storage.LOG:
             grid = coded_grid(self.source, grid, wanted.resolution)
         AtlasLayout.of(grid)
         return choice, grid
@@ -165,7 +169,7 @@ class PartBake:
     def _tabulated(self, grid: Grid) -> _Tabulated:
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         found: dict[str, tuple[StoredTable, str]] = {}
-        if self.settings.filter == "auto":
+        if self.settings.filter == "auto" and not isinstance(grid, PatchGrid):
             self.weighed, found = self._weighed(table)
             self.filter = self.weighed.filter
         kept, spline = found.get(self.filter) or self._kept(table)

@@ -98,14 +98,15 @@ class Bundle:
 
     def load(self, name: str) -> NDArray[np.float32]:
         """Pixels (H, W, C), finite, top row first. Raises BakeError where the file is not the one baked."""
-        entry, file = self._entry(name), self.image_path(name)
-        _check_image(file, entry)
-        if _sha256(file) != entry["sha256"]:
-            raise BakeError(file, "was changed after it was baked", "bake it again")
-        pixels = read_image(file)
+        pixels = read_image(file := self._checked(name))
         if not np.isfinite(pixels).all():
             raise BakeError(file, "holds values that are not finite", "bake it again")
         return pixels
+
+    def check(self) -> None:
+        """Raise BakeError where an image is not the one baked; no pixels are read."""
+        for name in self.material["images"]:
+            self._checked(name)
 
     def part(self, name: str, material: dict[str, Any]) -> Bundle:
         """A part of a sheet by itself, whose document lists its images of this folder without the part's name.
@@ -120,6 +121,14 @@ class Bundle:
         file = self.path / PREVIEW
         return file if file.is_file() and not file.is_symlink() else None
 
+    def _checked(self, name: str) -> Path:
+        """File of an image, whose content is the one baked. Raises BakeError."""
+        entry, file = self._entry(name), self.image_path(name)
+        _check_image(file, entry)
+        if _sha256(file) != entry["sha256"]:
+            raise BakeError(file, "was changed after it was baked", "bake it again")
+        return file
+
     def _entry(self, name: str) -> dict[str, Any]:
         if not self.has(name):
             raise BakeError(self.path, f"has no image '{self.front}{name}'", "bake it again")
@@ -132,7 +141,8 @@ def _is_new(material: Mapping[str, Any]) -> bool:
     grids = (table, residual.get("grid") if isinstance(residual, Mapping) else None)
     isotropic = isinstance(table, Mapping) and not table.get("anisotropic")
     times_cosines = any(isinstance(grid, Mapping) and grid.get("cosine_power") for grid in grids)
-    return bool(_LETS_THROUGH & set(material)) or (isotropic and times_cosines)
+    patches = isinstance(table, Mapping) and table.get("basis") == "patches"
+    return bool(_LETS_THROUGH & set(material)) or (isotropic and times_cosines) or patches
 
 
 def write_bundle(

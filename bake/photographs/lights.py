@@ -83,7 +83,7 @@ def _in_folder(paths: list[Path]) -> Path | None:
         return None
     folder = folders.pop()
     for place in (folder, folder.absolute().parent):
-        files = _light_files(place)
+        files = light_files(place)
         if place != folder:  # only a file that speaks of this very folder
             files = [file for file in files if _mentions(file, folder.absolute().name)]
         if len(files) > 1:
@@ -93,7 +93,12 @@ def _in_folder(paths: list[Path]) -> Path | None:
     return None
 
 
-def _light_files(folder: Path) -> list[Path]:
+def light_files_beside(folder: Path) -> list[Path]:
+    """Files that may say where the lights of photographs in this folder were: in it, and in the one that it lies in."""
+    return [file for place in (folder, folder.absolute().parent) for file in light_files(place)]
+
+
+def light_files(folder: Path) -> list[Path]:
     """`lights.csv` in any case, else `lights.txt` or `.tsv`, else all `.lp`."""
     try:
         files = sorted(path for path in folder.iterdir() if path.is_file())

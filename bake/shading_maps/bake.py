@@ -15,11 +15,13 @@ from .. import VERSION
 from ..brdf.common import kind_of
 from ..brdf.record import BrdfRecord
 from ..bundle.bundle import StoredImage, read_bundle, write_bundle
-from ..bundle.origin import photographs_origin
+from ..bundle.origin import Origin, photographs_origin
+from ..bundle.recipe import RECIPE, recipe_of
 from ..bundle.result import BakeResult
 from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
-from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from ..photographs.lights import light_files_beside
+from ..photographs.stack import FORMAT, PhotoStack, StackSettings, read_stack
 from ..rights import Rights
 from ..source import BrdfSource, Facts, Json
 from ..tables.albedo import directional_albedo
@@ -116,10 +118,19 @@ def bake_arc(
         stack, through = read_both(paths, settings.stack, behind, progress, decoder)
     name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
     origin = photographs_origin(paths)
+    recipe = arc_recipe(paths, settings, {"name": name, **origin})
     if on_read:
         on_read(stack, name, origin)
-    result = bake_stack(stack, out, settings, progress, name=name, origin=origin, through=through)
+    result = bake_stack(stack, out, settings, progress, name=name, origin=origin, through=through, recipe=recipe)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
+
+
+def arc_recipe(source: Path | Sequence[Path], settings: ArcSettings, origin: Origin) -> str:
+    """Recipe of a bundle that `bake_arc` makes of these photographs; `origin` with their name. Raises BakeError."""
+    folder = source if isinstance(source, Path) else Path(*source[:1]).parent
+    if settings.through is not None:
+        settings = replace(settings, through=settings.through.found(folder))
+    return recipe_of(settings, origin, light_files_beside(folder))
 
 
 def _paths(source: str | Path | Sequence[Path]) -> Path | Sequence[Path]:
@@ -135,12 +146,14 @@ def bake_stack(
     name: str = "swatch",
     origin: dict[str, str] | None = None,
     through: PhotoStack | None = None,
+    recipe: str = "",
 ) -> BakeResult:
     """Bake photographs already read; `origin` is kept in the bundle. Raises BakeError.
 
     Parameters
     ----------
     through : of the same frame against the light
+    recipe : of all that is baked, kept in the bundle
     """
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
@@ -168,6 +181,7 @@ def bake_stack(
         "source": {"name": name, **(origin or {}), **_source(stack)},
         "warnings": [*stack.warnings, *_slice_warnings(made[0]), *_tiling_warnings(tiling)],
         "settings": _plain(settings),
+        **({RECIPE: recipe} if recipe else {}),
         **settings.rights.entry(),
         "tiling": tiling,
         "lobe_fit": fit,
@@ -251,7 +265,7 @@ def _told(
 
 
 def _source(stack: PhotoStack) -> dict[str, Json]:
-    return {"facts": {"format": "photographs on a light arc", **stack.facts}}
+    return {"facts": {"format": FORMAT, **stack.facts}}
 
 
 def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int) -> None:

@@ -73,6 +73,17 @@ def chosen_material(path: str | Path, reading: Reading) -> str:
     return reader.chosen(Path(path), reading) if reader.chosen else ""
 
 
+def materials_in(path: str | Path, reading: Reading) -> list[str]:
+    """Names of the materials in a file of several, or of the one among them that is chosen; none of a file of one.
+
+    Raises BakeError as `chosen_material`.
+    """
+    if reading.material:
+        return [name] if (name := chosen_material(path, reading)) else []
+    reader = _reader_of(Path(path))
+    return reader.listed(Path(path)) if reader.listed else []
+
+
 def title_of(path: str | Path, reading: Reading) -> str:
     """What a material that is read from a file is called: as the one chosen in it, else as the file; never a path.
 
@@ -113,13 +124,14 @@ def measurements_in(folder: Path) -> list[Path]:
     except (OSError, ValueError) as error:
         cause = getattr(error, "strerror", None) or str(error)
         raise BakeError(folder, f"cannot be read ({cause})", remedy) from error
-    found = [path for path in files if _is_measurement(path)]
+    found = [path for path in files if is_measurement(path)]
     if not found:
         raise BakeError(folder, "holds no measurement", remedy)
     return found
 
 
-def _is_measurement(path: Path) -> bool:
+def is_measurement(path: Path) -> bool:
+    """Whether a reader knows a file by its content, or by a suffix that nothing else has."""
     suffix = path.suffix.lower()
     if suffix in known_suffixes() and suffix not in _OF_ANY_PROGRAM:
         return True

@@ -72,6 +72,12 @@ def chosen(path: Path, reading: Reading) -> str:
     return printable(name, 100) if len(materials) > 1 else ""
 
 
+def listed(path: Path) -> list[str]:
+    """Names of the materials; none where there is but one. Raises BakeError."""
+    materials = _materials(path, _document(path))
+    return [printable(name, 100) for name in materials] if len(materials) > 1 else []
+
+
 def _document(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(checked_bytes(path, _REMEDY, MAX_BYTES).decode("utf-8"))
@@ -135,4 +141,4 @@ def _matches(path: Path, head: bytes) -> bool:
     return any(all(f'"{key}"'.encode() in data for key in wanted) for _, wanted, _ in _MODELS.values())
 
 
-READER = Reader("published SGD or ABC fit", (".json",), _matches, read, chosen)
+READER = Reader("published SGD or ABC fit", (".json",), _matches, read, chosen, listed)

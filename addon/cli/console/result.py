@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...bake.errors import BakeError
-from ..summary.text import one_line
+from ....bake.errors import BakeError
+from ...summary.text import one_line
 
 
 @dataclass

@@ -1,0 +1,103 @@
+"""Names of the bundles in one folder: none twice, whatever the file system makes of capitals and accents."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ...bake.bundle.bundle import SUFFIX
+from ...bake.errors import BakeError
+from ...bake.sources.lookup.text_file import file_name_of
+
+# Letters of a name that is made of a formula's parameters; file systems hold 255 bytes.
+_LONGEST = 80
+_DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a bundle would be called.
+
+    Parameters
+    ----------
+    stem : its name where nobody else wants it
+    qualified : a longer name, for instance with the folder that the source lies in
+    identity : hexadecimal digits that the source alone has
+    given : the name that was asked for, "" where none was
+    title : of the source, for errors
+    """
+
+    stem: str
+    qualified: str
+    identity: str
+    given: str = ""
+    title: str = ""
+
+
+def name_key(name: str) -> str:
+    """What two names share that are one to some file system: case, or a letter and its accent in a row."""
+    return unicodedata.normalize("NFC", name).casefold()
+
+
+def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, str] | None = None) -> list[str]:
+    """A name for each, all different, the same whatever their order.
+
+    Where several want one stem, each takes its longer name, or where that is not its own either, digits of its
+    identity. `kept` are the names that identities have had before; they stay theirs.
+
+    Raises
+    ------
+    BakeError : one name was asked for twice, or is none for a file; a source that has no name of its own comes twice
+    """
+    chosen = [_given(one) for one in wanted]
+    _refuse_twice(wanted, chosen)
+    nameless = Counter(one.identity for one, name in zip(wanted, chosen) if not name)
+    for one in wanted:
+        if nameless[one.identity] > 1:
+            raise BakeError(one.title or one.stem, "is given twice with different settings", "give each its own --name")
+    taken = {name_key(name) for name in chosen if name}
+    for k, one in enumerate(wanted):
+        before = (kept or {}).get(one.identity, "")
+        if not chosen[k] and before and before == file_name_of(before) and name_key(before) not in taken:
+            chosen[k] = before
+            taken.add(name_key(before))
+    for choices in _in_turn(wanted):
+        open_ = [k for k, name in enumerate(chosen) if not name]
+        count = Counter(name_key(choices[k]) for k in open_)
+        for k in open_:
+            if count[name_key(choices[k])] == 1 and name_key(choices[k]) not in taken:
+                chosen[k] = choices[k]
+        taken |= {name_key(name) for name in chosen if name}
+    return chosen
+
+
+def _in_turn(wanted: Sequence[Wanted]) -> Iterable[list[str]]:
+    """Names of all, the shortest first."""
+    stems = [file_name_of(one.stem) or "material" for one in wanted]
+    yield stems
+    # A name of that length may be cut, and then be another's.
+    yield [(file_name_of(one.qualified) or stem)[:_LONGEST].rstrip(" .") for one, stem in zip(wanted, stems)]
+    for digits in range(_DIGITS, max((len(one.identity) for one in wanted), default=0) + 1):
+        yield [f"{stem}-{one.identity[:digits]}" for one, stem in zip(wanted, stems)]
+
+
+def _given(one: Wanted) -> str:
+    name = one.given[: -len(SUFFIX)] if one.given.lower().endswith(SUFFIX) else one.given
+    if one.given and (not name or name != file_name_of(name)):
+        cause = f"cannot be called {one.given[:60]!r}, which is no plain name of a file"
+        raise BakeError(one.title or one.stem, cause, "give a name of letters, digits, blanks, '-', '_' and '.'")
+    return name
+
+
+def _refuse_twice(wanted: Sequence[Wanted], chosen: Sequence[str]) -> None:
+    seen: dict[str, str] = {}
+    for one, name in zip(wanted, chosen):
+        if not name:
+            continue
+        if name_key(name) in seen:
+            title = one.title or one.stem
+            cause = f"is to be called {name}, as {seen[name_key(name)]} is"
+            raise BakeError(title, cause, "give each its own --name")
+        seen[name_key(name)] = one.title or one.stem

@@ -1,0 +1,114 @@
+"""One job of a library in this process: skipped where it is finished, else baked; nothing it raises leaves it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from ...bake.bundle.bundle import Bundle, move_bundle, read_bundle, staging
+from ...bake.bundle.origin import Origin, file_origin, model_origin, photographs_origin, refuse_another
+from ...bake.bundle.recipe import RECIPE, recipe_of
+from ...bake.bundle.result import Progress
+from ...bake.errors import BakeError
+from ...bake.shading_maps.bake import ArcSettings, arc_recipe
+from ...bake.shading_maps.record import ShadingMapRecord, read_record
+from ...bake.sources import chosen_material
+from ...bake.sources.analytic import by_name
+from ..baking.request import BakeRequest, Model, run_request
+from ..photographs.find_decoder import blender_decoder
+from .memory import peak_bytes
+from .outcome import BAKED, FAILED, KEPT, Outcome, State
+from .plan import LibraryJob
+
+
+def run_task(
+    job: LibraryJob, out: Path, progress: Progress | None = None, lies_in: Callable[[Path | None], None] | None = None
+) -> Outcome:
+    """Bake a job into the library `out`, unless it is there already.
+
+    Whatever happens, the bundle is there whole, or an older one as it was. `lies_in` is called with the folder that the
+    work lies in, which whoever ends the process may remove, and with None before the bundle leaves it for its place.
+    """
+    started = time.perf_counter()
+    say_where = lies_in or (lambda folder: None)
+    target = job.target(out)
+    try:
+        kept = finished(job, out)
+        if kept is not None:
+            return _told(job, kept, KEPT, started)
+        if not job.replace:
+            refuse_another(target, lambda: origin_of(job.request))
+        with staging(target) as folder:
+            say_where(folder)
+            try:
+                result = run_request(job.request, folder / target.name, progress, blender_decoder())
+            finally:
+                say_where(None)
+            move_bundle(result.path, target)
+        return _told(job, read_bundle(target), BAKED, started)
+    except BakeError as error:
+        return failure(job, error, started)
+    except MemoryError:
+        error = BakeError(job.request.title, "ran out of memory", "choose a lower resolution or fewer --jobs")
+        return failure(job, error, started)
+    except OSError as error:
+        cause = error.strerror or str(error)
+        told = BakeError(error.filename or job.request.title, cause, "check the path, its permissions and free space")
+        return failure(job, told, started)
+
+
+def finished(job: LibraryJob, out: Path) -> Bundle | None:
+    """The bundle of this job, where it is there, whole, and of this source's content, these settings, this version."""
+    try:
+        bundle = read_bundle(job.target(out))
+        if bundle.material.get(RECIPE) != recipe_of_request(job.request):
+            return None
+        bundle.check()
+    except (BakeError, OSError, ValueError):
+        return None
+    return bundle
+
+
+def recipe_of_request(request: BakeRequest) -> str:
+    """The recipe that a bundle of this request will have. Raises BakeError or OSError where the source is not read."""
+    origin = origin_of(request)
+    if isinstance(request.settings, ArcSettings):
+        return arc_recipe(request.photographs(), request.settings, origin)
+    return recipe_of(request.settings, origin)
+
+
+def origin_of(request: BakeRequest) -> Origin:
+    """Where a bundle of this request comes from, by content. Raises BakeError or OSError."""
+    source = request.source
+    if isinstance(source, Model):
+        model = by_name(source.name, **source.parameters)
+        return model_origin(model.name, model.facts)
+    if isinstance(request.settings, ArcSettings):
+        photographs = request.photographs()
+        folder = photographs if isinstance(photographs, Path) else photographs[0].parent
+        return {"name": folder.resolve().name, **photographs_origin(photographs)}
+    assert isinstance(source, Path)
+    return file_origin(source, chosen_material(source, request.settings.reading))
+
+
+def failure(job: LibraryJob, error: BakeError, started: float | None = None) -> Outcome:
+    """A job that failed by this error."""
+    seconds = 0.0 if started is None else time.perf_counter() - started
+    failed = Outcome(job.name, FAILED, job.request.title, seconds=round(seconds, 3), peak_bytes=peak_bytes())
+    return replace(failed, file=error.file, cause=error.cause, remedy=error.remedy)
+
+
+def _told(job: LibraryJob, bundle: Bundle, state: State, started: float) -> Outcome:
+    record = read_record(bundle)
+    return Outcome(
+        job.name,
+        state,
+        job.request.title,
+        record.source.format or "",
+        sum(file.stat().st_size for file in bundle.path.iterdir()),
+        record.errors.held_out_relative if isinstance(record, ShadingMapRecord) else record.errors.relative,
+        round(time.perf_counter() - started, 3),
+        peak_bytes(),
+    )
