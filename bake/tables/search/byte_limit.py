@@ -88,7 +88,7 @@ def _scaled(grid: Any, scale: float) -> Any:
     """With each axis so many times as long."""
     if not isinstance(grid, HalfVectorGrid):
         return replace(grid, n=int(np.clip(round(grid.n * scale), _LEAST, MAX_RESOLUTION)))
-    return replace(grid, sizes=tuple(max(round(n * scale), _LEAST) for n in grid.sizes))
+    return replace(grid, sizes=tuple(max(round(n * scale), _LEAST) for n in grid.sizes))  # type: ignore[arg-type]
 
 
 def _one_more(grid: HalfVectorGrid) -> Any:
