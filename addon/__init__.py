@@ -38,7 +38,7 @@ _MODULES = (
     "ui.panels.asset_panel",
     "ui.panels.check_scene",
     "ui.add_cosine_lobe",
-    "cli.blender_command",
+    "cli.console.blender_command",
 )
 
 
