@@ -39,7 +39,7 @@ _MODULES = (
     "ui.panels.asset_panel",
     "ui.panels.check_scene",
     "ui.add_cosine_lobe",
-    "cli.console.blender_command",
+    "cli.blender_command",
 )
 
 

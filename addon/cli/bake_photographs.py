@@ -25,7 +25,7 @@ from ..photographs.arc_plot import draw_arc
 from ..photographs.find_decoder import blender_decoder
 from ..plots.figure import need_matplotlib
 from ..summary.bake_stages import bake_stages
-from ..summary.quality_levels import MAP_LEVELS
+from ..summary.quality_levels import MAP_LEVELS, by_quality
 from ..summary.shading_map_rows import albedo_warning, all_warnings, arc_summary
 from .bake_jobs import (
     Bake,
@@ -34,7 +34,6 @@ from .bake_jobs import (
     add_replace,
     add_rights,
     bake_jobs,
-    by_quality,
     chosen_quality,
     stated_rights,
     usage_error,

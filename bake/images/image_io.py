@@ -194,7 +194,7 @@ def write_png(path: str | Path, pixels: NDArray[np.uint8] | NDArray[np.uint16], 
 
     `about` is kept in the file, see `png.png_bytes`.
     """
-    path, pixels = Path(path), np.asarray(pixels)
+    path = Path(path)
     fits = pixels.dtype in (np.uint8, np.uint16)
     if not fits or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in (1, 3, 4):
         cause = f"cannot hold {pixels.dtype} of shape {pixels.shape}"

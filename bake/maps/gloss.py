@@ -69,15 +69,18 @@ def fit_gloss(images: NDArray[np.float32], directions: NDArray[np.float64], surf
         rest = seen[:, part] - matte[part] * np.maximum(lit, 0)
         # Where less is seen than the matte part, something casts a shadow: no gloss is to be told from that.
         counted = (lit > 0) & (rest > -0.3 * matte[part] * lit)
-        found, size, width_of, error = _best(rest, lit, tilt, n[:, 2], counted)
+        found, size, width_of, explains = _best(rest, lit, tilt, n[:, 2], counted)
         roughness[part], strength[part] = found, size
         shows = (rest > _STANDS_OUT * matte[part] * np.maximum(lit, 0)) & counted
         near = np.arccos(tilt) < _SEEN * width_of
-        told[part] = (shows & near).any(0) & (size > 0) & error
+        told[part] = (shows & near).any(0) & (size > 0) & explains
     usual = [float(np.median(x[told])) for x in (roughness, strength)] if told.mean() > _ENOUGH else [1.0, 0.0]
     shape = (height, width)
-    filled = [np.where(told, x, value) for x, value in zip((roughness, strength), usual, strict=True)]
-    return Gloss(*(x.reshape(shape).astype(np.float32) for x in filled), float(told.mean()))
+    rough, strong = (
+        np.where(told, x, value).reshape(shape).astype(np.float32)
+        for x, value in zip((roughness, strength), usual, strict=True)
+    )
+    return Gloss(rough, strong, float(told.mean()))
 
 
 def _best(
@@ -97,9 +100,8 @@ def _best(
         k = np.maximum((lobe * rest).sum(0) / np.maximum((lobe**2).sum(0), 1e-30), 0)
         left = (counted * (rest - k * lobe) ** 2).sum(0)
         better = left < least
-        least, found, strength = (
-            np.where(better, *pair) for pair in ((left, least), (roughness, found), (k, strength))
-        )
+        least = np.where(better, left, least)
+        found, strength = np.where(better, roughness, found), np.where(better, k, strength)
     return found, strength, np.arctan(found**2), least < 0.5 * whole
 
 
@@ -124,5 +126,5 @@ def ggx_lobe(
         return one
 
     # G / (4 n . l n . v), times the cosine n . l of the light.
-    lobe: NDArray[np.float64] = d * smith(lit) * smith(facing) / (4 * np.maximum(facing, 1e-4)) * (lit > 0)
-    return lobe
+    lobe: NDArray[np.float64] = d * smith(lit) * smith(facing) / (4 * np.maximum(facing, 1e-4))
+    return np.where(lit > 0, lobe, 0.0)

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ....bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
-from ...summary.quality_levels import MAP_LEVELS
-from ..bake_jobs import by_quality
+from ...summary.quality_levels import MAP_LEVELS, by_quality
 
 
 def add_photographs(group: Any, *, arc: bool = True) -> None:

@@ -11,7 +11,7 @@ _registered: list[Any] = []
 
 def _execute(arguments: list[str]) -> int:
     # Imported here so that starting Blender does not wait for it.
-    from ..main import main
+    from .main import main
 
     return main(arguments)
 
