@@ -219,7 +219,7 @@ def hover(area, wanted, region="WINDOW", part=0.7):
             lately[wanted] = across(place, part), seen[-1][0]
             return
         words = [words for _, words in seen]
-        if words == before:
+        if turn > 1 and words == before:  # the end; the second look is from the top, where the first may have been
             break
         before = words
         yield from move(across(place, 0.5), place.y + place.height / 2)
