@@ -81,6 +81,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
         learn_the_world(scene)
         fitted = _each(self, materials_in(scene), lambda material: kind_of(material).refit(material, scene))
         self.report({"INFO"}, f"{_counted(fitted)} fitted to {scene.name}")
+        push_for_script(self)
         return {"FINISHED"}
 
 
