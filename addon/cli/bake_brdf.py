@@ -111,6 +111,13 @@ def add_settings(parser: Any) -> None:
         help="of the texels; log, 8 bits of the logarithm, is best for files below 100 KiB (%(default)s)",
     )
     parser.add_argument(
+        "--table-bytes",
+        type=int,
+        metavar="BYTES",
+        help="with --storage log: as many samples as the table's file holds within so many bytes, whatever the "
+        "resolution, of an isotropic measurement",
+    )
+    parser.add_argument(
         "--filter",
         choices=FILTER_CHOICES,
         default=usual.filter,
@@ -187,6 +194,7 @@ def settings_of(options: argparse.Namespace) -> BakeSettings:
             storage=Storage(options.storage),
             filter=options.filter,
             spline=options.spline,
+            table_bytes=options.table_bytes,
             sampler=isotropic_layout(options.sampler_kind, options.sampler),
             envelope=options.envelope,
             reading=reading_of(options),

@@ -15,6 +15,7 @@ BENCHES = {
     "tables": "RMS and total intensity of identity, uniform and Bezier tables: 70 MERL reconstructions, 12 RGL files",
     "bases": "RMS of both bases and every parameterisation at equal bytes, and the choice",
     "bytes": "error against bytes of every storage's file, and of whole bundles; a plot",
+    "within": "tables of logarithms within 2.7 kB and 48 KiB beside published networks, on the RGL files",
     "cost": "error of a paint against table size, for every parameterisation and filter; a plot",
     "sheets": "noise and time of sheets that sample lamps, or aim at them, beside Diffuse and Translucent BSDF",
     "sampling": "variance and bytes of cosine, alias tables and warps, by white noise and Sobol numbers",
