@@ -39,11 +39,12 @@ BENCHES = {
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
+    "maps": "normals of bake maps beside plain least squares, on renders whose true normals are known",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
     "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",
     "sample-time": "what the time of a sample is made of: parts of Exact taken away one by one, as OSL and as nodes",
-    "readme": "figures of README, hard_cases.md, sheets.md and formats.md beside what their benches wrote last",
+    "readme": "figures of README and of pages in addon/docs beside what their benches wrote last",
     "tolerances": "what numeric assertions of the suite allow beside what they need; --quick without Blender",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
 }
