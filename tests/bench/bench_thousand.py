@@ -27,7 +27,7 @@ sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
 from support.clusters import Cluster, cluster, command, wait_until
 
-SMALL = "--resolution 8 --basis half --parameterization squared --no-envelope --sampler 16".split()
+SMALL = "--resolution 8 --basis normal --parameterization uniform --no-envelope --sampler 16".split()
 _MOST_SECONDS = 7200.0
 _MODELS = ("ggx", "ward", "oren-nayar", "ashikhmin-shirley", "phong")
 
@@ -82,7 +82,7 @@ def _killed(words: list[str], library: Path, at: int) -> tuple[dict[str, tuple[i
     """Start, kill when so many bundles are there, and return those and the seconds that they took."""
     started = time.monotonic()
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    wait_until(lambda: len(bundles(library)) >= at or process.poll() is not None, _MOST_SECONDS)
+    wait_until(lambda: len(bundles(library)) >= at or process.poll() is not None, _MOST_SECONDS, 0.5)
     process.kill()
     process.wait()
     return bundles(library), time.monotonic() - started
@@ -93,7 +93,7 @@ def _finished(
 ) -> tuple[dict[str, tuple[int, int]], dict[str, Any]]:
     """Go on to the end, with a worker killed and another in its place on the way."""
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-    wait_until(lambda: len(bundles(library)) >= at, _MOST_SECONDS)
+    wait_until(lambda: len(bundles(library)) >= at, _MOST_SECONDS, 0.5)
     dask.workers[0].kill()
     dask.add_worker()
     told, _ = process.communicate(timeout=_MOST_SECONDS)

@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 _COMMON = ("--no-dashboard",)
@@ -82,10 +82,9 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-P", "-m", "measured_materials", *map(str, words)]
 
 
-def wait_until(happened: object, seconds: float) -> None:
+def wait_until(happened: Callable[[], object], seconds: float, pause: float = 0.02) -> None:
     """Call a function until it returns something true. AssertionError: it did not in that time."""
-    assert callable(happened)
     until = time.monotonic() + seconds
     while not happened():
         assert time.monotonic() < until, "waited in vain"
-        time.sleep(0.02)
+        time.sleep(pause)
