@@ -100,9 +100,12 @@ def recover(target: Path) -> None:
 
 
 def remove_leftovers(target: Path) -> None:
-    """Remove what killed writers of `target` left beside it; folders of living writers stay, and links lead nowhere."""
+    """Remove what killed writers of `target` left beside it; folders of living writers stay. No link is followed."""
     for folder, state in _siblings(target):
-        if not folder.is_symlink() and (state == _ASIDE or not _in_use(folder)):
+        if folder.is_symlink():
+            with contextlib.suppress(OSError):
+                folder.unlink()
+        elif state == _ASIDE or not _in_use(folder):
             shutil.rmtree(folder, ignore_errors=True)
 
 

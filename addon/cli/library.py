@@ -147,8 +147,12 @@ def plan_of(options: argparse.Namespace) -> Plan:
     if not found:
         raise argparse.ArgumentTypeError("nothing to bake: give files, folders, a list, or --analytic NAME")
     wanted = [source.wanted(given.name) for source, given in found]
-    names = unique_names(wanted, names_kept(out))
-    jobs = [_job(source, given, name, one.identity) for (source, given), name, one in zip(found, names, wanted)]
+    before = names_kept(out)
+    jobs = []
+    for (source, given), name, one in zip(found, unique_names(wanted, before), wanted):
+        # What the library baked from this very source is its own to bake again when the source has changed.
+        given.replace = given.replace or before.get(one.identity) == name
+        jobs.append(_job(source, given, name, one.identity))
     return Plan(out, tuple(jobs))
 
 

@@ -22,13 +22,12 @@ from typing import Any
 from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
 from measured_materials.bake.errors import BakeError
 
-from support.clusters import command
+from support.clusters import command, wait_until
+from support.stacks import write_stack
 
-SMALL = "--resolution 8 --basis half --parameterization squared --no-envelope --sampler 16".split()
-FORMULAS = ("ggx alpha=0.3", "lambert", "phong exponent=20")
-OLDER = ("ggx", "alpha=0.3", "f0=0.9")
-"""Of the bundle that is there before, under a name that the library wants."""
-NAMES = ("ggx", "lambert", "phong")
+NAMES = tuple(f"cloth{k}" for k in range(6))
+"""Swatches of a library: photographs of a few texels, which are baked in a tenth of a second. The first is there."""
+OLDER = NAMES[0]
 _PATIENCE = 120.0
 
 
@@ -55,23 +54,29 @@ class Scene:
         (self.outside / "diary.txt").write_text("nobody's business")
         (self.outside / MATERIAL).write_text("{}")
         self.library.mkdir()
-        done = self.run(*command("bake", "brdf", "--analytic", *OLDER, "--out", self.library, *SMALL))
+        for name in NAMES:
+            write_stack(folder / "swatches" / name)
+        older = write_stack(folder / "older", (20, 50, 80))
+        done = self.run(*command("bake", "photographs", older, "--out", self.library / f"{OLDER}.mmat"))
         assert done.returncode == 0, done.stderr
         self._outside = contents(self.outside)
 
     def command(self, *more: str) -> list[str]:
         """The bake of the library, which replaces the older bundle."""
-        formulas = [word for formula in FORMULAS for word in ("--analytic", *formula.split())]
-        return command("bake", "library", *formulas, "--out", self.library, "--replace", *SMALL, *more)
+        return command("bake", "library", self.folder / "swatches", "--out", self.library, "--replace", *more)
 
     def run(self, *words: str, **how: Any) -> subprocess.CompletedProcess[str]:
         """Run to the end."""
         return subprocess.run(words, capture_output=True, text=True, timeout=_PATIENCE, **how)
 
+    def has(self, name: str) -> bool:
+        """Whether the library has this bundle."""
+        return (self.library / f"{name}.mmat" / MATERIAL).is_file()
+
     def damage(self) -> Damage:
         """Of one fault: before anything is baked again."""
         found = Damage(tried=1)
-        found.lost = int(not (self.library / "ggx.mmat" / MATERIAL).is_file())
+        found.lost = int(not self.has(OLDER))
         for bundle in self.library.glob("*.mmat"):
             try:
                 read_bundle(bundle).check()
@@ -85,8 +90,7 @@ class Scene:
         done = self.run(*self.command("--jobs", "1"))
         found = self.damage()
         found.tried = 0
-        whole = [(self.library / f"{name}.mmat" / MATERIAL).is_file() for name in NAMES]
-        found.lost += whole.count(False) + (done.returncode != 0)
+        found.lost += sum(not self.has(name) for name in NAMES) + (done.returncode != 0)
         found.half_written += len(leftovers(self.library))
         return found
 
@@ -114,7 +118,9 @@ def killed(folder: Path, draw: random.Random, whom: str) -> Damage:
     process = subprocess.Popen(
         scene.command("--jobs", "2"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    time.sleep(draw.uniform(0.5, 6.0))
+    ended = draw.randrange(len(NAMES))
+    wait_until(lambda: _baked(scene) >= ended and children(process.pid), _PATIENCE, 0.002)
+    time.sleep(draw.uniform(0, 0.3))
     workers = children(process.pid)
     chosen = {"client": [process.pid], "worker": workers[:1], "all": [process.pid, *workers]}[whom]
     for pid in chosen:
@@ -125,6 +131,11 @@ def killed(folder: Path, draw: random.Random, whom: str) -> Damage:
         assert time.monotonic() < until, "workers outlive what they work for"
         time.sleep(0.05)
     return scene.damage() + scene.repaired()
+
+
+def _baked(scene: Scene) -> int:
+    """Bundles that are there beside the older one."""
+    return sum(map(scene.has, NAMES[1:]))
 
 
 def disk_full(folder: Path, limit: int) -> Damage:
@@ -142,7 +153,7 @@ def disk_full(folder: Path, limit: int) -> Damage:
 def raced(folder: Path) -> Damage:
     """Two bakes of the library and one of a bundle in it at once: one library waits for no other and says so."""
     scene = Scene(folder)
-    single = command("bake", "brdf", "--analytic", "lambert", "--out", scene.library, *SMALL)
+    single = command("bake", "photographs", folder / "swatches" / NAMES[1], "--out", scene.library)
     both = [scene.command("--jobs", "1"), scene.command("--jobs", "1"), single]
     running = [subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) for words in both]
     told = [process.communicate(timeout=_PATIENCE)[1] for process in running]
@@ -154,11 +165,11 @@ def raced(folder: Path) -> Damage:
 def hostile(folder: Path, edit: Callable[[Path, Path], None]) -> Damage:
     """The older bundle edited by an attacker, given it and the folder outside, then replaced by a bake."""
     scene = Scene(folder)
-    edit(scene.library / "ggx.mmat", scene.outside)
+    edit(scene.library / f"{OLDER}.mmat", scene.outside)
     done = scene.run(*scene.command("--jobs", "1"))
     assert "Traceback" not in done.stderr, done.stderr
     found = scene.damage()
-    found.lost = int(not all((scene.library / f"{name}.mmat" / MATERIAL).is_file() for name in NAMES[1:]))
+    found.lost = sum(not scene.has(name) for name in NAMES[1:])
     # What nobody can read is the attacker's; what the bake has written is whole.
     found.half_written = sum(not _is_whole(scene.library / f"{name}.mmat") for name in NAMES[1:])
     return found
@@ -179,7 +190,7 @@ def _document(bundle: Path, change: Callable[[dict[str, Any]], None]) -> None:
 
 
 def _image(bundle: Path) -> Path:
-    return next(iter(sorted(bundle.glob("*_table.exr"))))
+    return next(iter(sorted(bundle.glob("*_slices.exr"))))
 
 
 def _to_outside(bundle: Path, outside: Path) -> None:
@@ -194,11 +205,11 @@ def _image_outside(bundle: Path, outside: Path) -> None:
 
 
 def _named_outside(bundle: Path, outside: Path) -> None:
-    _document(bundle, lambda told: told["images"]["table"].update(file="../../outside/diary.txt"))
+    _document(bundle, lambda told: told["images"]["slices"].update(file="../../outside/diary.txt"))
 
 
 def _huge(bundle: Path, outside: Path) -> None:
-    _document(bundle, lambda told: told["images"]["table"].update(width=1 << 24, height=1 << 24))
+    _document(bundle, lambda told: told["images"]["slices"].update(width=1 << 24, height=1 << 24))
 
 
 def _lock_outside(bundle: Path, outside: Path) -> None:
@@ -217,7 +228,7 @@ def _names_outside(bundle: Path, outside: Path) -> None:
 
 def _remains_outside(bundle: Path, outside: Path) -> None:
     for state in ("partial", "old"):
-        (bundle.parent / f".lambert.mmat.0123456789ab.{state}").symlink_to(outside, target_is_directory=True)
+        (bundle.parent / f".{NAMES[1]}.mmat.0123456789ab.{state}").symlink_to(outside, target_is_directory=True)
 
 
 EDITS: dict[str, Callable[[Path, Path], None]] = {
