@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 import pytest
 from measured_materials.addon.material.facts import facts_of
+from measured_materials.addon.material.load_bundle import load_bundle
 from measured_materials.addon.material.rebuild import current_lighting
 from measured_materials.addon.ui.background import rebuild_later
-from measured_materials.addon.ui.background.load_bundle import load_bundle
 from measured_materials.addon.ui.background.tasks import STATE_KEY
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings

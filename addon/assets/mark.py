@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ...bake.bundle.bundle import PREVIEW
 from ...bake.errors import BakeError
@@ -19,12 +21,20 @@ from .words import Rights, rights_of, words_of
 _LARGEST_PICTURE = 1 << 24  # bytes
 
 
-def mark(material: bpy.types.Material, rights: Rights | None = None) -> str:
+def mark(
+    material: bpy.types.Material,
+    rights: Rights | None = None,
+    *,
+    library: Path | None = None,
+    picture: NDArray[Any] | None = None,
+) -> str:
     """Make the material an asset, or bring one in line with its last bake; words on what could not be done, or none.
 
     Parameters
     ----------
     rights : to state; by default what is stated already stays, and else what the measurement says of itself
+    library : folder whose catalogues list it; by default that of the open .blend
+    picture : (H, W, 1 to 4) sRGB in [0, 1] or bytes, row 0 on top; by default that of its bundle
 
     Raises
     ------
@@ -40,7 +50,8 @@ def mark(material: bpy.types.Material, rights: Rights | None = None) -> str:
     data.author, data.license, data.copyright = rights.author, rights.license, rights.copyright
     for tag in words.tags:
         data.tags.new(tag, skip_if_exists=True)
-    return "; ".join(filter(None, (_set_picture(material), _set_catalogue(material, words.catalogue))))
+    told = _set_picture(material, picture), _set_catalogue(material, words.catalogue, library or library_folder())
+    return "; ".join(filter(None, told))
 
 
 def refresh(material: bpy.types.Material, before: Rights | None = None) -> str:
@@ -94,16 +105,16 @@ def stated_rights(material: bpy.types.Material) -> Rights:
     return Rights(data.author or known.author, data.license or known.license, data.copyright or known.copyright)
 
 
-def library_folder() -> Path | None:
-    """Folder of the asset library that the open .blend belongs to; None before it is saved."""
-    if not bpy.data.filepath:
+def library_folder(blend: Path | None = None) -> Path | None:
+    """Folder of the asset library that a .blend, by default the open one, belongs to; None before that is saved."""
+    blend = blend or (Path(bpy.data.filepath) if bpy.data.filepath else None)
+    if blend is None:
         return None
     libraries = bpy.context.preferences.filepaths.asset_libraries
-    return library_of(Path(bpy.data.filepath), [Path(library.path) for library in libraries if library.path])
+    return library_of(blend, [Path(library.path) for library in libraries if library.path])
 
 
-def _set_catalogue(material: bpy.types.Material, path: str) -> str:
-    folder = library_folder()
+def _set_catalogue(material: bpy.types.Material, path: str, folder: Path | None) -> str:
     if folder is None:
         return "Save the .blend file and mark again to give it a catalog"
     try:
@@ -113,18 +124,20 @@ def _set_catalogue(material: bpy.types.Material, path: str) -> str:
     return ""
 
 
-def _set_picture(material: bpy.types.Material) -> str:
-    """The picture of its bundle; where that is gone the one that it has, else one that Blender renders by and by."""
-    file = bundle_path(material) / PREVIEW
-    try:
-        picture = read_image(file, _LARGEST_PICTURE)
-    except (BakeError, ValueError):
-        if material.preview is not None and material.preview.is_image_custom:
+def _set_picture(material: bpy.types.Material, picture: NDArray[Any] | None) -> str:
+    """The one that is given, or of its bundle; where that is gone the one that it has, else Blender renders one."""
+    if picture is None:
+        try:
+            picture = read_image(bundle_path(material) / PREVIEW, _LARGEST_PICTURE)
+        except (BakeError, ValueError):
+            if material.preview is not None and material.preview.is_image_custom:
+                return ""
+            if bpy.app.background:
+                return "Its bundle is gone, and with it the picture"
+            material.asset_generate_preview()
             return ""
-        if bpy.app.background:
-            return "Its bundle is gone, and with it the picture"
-        material.asset_generate_preview()
-        return ""
+    if picture.dtype == np.uint8:
+        picture = picture.astype(np.float32) / 255
     pixels = np.ones((*picture.shape[:2], 4), np.float32)
     colours = picture.shape[2] - (picture.shape[2] in (2, 4))
     pixels[..., :3] = picture[..., :colours]

@@ -8,8 +8,8 @@ from typing import Any
 
 from ...bake.errors import BakeError
 from ..summary.text import one_line
+from .console.need_blender import need_blender
 from .console.result import Result
-from .need_blender import need_blender
 
 _SUFFIX = ".blend"
 # A .blend as it is, compressed by zstd, or by gzip before 3.0.

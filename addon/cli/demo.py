@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from .console.need_blender import need_blender
 from .console.progress import Progress
 from .console.result import Result
-from .need_blender import need_blender
 
 
 def add_to(commands: Any) -> None:

@@ -29,7 +29,7 @@ from ..library.run import run_task
 from ..library.table import TABLE_SUFFIXES, errors_of, library_document, names_kept, table_lines, write_table
 from ..summary.bake_stages import bake_stages
 from ..summary.quality_levels import LEVELS, STANDARD
-from . import bake_brdf, bake_photographs
+from . import bake_brdf, bake_photographs, farm
 from .bake_jobs import add_replace, add_rights, made_folder
 from .console.library_progress import LibraryProgress
 from .console.option_words import words_of
@@ -41,7 +41,7 @@ _KIND = "library"
 # Seconds between two writings of the table while materials are baked.
 _PAUSE = 5.0
 # Options of the library as a whole, not of a material.
-_OF_LIBRARY = ("out", "jobs", "dask", "task", "json")
+_OF_LIBRARY = ("out", "jobs", "dask", "task", "exit_zero", "export", "farm_program", "assets", "json")
 # Those that are not among the settings of a material.
 _OF_ALL = (*_OF_LIBRARY, "analytic", "name", "help")
 # Options that name a file.
@@ -92,6 +92,25 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="one material as a task of a farm, beside other tasks: no table",
     )
+    where.add_argument(
+        "--exit-zero",
+        action="store_true",
+        help="with --task: tell of a material that cannot be baked, but do not fail by it",
+    )
+    where.add_argument(
+        "--export",
+        choices=farm.FARMS,
+        help="bake nothing, and write what that farm needs to do it into the library's folder",
+    )
+    where.add_argument(
+        "--farm-program",
+        default="",
+        metavar="WORDS",
+        help="with --export: what a farm's machines run (blender --background --command measured_materials)",
+    )
+    parser.add_argument(
+        "--assets", type=Path, metavar="DIR", help="afterwards bring an asset library in line, as `assets LIB` does"
+    )
     add_rights(parser)
     parser.add_argument(
         "--quality",
@@ -133,11 +152,13 @@ def run(options: argparse.Namespace) -> Result:
         raise argparse.ArgumentTypeError("give the folder of the library by --out LIB")
     if options.out.suffix.lower() == SUFFIX:
         raise argparse.ArgumentTypeError(f"--out {options.out} names one bundle; give a folder")
+    farm.check(options)
     plan = plan_of(options)
+    if options.export:
+        return farm.export(plan, options)
     with made_folder(plan.out), library_lock(plan.out, shared=options.task):
-        if options.task:
-            return _run_one(plan, options)
-        return _run_all(plan, options)
+        result = _run_one(plan, options) if options.task else _run_all(plan, options)
+    return farm.with_assets(result, plan, options)
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
@@ -228,7 +249,8 @@ def _run_one(plan: Plan, options: argparse.Namespace) -> Result:
     (job,) = plan.jobs
     with LibraryProgress(1) as progress:
         outcome = run_task(job, plan.out, partial(progress.at, job.name, bake_stages(job.request.settings)))
-    return _result(plan, {job.name: outcome}, outcome.seconds, options, [])
+    result = _result(plan, {job.name: outcome}, outcome.seconds, options, [])
+    return farm.told(result) if options.exit_zero else result
 
 
 def _run_all(plan: Plan, options: argparse.Namespace) -> Result:

@@ -12,7 +12,7 @@ from typing import TextIO
 
 from ...bake.bundle.checked_json import dump_json
 from ...bake.errors import BakeError
-from . import bake_brdf, check, demo, inspect, library, render, report
+from . import assets, bake_brdf, check, demo, inspect, library, render, report
 from .console.interrupts import INTERRUPTED, keyboard_interrupts, told
 from .console.result import Result, complain
 from .console.streams import results_stream, silence_output
@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
     )
     commands = top.add_subparsers(metavar="COMMAND", required=True)
     library.add_to(bake_brdf.add_to(commands))
-    for module in (inspect, render, check, report, demo):
+    for module in (inspect, render, assets, check, report, demo):
         module.add_to(commands)
     return top
 

@@ -14,16 +14,15 @@ from ...bake.bundle.origin import mark_of
 from ...bake.errors import BakeError
 from ...bake.images.png import png_about
 from ...bake.shading_maps.record import Record, ShadingMapRecord, read_record
-from ...bake.shading_maps.render_settings import RenderSettings
+from ...bake.shading_maps.render_settings import USUAL_REPEAT, RenderSettings
 from ...bake.tables.table import FILTERS
+from .console.need_blender import need_blender
 from .console.progress import Progress
 from .console.result import Result
 from .lighting_options import add_lighting, given_lighting, known_lobes, lighting, parsed_lobe
-from .need_blender import need_blender
 
 _LARGEST = 16384
 _MOST_REPEATS = 1000.0
-USUAL_REPEAT = 3.0
 # Behind the mark of a picture whose linear twin was written too.
 _TWIN = " linear"
 
@@ -253,9 +252,7 @@ def _shown(
     scene, material = studio
     exr = out.with_suffix(".exr") if options.exr else None
     say = partial(progress, "rendering")
-    build = (
-        partial(_build_brdf, record, options) if settings is None else partial(_build_map, record, settings, options)
-    )
+    build = partial(_build, record, settings, options)
     osl = build(scene, material) if options.osl else None
     if not _is_kept(osl):
         if denoised.done:
@@ -273,43 +270,16 @@ def _is_kept(effect: Any) -> bool:
     return effect is not None and effect.kept
 
 
-def _build_brdf(record: Any, options: argparse.Namespace, scene: Any, material: Any) -> Any:
+def _build(record: Any, settings: RenderSettings | None, options: argparse.Namespace, scene: Any, material: Any) -> Any:
     """What became of --osl, None where it was not asked for; if a script takes part, the scene is set for it."""
-    from ...nodes.osl_script import use_osl
-    from ..material.build_brdf import build_brdf, usual_choices
-    from ..material.choices import OSL
-    from ..material.scene_fit import language_of
-
-    given = {"aim": options.aim, "sample": options.sample_lamps}
-    given |= {} if options.filter is None else {"filter": options.filter}
-    given |= {"shader": OSL} if options.osl else {}
-    choices = replace(usual_choices(record, options.mode), **given)
-    plan = build_brdf(record, material, choices=choices, scene=scene)[1]
-    if plan.osl or plan.scripted:
-        use_osl(scene)
-    return language_of(plan.effects)
-
-
-def _build_map(
-    record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace, scene: Any, material: Any
-) -> Any:
-    """As `_build_brdf`, of a shading map."""
-    from ...nodes.feature_passes import asks_for_passes
-    from ...nodes.osl_script import use_osl
-    from ..lights.kept_surveys import surveyed
-    from ..material.bake_photographs import set_repeat
-    from ..material.build_shading_map import build_lit_map, plan_map_light
+    from ..material.build_brdf import usual_choices
     from ..material.choices import NODES, OSL, Choices
-    from ..material.scene_fit import language_of
+    from ..studio.shown_bundle import build_for
 
-    report = surveyed(scene)
-    choices = Choices(aim=options.aim, sample=options.sample_lamps, shader=OSL if options.osl else NODES)
-    light = plan_map_light(settings, choices, report, ready=False, through=record.through is not None)
-    if light.scripted:
-        use_osl(scene)
-    build_lit_map(record, material, settings, light, report, features=asks_for_passes(scene) and not light.scripted)
-    set_repeat(material, options.repeat or USUAL_REPEAT, record.map.layout)
-    return language_of(light.effects)
+    given = {"aim": options.aim, "sample": options.sample_lamps, "shader": OSL if options.osl else NODES}
+    given |= {} if options.filter is None else {"filter": options.filter}
+    choices = usual_choices(record, options.mode) if settings is None else Choices()
+    return build_for(scene, record, material, replace(choices, **given), settings, options.repeat or USUAL_REPEAT)
 
 
 def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace) -> Any:

@@ -34,14 +34,14 @@ def surveyed(scene: bpy.types.Scene) -> LampReport:
     reports = _reports.found
     if reports is None:
         return survey_scene(scene, for_render=True)
-    state = _state(scene)
     known = reports.get(scene.session_uid)
-    if known is not None and known[0] == state:
+    if known is not None and known[0] == _state(scene):
         return known[1]
     report = survey_scene(scene, for_render=True)
     reports.pop(scene.session_uid, None)
+    # Its state not before: in Blender 5.2 the layers of a scene that was just made know no collections.
     if _tell_all(scene):
-        reports[scene.session_uid] = state, report
+        reports[scene.session_uid] = _state(scene), report
     return report
 
 

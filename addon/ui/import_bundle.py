@@ -1,7 +1,6 @@
 """Operator: materials of bundles that were baked before; file menu, drag and drop."""
 
 # No postponed annotations here: Blender reads the properties from them.
-import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +9,16 @@ import bpy
 from ...bake.bundle.bundle import SUFFIX
 from ...bake.errors import BakeError
 from ..material.bake_material import assign, told_place
-from ..material.facts import record_of
-from ..material.kinds import BRDF, kind_of
+from ..material.kinds import kind_of
+from ..material.load_bundle import load_bundle
 from ..material.together import built_together
 from ..summary.text import one_line
 from .background.bake_queue import queue
-from .background.load_bundle import LoadTask, bundles_meant, load_bundle
+from .background.load_bundle import LoadTask, bundles_meant
 from .context import object_under
 from .import_operator import AS_ASSET, mark_and_tell, registration
-from .properties.bake import show_settings
-from .properties.photographs import show_arc_settings
+from .properties.next_bake import show_next_bake
 
-# In the place of the second folder, where a bundle's settings are of another version.
-_LOST = "photographs against the light"
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 _FILES = bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=_HIDDEN)
 _DIRECTORY = bpy.props.StringProperty(subtype="DIR_PATH", options=_HIDDEN)
@@ -88,7 +84,7 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         if not made:
             return {"CANCELLED"}
         for material in made:
-            _show(material, self.pack)
+            show_next_bake(material, self.pack)
             if self.as_asset:
                 mark_and_tell(material)
         for material in made[1:]:
@@ -106,7 +102,7 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         pack, as_asset = self.pack, self.as_asset
 
         def settle(material: bpy.types.Material) -> None:
-            _show(material, pack)
+            show_next_bake(material, pack)
             if as_asset:
                 mark_and_tell(material)
 
@@ -121,22 +117,6 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         if self.filepath:
             return [Path(bpy.path.abspath(self.filepath))]
         return [folder] if folder is not None else []
-
-
-def _show(material: bpy.types.Material, pack: bool) -> None:
-    """Have the panel offer for the next bake what this one was made with, where the bundle says it."""
-    brdf = kind_of(material) is BRDF
-    properties = material.measured_materials if brdf else material.measured_arc
-    properties.pack = pack
-    with contextlib.suppress(BakeError, TypeError, ValueError):
-        record = record_of(material)
-        settings = record.settings
-        if brdf:
-            show_settings(properties, settings)
-        elif settings is not None:
-            show_arc_settings(properties, settings, pack=pack)
-        elif record.through is not None:
-            properties.through = _LOST  # which the next bake asks for, where it would else leave the second map out
 
 
 def _menu(self: Any, _context: bpy.types.Context) -> None:

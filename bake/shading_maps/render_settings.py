@@ -21,6 +21,8 @@ PREVIEW_LEVEL = 0.75
 UNCALIBRATED_SIGMA = 0.5
 # And lets through as much as a shade of cloth does, less than what it reflects leaves.
 UNCALIBRATED_TRANSMISSION = 0.25
+# Swatches along a unit of texture coordinates in the studio, whose ball has three around it.
+USUAL_REPEAT = 3.0
 
 
 @dataclass(frozen=True)

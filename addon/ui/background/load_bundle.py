@@ -8,25 +8,15 @@ from pathlib import Path
 
 import bpy
 
-from ....bake.brdf.common import kind_of as kind_told
 from ....bake.bundle.bundle import SUFFIX, is_bundle, read_bundle
 from ....bake.bundle.result import BakeResult
 from ....bake.errors import BakeError
 from ...baking.job import CANCELLED, DONE
-from ...material.bake_material import assign, material_from
-from ...material.bake_photographs import swatch_from
+from ...material.bake_material import assign
 from ...material.kinds import kind_of
+from ...material.load_bundle import load_bundle
 from ...material.together import built_together
 from .tasks import Task, found
-
-
-def load_bundle(path: Path, *, pack: bool) -> bpy.types.Material:
-    """The material of a bundle, whatever its kind. Raises BakeError."""
-    bundle = read_bundle(path)
-    result = BakeResult(bundle.path, bundle.material, 0.0)
-    if kind_told(bundle.material) == "shading_map":
-        return swatch_from(result, None, pack=pack)
-    return material_from(result, pack=pack)
 
 
 class LoadJob:

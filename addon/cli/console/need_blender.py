@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from ...bake.errors import BakeError
+from ....bake.errors import BakeError
 
 
 def need_blender(command: str) -> None:

@@ -1,0 +1,1 @@
+"""A library's jobs for farms that exist: Flamenco and OpenCue."""
