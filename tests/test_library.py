@@ -28,7 +28,7 @@ from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
 from measured_materials.bake.shading_maps.bake import ArcSettings
 from support.clusters import command, wait_until
 from support.format_files import ABC_SET, write_published
-from support.library_faults import children, is_alive, kill, leftovers
+from support.library_faults import children, is_alive, kill, leftovers, marks
 from support.stacks import write_stack
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
@@ -51,12 +51,6 @@ def bake(out: Path, *words: str | Path) -> tuple[int, dict[str, Any]]:
     )
     assert "Traceback" not in done.stderr, done.stderr
     return done.returncode, json.loads(done.stdout)
-
-
-def marks(out: Path) -> dict[str, tuple[int, int]]:
-    """What changes when a bundle is baked again."""
-    told = {file.parent.stem: file.stat() for file in out.glob(f"*.mmat/{MATERIAL}")}
-    return {name: (found.st_ino, found.st_mtime_ns) for name, found in told.items()}
 
 
 def states(document: dict[str, Any]) -> dict[str, str]:

@@ -107,6 +107,12 @@ def contents(folder: Path) -> dict[str, str]:
     }
 
 
+def marks(library: Path) -> dict[str, tuple[int, int]]:
+    """Of each bundle there the inode and the time of its document, both of which change when it is baked again."""
+    told = {file.parent.stem: file.stat() for file in library.glob(f"*.mmat/{MATERIAL}")}
+    return {name: (found.st_ino, found.st_mtime_ns) for name, found in told.items()}
+
+
 def leftovers(library: Path) -> list[str]:
     """What an interrupted bake has left beside the bundles."""
     return [path.name for path in library.iterdir() if path.name.startswith(".") and path.name != ".library.lock"]
