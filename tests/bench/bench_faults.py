@@ -1,4 +1,4 @@
-"""Kills, full disks, races and hostile bundles: what a library has lost, what is half-written, what outside was touched.
+"""Kills, full disks, races, hostile bundles: what a library has lost, what is half-written, what outside was touched.
 
 Every fault is done on purpose to a library of six swatches with an older bundle in it (`support.library_faults`), and
 the library is baked again afterwards: that counts too.

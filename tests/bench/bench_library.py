@@ -28,6 +28,7 @@ from support.library_faults import leftovers, marks
 COUNT, ROUNDS = 24, 3
 _TIMEOUT = 3600
 _DRAFT = ("--quality", "draft")
+_QUICK = ("--resolution", "8", "--basis", "normal", "--parameterization", "uniform", "--no-envelope", "--sampler", "16")
 
 
 def run(out: Path, quick: bool) -> int:
@@ -38,7 +39,7 @@ def run(out: Path, quick: bool) -> int:
         folder = Path(name)
         listed = folder / "all.list"
         listed.write_text("\n".join(formulas) + "\n")
-        rounds = 1 if quick else ROUNDS
+        rounds, usual = (1, _QUICK) if quick else (ROUNDS, _DRAFT)
         # One after the other in turns, each a part of the list, so that what else the machine does meets both alike.
         parts = [folder / f"part{k}.list" for k in range(rounds)]
         for k, part in enumerate(parts):
@@ -47,11 +48,11 @@ def run(out: Path, quick: bool) -> int:
         rows: dict[int, list[dict[str, Any]]] = {1: [], 2: []}
         for part in parts:
             for count in seconds:
-                told = _baked(part, folder / f"by{count}", "--jobs", str(count))
+                told = _baked(part, folder / f"by{count}", *usual, "--jobs", str(count))
                 seconds[count] += told["seconds"]
                 rows[count] += told["materials"]
-        kept = _baked(listed, folder / "by2", "--jobs", "2")
-        through, lost = _by_dask(listed, folder)
+        kept = _baked(listed, folder / "by2", *usual, "--jobs", "2")
+        through, lost = _by_dask(listed, folder, usual)
     figures = {
         "materials": COUNT,
         "seconds, one process": seconds[1],
@@ -66,7 +67,7 @@ def run(out: Path, quick: bool) -> int:
         "MB of a Dask worker at most": max(row["peak_bytes"] for row in through["materials"]) / 1e6,
         "missing, baked twice or half-made": lost,
     }
-    table = Table(title=f"{COUNT} materials, draft quality")
+    table = Table(title=f"{COUNT} materials" + ("" if quick else ", draft quality"))
     table.add_column("")
     table.add_column("", justify="right")
     for name, value in figures.items():
@@ -77,18 +78,18 @@ def run(out: Path, quick: bool) -> int:
 
 
 def _baked(listed: Path, library: Path, *more: str) -> dict[str, Any]:
-    words = command("bake", "library", listed, "--out", library, "--json", *_DRAFT, *more)
+    words = command("bake", "library", listed, "--out", library, "--json", *more)
     done = subprocess.run(words, capture_output=True, text=True, timeout=_TIMEOUT)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(done.stdout)
     return found
 
 
-def _by_dask(listed: Path, folder: Path) -> tuple[dict[str, Any], int]:
+def _by_dask(listed: Path, folder: Path, usual: tuple[str, ...]) -> tuple[dict[str, Any], int]:
     """The account, and how many are missing, baked twice or half-made."""
     library = folder / "dask"
     with cluster(folder / "cluster", 2) as dask:
-        words = command("bake", "library", listed, "--out", library, "--json", *_DRAFT, "--dask", dask.address)
+        words = command("bake", "library", listed, "--out", library, "--json", *usual, "--dask", dask.address)
         process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         wait_until(lambda: len(marks(library)) >= COUNT // 2, _TIMEOUT, 0.1)
         dask.workers[0].kill()
