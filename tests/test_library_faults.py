@@ -12,6 +12,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from measured_materials.addon.library.table import TABLE_SUFFIXES
+from measured_materials.bake.atomic_write import staging_folder, sweep
 from measured_materials.bake.bundle.bundle import read_bundle
 from support.clusters import command
 from support.library_faults import EDITS, NAMES, Damage, contents, disk_full, hostile, killed, raced
@@ -57,6 +59,30 @@ def test_links_out_of_the_library_are_not_followed(tmp_path: Path) -> None:
         EDITS["remains of a bake are links to a folder outside"](bundle, outside)
 
     assert spoiled(hostile(tmp_path / "scene", edit)) == NONE
+
+
+def test_remains_of_killed_writers_are_swept(tmp_path: Path) -> None:
+    """What was moved aside comes back, what was half-made goes; no link is followed, and living writers stay."""
+    library, outside = tmp_path / "library", tmp_path / "outside"
+    for place in (".a.mmat.0123456789ab.old", ".a.mmat.1123456789ab.partial", ".b.mmat.0123456789ab.partial"):
+        (library / place).mkdir(parents=True)
+        (library / place / "file").write_text(place)
+    outside.mkdir()
+    (outside / "diary.txt").write_text("nobody's business")
+    (library / ".c.mmat.0123456789ab.old").symlink_to(outside, target_is_directory=True)
+    (library / ".d.mmat.0123456789ab.partial").symlink_to(outside, target_is_directory=True)
+    for name in (".0123456789ab.partial.json", ".0123456789ab.partial.blend", ".0123456789a.partial.json", ".notes"):
+        (library / name).write_text("x")
+    with staging_folder(library / "e.mmat") as living:
+        sweep(library, *TABLE_SUFFIXES)
+        left = {path.name for path in library.iterdir()}
+    assert left == {"a.mmat", ".0123456789ab.partial.blend", ".0123456789a.partial.json", ".notes", living.name}
+    assert (library / "a.mmat" / "file").read_text() == ".a.mmat.0123456789ab.old"
+    assert contents(outside).keys() == {"diary.txt"}
+    (library / ".0123456789ab.partial.csv").write_text("x")
+    words = command("bake", "library", write_stack(tmp_path / "f"), "--out", library, "--jobs", "0")
+    assert subprocess.run(words, capture_output=True, timeout=60).returncode == 0
+    assert not (library / ".0123456789ab.partial.csv").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
