@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from measured_materials.addon.library.plan import LibraryJob
 from measured_materials.addon.library.run import finished, recipe_of_request, run_task
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
+from measured_materials.bake.bundle.recipe import recipe_of
+from measured_materials.bake.errors import BakeError
 from measured_materials.bake.rights import Rights
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
@@ -142,6 +144,33 @@ def test_a_recipe_is_what_decides_what_is_baked(folder: str, tmp_path: Path) -> 
     assert recipe_of_request(BakeRequest(file, changed)) != usual
     formulas = {recipe_of_request(model("a", alpha).request) for alpha in (0.3, 0.31)} | {usual}
     assert len(formulas) == 3
+
+
+@dataclass(frozen=True)
+class _Alias:
+    cells: int
+    file: Path | None = None
+
+
+@dataclass(frozen=True)
+class _Warp:
+    cells: int
+    file: Path | None = None
+
+
+def test_a_recipe_tells_kinds_and_contents_apart(tmp_path: Path) -> None:
+    """Of two settings with equal numbers, and of files by what is in them, wherever they lie."""
+    recipes = {recipe_of(one, {"name": "a"}) for one in (_Alias(3), _Warp(3), _Alias(4))} | {recipe_of(_Alias(3), {})}
+    assert len(recipes) == 4
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "lights.csv").write_text("x")
+    first, second = (recipe_of(_Alias(3, tmp_path / folder / "lights.csv"), {}) for folder in "ab")
+    assert first == second
+    (tmp_path / "b" / "lights.csv").write_text("y")
+    assert recipe_of(_Alias(3, tmp_path / "b" / "lights.csv"), {}) != first
+    with pytest.raises(BakeError, match="cannot be read"):
+        recipe_of(_Alias(3, tmp_path / "none.csv"), {})
 
 
 def pooled(jobs: list[LibraryJob], out: Path, watch: pool.Watch, count: int = 2) -> dict[str, Outcome]:
