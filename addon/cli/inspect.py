@@ -36,8 +36,8 @@ from ..summary.sheet_rows import measured_sheet_rows
 from ..summary.survey_rows import survey_rows
 from ..summary.text import columns, one_line
 from .console.progress import Progress
+from .console.reading_options import add_reading, reading_of
 from .console.result import Result
-from .reading_options import add_reading, reading_of
 
 # Behind the mark of a bundle's figures: those of the measurement show something else.
 _BAKED = " baked"

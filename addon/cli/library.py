@@ -33,9 +33,10 @@ from . import bake_brdf, bake_photographs, farm
 from .bake_jobs import add_replace, add_rights, made_folder
 from .console.library_progress import LibraryProgress
 from .console.option_words import words_of
+from .console.photograph_options import add_photographs
+from .console.reading_options import add_reading, reading_of
 from .console.result import Result
 from .lighting_options import add_lighting, known_lobes
-from .reading_options import add_reading, reading_of
 
 _KIND = "library"
 # Seconds between two writings of the table while materials are baked.
@@ -120,7 +121,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     )
     bake_brdf.add_settings(parser.add_argument_group("measurements and formulas"))
     add_reading(parser)
-    bake_photographs.add_photographs(parser.add_argument_group("photographs"))
+    add_photographs(parser.add_argument_group("photographs"))
     bake_photographs.add_through(parser.add_argument_group("against the light"))
     bake_photographs.add_map(parser.add_argument_group("shading map"), "--map-storage")
     add_lighting(
