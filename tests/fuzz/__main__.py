@@ -1,9 +1,9 @@
 """Spoil measurements' files and read them: `./run fuzz`, by chance, or `./run fuzz --guided NAME`, led by coverage.
 
 By chance, each format in turn is read so many times by several processes, and what became of them is printed: tried,
-clean errors, the slowest, memory. MERL and UTIA's `.bin` are not among them: their size tells them. Guided (needs the
-package atheris, which `./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no
-file has reached before.
+clean errors, the slowest, memory. MERL is not among them, of 34 MB each. `--record` keeps what was printed, of the most
+files of each format, and `--table` prints all that is kept. Guided (needs the package atheris, which
+`./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no file has reached before.
 """
 
 from __future__ import annotations
@@ -24,7 +24,14 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2, help="(%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="other files with another (%(default)s)")
     parser.add_argument("--guided", action="store_true", help="towards new code, one format, one process")
+    parser.add_argument("--record", action="store_true", help="keep what became of them, where it is more than before")
+    parser.add_argument("--table", action="store_true", help="only print what was kept of every format")
     options = parser.parse_args()
+    import tried
+
+    if options.table:
+        print(tried.table())
+        return
     if options.guided:
         import guided  # first of all imports of ours: atheris rewrites what it sees being imported
 
@@ -39,6 +46,8 @@ def main() -> None:
             started = time.perf_counter()
             tally = fuzz.try_in_parts(name, small[name], folder, options.count, options.processes, seed=options.seed)
             print(f"{name:26s} {tally.told}; {time.perf_counter() - started:.0f} s", flush=True)
+            if options.record:
+                tried.keep(name, tally)
 
 
 def _chosen(parts: list[str], names: tuple[str, ...]) -> list[str]:
