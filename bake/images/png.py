@@ -84,6 +84,13 @@ def _packed(rows: NDArray[np.uint8], differences: NDArray[np.uint8]) -> bytes:
     return best
 
 
+def with_about(data: bytes, about: str) -> bytes:
+    """A whole file of any writer, with the text that `png_about` reads; `about` of ASCII, where there is none yet."""
+    text = _TEXT + about.encode("ascii")
+    chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+    return data[:33] + chunk + data[33:]
+
+
 def png_about(path: Path) -> str:
     """Text that `png_bytes` kept in the file; empty for any other file. Raises OSError."""
     with open(path, "rb") as stream:

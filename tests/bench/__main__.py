@@ -46,6 +46,9 @@ BENCHES = {
     "sample-time": "what the time of a sample is made of: parts of Exact taken away one by one, as OSL and as nodes",
     "readme": "figures of README and of pages in addon/docs beside what their benches wrote last",
     "tolerances": "what numeric assertions of the suite allow beside what they need; --quick without Blender",
+    "library": "24 materials by one process, by two, and through Dask with a worker killed: time, memory, nothing lost",
+    "thousand": "1,000 formulas through Dask, killed and continued: time, overhead, memory; nothing baked twice",
+    "faults": "kills, full disks, read-only folders, races, hostile bundles: what is lost, half-written or touched",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
 }
 
