@@ -67,6 +67,8 @@ def _claims() -> Iterator[tuple[str, bytes]]:
     huge = np.array([1, 2**31 - 1, 2**31 - 1], "<u4").tobytes()
     yield ".mbsdf", b"NVIDIA ARC MBSDF V1\nMBSDF_DATA_REFLECTION=\n" + huge
     yield ".npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (9999, 9999, 9999, 3), }\n"
+    # Seen by `./run fuzz`: numpy read 1.6 GiB of head.
+    yield ".npy", b"\x93NUMPY\x02\x00\x00\x00\x00\x64" + b"{'descr': '<f8'}"
     zemax = "Source M Symmetry PlaneSymmetrical SpectralContent Monochrome ScatterType BRDF\nSampleRotation 1\n0\n"
     lists = "".join(f"{k} 2000\n" + " ".join(f"{i * 90 / 2000}" for i in range(2000)) + "\n" for k in _ZEMAX)
     yield ".bsdf", ("\n".join(zemax.split(" M ")).replace("Source\n", "Source M\n") + lists).encode()
