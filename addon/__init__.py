@@ -10,6 +10,7 @@ from types import ModuleType
 # In the order of registration: a class comes after those that it refers to. Each module has register() and
 # unregister(); they are imported only then, because they need bpy and the command line does not.
 _MODULES = (
+    "events",
     "ui.properties.bake",
     "ui.properties.photographs",
     "ui.properties.lighting",

@@ -1,13 +1,67 @@
-"""Functions that Blender calls at its events, such as a loaded file; what a version lacks is left out."""
+"""Functions that Blender calls at its events, such as a loaded file, or later; what a version lacks is left out.
+
+Whether Python may write to datablocks, and call operators, Blender keeps in one place for all threads. A panel that
+draws forbids it, and puts back what it found when it is done; a render engine, whose previews run in threads of their
+own, allows it, and puts back what it found. A preview that begins while a panel draws, and ends later, so forbids it
+for good, to all but operators that a person starts. Timers, which nothing that draws ever calls, would then be refused
+for the rest of the session (findings/blender_forbids_writing_for_good.sh).
+"""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import bpy
 
 Handlers = Mapping[str, Callable[..., None]]
+
+# A property of the scene that holds nothing, to see by whether it may be set; and one of the window manager, which may
+# be set in any case. While Blender calls the function that follows a change of a property, everything may be written.
+_PROBE, _DOOR = "measured_materials_probe", "measured_materials_door"
+_to_run: list[Callable[[], None]] = []
+
+
+def timer(function: Callable[[], float | None]) -> Callable[[], float | None]:
+    """Decorator of a timer's function: it may write, and call operators, even where Blender forbids that by mistake."""
+
+    @functools.wraps(function)
+    def allowed() -> float | None:
+        if _may_write():
+            return function()
+        found: list[float | None] = []
+        raised: list[BaseException] = []
+
+        def run() -> None:
+            try:
+                found.append(function())
+            except BaseException as error:  # Blender would print it, and go on
+                raised.append(error)
+
+        _to_run.append(run)
+        setattr(bpy.context.window_manager, _DOOR, True)
+        if raised:
+            raise raised[0]
+        return found[0]
+
+    return allowed
+
+
+def _may_write() -> bool:
+    """Whether Python may write to datablocks now; True as well where nothing could be done about it."""
+    scene = bpy.context.scene
+    if scene is None or not hasattr(bpy.types.Scene, _PROBE):
+        return True
+    try:
+        setattr(scene, _PROBE, True)
+    except AttributeError:
+        return False
+    return True
+
+
+def _run(_manager: bpy.types.WindowManager, _context: bpy.types.Context) -> None:
+    _to_run.pop()()
 
 
 def listen(handlers: Handlers) -> None:
@@ -27,3 +81,16 @@ def _known(handlers: Handlers) -> Iterator[tuple[list[Any], Any]]:
     for event, own in handlers.items():
         if hasattr(bpy.app.handlers, event):
             yield getattr(bpy.app.handlers, event), own
+
+
+def register() -> None:
+    """Called by `addon.register`."""
+    hidden: Any = {"HIDDEN", "SKIP_SAVE"}
+    setattr(bpy.types.Scene, _PROBE, bpy.props.BoolProperty(set=lambda _scene, _value: None, options=hidden))
+    setattr(bpy.types.WindowManager, _DOOR, bpy.props.BoolProperty(update=_run, options=hidden))
+
+
+def unregister() -> None:
+    """Called by `addon.unregister`."""
+    delattr(bpy.types.WindowManager, _DOOR)
+    delattr(bpy.types.Scene, _PROBE)

@@ -37,7 +37,7 @@ def build_from(
 ) -> bpy.types.Material:
     """A material of the group that `make_group` builds under a name; what a failure has made is removed."""
     compat.ensure_cycles()
-    name, albedo = safe_name(record.name), record.albedo.normal
+    name, albedo = safe_name(record.name), record.albedo.under_sky
     before = {*bpy.data.images, *bpy.data.node_groups}
     if material is not None and material.get(BUNDLE_KEY) and not measured_nodes(compat.node_tree(material)):
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
@@ -93,7 +93,8 @@ def part_name(name: str) -> str:
 def assemble(material: bpy.types.Material, group: bpy.types.ShaderNodeTree, albedo: Colour) -> None:
     """Output <- group <- normal and, where it has them, texture coordinates.
 
-    EEVEE, which cannot follow the mirror, gets the group's own "EEVEE" output or a stand-in of the same albedo.
+    EEVEE, which cannot follow the mirror, gets the group's own "EEVEE" output or a stand-in of this albedo, and so does
+    the viewport's Solid view.
     In a material that has such a group already, the group is exchanged and everything else stays: links to Normal and
     Tint, and whatever else an artist has added.
     """

@@ -98,6 +98,8 @@ def _slice_index(grid: Grid, slices: Sequence[Any]) -> Any:
         return slices[0]
     azimuth, polar = slices
     count = grid.shape[0]
+    if count == 1:
+        return polar
     azimuth = expr.where(azimuth > count - 0.5, azimuth - count, azimuth)
     azimuth = expr.where(azimuth < -0.5, azimuth + count, azimuth)
     return azimuth * (grid.shape[1] + 1) + polar

@@ -173,8 +173,9 @@ def test_a_change_of_light_rebuilds_at_once(compression: str, stack: Path, plate
     assert_lit_as(material, last, bundle.path)
     albedo = facts_of(material)["albedo"]
     expected = map_albedo_facts(ShadingMapRecord.read(bundle).load_map(), last, None)
-    # The means are kept in float32.
+    # The means are kept in float32. The colour is of this light, not of the one before.
     np.testing.assert_allclose(albedo["directional"], expected["directional"], rtol=1e-5)
+    np.testing.assert_allclose(material.diffuse_color[:3], np.minimum(expected["white_sky"], 1), atol=1e-4)
     assert light.problem == "" and material.users == 1
     assert tuple(mapping_of(material).inputs["Scale"].default_value) == (5, 5, 1)
     assert images <= set(bpy.data.images)

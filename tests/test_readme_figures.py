@@ -76,6 +76,7 @@ BENCHES = (
     "anisotropic",
     "formats",
     "readings",
+    "behind",
 )
 
 

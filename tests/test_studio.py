@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
 from measured_materials.addon.rendering.contact_sheet import Cell, to_display, write_png, write_sheet
 from measured_materials.addon.studio import studio, studio_meshes
 from measured_materials.bake.errors import BakeError
@@ -69,6 +70,20 @@ def test_settings_do_not_bias_a_stochastic_mirror() -> None:
         lamps = [obj.data for obj in scene.collection.all_objects if obj.type == "LIGHT"]
         assert lamps and all(lamp.cycles.use_multiple_importance_sampling and lamp.size > 0 for lamp in lamps)
         assert all(obj.visible_glossy for obj in scene.collection.all_objects)
+    finally:
+        studio.remove_studio(scene)
+
+
+@pytest.mark.parametrize("shape", ["ball", "sphere"])
+def test_nothing_that_is_shown_is_cut(shape: str) -> None:
+    material = diffuse_material()
+    scene = studio.build_studio(material, resolution=(300, 300), shape=shape)
+    try:
+        scene.view_layers[0].update()
+        shown = [obj for obj in scene.objects if obj.type == "MESH" and obj.active_material == material]
+        corners = [obj.matrix_world @ vertex.co for obj in shown for vertex in obj.data.vertices]
+        places = np.array([world_to_camera_view(scene, scene.camera, corner)[:2] for corner in corners])
+        assert places.min() > 0.03 and places.max() < 0.97
     finally:
         studio.remove_studio(scene)
 

@@ -174,7 +174,7 @@ def _difference(picture: Array, truth: Array) -> Array:
 def _detail(picture: Array) -> Array:
     """The highlight of the ball, twice as large."""
     size = len(picture)
-    top, left = int(0.16 * size), int(0.14 * size)
+    top, left = int(0.18 * size), int(0.15 * size)
     part = picture[top : top + size // 3, left : left + size // 3]
     return np.repeat(np.repeat(part, 3, 0), 3, 1)[:size, :size]
 

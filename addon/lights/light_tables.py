@@ -28,7 +28,7 @@ from ...nodes.light_images import new_table, world_table
 from ...nodes.light_ray import can_raycast
 from ...nodes.osl_script import SCRIPTED_KEY
 from ...nodes.second_group import MOST_LAMPS, is_blended
-from ..events import listen, stop_listening
+from .. import events
 from . import image_reload, seen_world, world_survey
 from .exact_lamps import volume_in_file
 from .lamp_survey import CAPACITY, LampReport, survey, survey_scene
@@ -235,6 +235,7 @@ def pack_tables() -> None:
             image.pack()
 
 
+@events.timer
 def pack_when_at_rest() -> float | None:
     """For a timer: pack the tables before Blender asks, as it does at every save from 5.2 on, whether images that the
     artist does not know of are to be saved; seconds to the next try.
@@ -286,6 +287,7 @@ def _raise_unless_refused(error: AttributeError) -> None:
         raise error
 
 
+@events.timer
 def _try_again() -> float | None:
     """Look at what the windows show once more; called by a timer, until the writes are allowed."""
     try:
@@ -374,12 +376,12 @@ _HANDLERS = {
 
 def register() -> None:
     """Called by `addon.register`."""
-    listen(_HANDLERS)
+    events.listen(_HANDLERS)
 
 
 def unregister() -> None:
     """Called by `addon.unregister`."""
-    stop_listening(_HANDLERS)
+    events.stop_listening(_HANDLERS)
     for timer in (_try_again, pack_when_at_rest):
         if bpy.app.timers.is_registered(timer):
             bpy.app.timers.unregister(timer)

@@ -76,7 +76,9 @@ def relight(material: bpy.types.Material, settings: RenderSettings, scene: bpy.t
         facts["albedo"] = _albedo(loaded)
         if loaded.through is not None:
             facts["through"] = {**facts["through"], "albedo": _albedo(loaded.through)}
-        facts["rendering"] = build_map(loaded, material, settings, images=images, pack=record.packed, scene=scene)
+        # What is built reads the albedo, which is that of the light before in what was loaded.
+        lit = ShadingMapRecord.parse(facts, loaded.where, loaded.bundle)
+        facts["rendering"] = build_map(lit, material, settings, images=images, pack=record.packed, scene=scene)
 
     rebuild(material, record, images_of_map(record, settings), build)
     keep_facts(material, facts)

@@ -170,8 +170,9 @@ def _add_lamp(scene: bpy.types.Scene) -> None:
 
 def _add_camera(scene: bpy.types.Scene, shape: str) -> None:
     camera = bpy.data.cameras.new("Studio camera")
-    camera.lens, camera.sensor_fit = 74, "AUTO"
-    target = (0.0, 0.0, 0.95) if shape == "sphere" else (0.31, 0.0, 0.88)
+    # All of ball and swatch in a square picture, with a margin.
+    camera.lens, target = (74, (0.0, 0.0, 0.95)) if shape == "sphere" else (67, (0.40, 0.0, 0.85))
+    camera.sensor_fit = "AUTO"
     scene.camera = _add(scene, camera, _look_at((0.7, -6.9, 2.55), target))
 
 

@@ -12,6 +12,7 @@ from ...bake.shading_maps.record import Record
 from ...bake.source import BrdfSource
 from ...bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
 from ...bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from ...bake.tables.grids.patch_grid import PatchGrid
 
 Rows = list[tuple[str, str]]
 
@@ -29,7 +30,10 @@ def table_rows(record: BrdfRecord) -> Rows:
     sizes, basis = " x ".join(map(str, grid.shape)), grid.basis
     texels = ("Texels", f"{table.filter}, {table.storage}")
     weighed = [("Filter weighed", record.filter_why)] if record.filter_why else []
-    if record.anisotropic:
+    if isinstance(grid, PatchGrid):
+        count = grid.patches.count
+        rows = [("Table", f"{count} x {count} patches of the file, {grid.parameterization.title()}"), texels]
+    elif record.anisotropic:
         rows = [("Table", f"{sizes}, anisotropic, {basis}-vector basis"), texels, *weighed, *_spacing_rows(grid)]
     else:
         rows = [("Table", f"{sizes}, {basis} basis, {grid.parameterization}"), texels, *weighed]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...bake.lobes.lobes import Lobe
-from ...bake.photographs.stack import PhotoStack
+from ...bake.photographs.stack import FORMAT, PhotoStack
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.shading_maps.shading_map import SAME_LEVEL
@@ -200,7 +200,7 @@ def stack_document(stack: PhotoStack, name: str) -> dict[str, Any]:
     averages = stack.images.mean(axis=(1, 2, 3), dtype="float64")
     order = averages.argsort(kind="stable")
     return {
-        "source": {"name": name, "facts": {"format": "photographs on a light arc", **stack.facts}},
+        "source": {"name": name, "facts": {"format": FORMAT, **stack.facts}},
         "averages": stack.in_order(averages, order),
         "clipped_share": [stack.facts["clipped_share"][k] for k in order],
         "width": int(stack.images.shape[2]),

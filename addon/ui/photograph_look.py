@@ -120,6 +120,7 @@ class _Looking:
 looking = _Looking()
 
 
+@events.timer
 def tick() -> float | None:
     """The timer's function."""
     return _PAUSE if looking.step() else None

@@ -118,9 +118,9 @@ class AlbedoRecord:
     above_one_deg: tuple[float, ...]
 
     @property
-    def normal(self) -> Colour:
-        """At normal incidence, in [0, 1]."""
-        red, green, blue = (min(max(value, 0.0), 1.0) for value in self.directional[0])
+    def under_sky(self) -> Colour:
+        """Of a uniform sky, in [0, 1]: the material's colour as a whole, of a sheen too, which is dark from above."""
+        red, green, blue = (min(max(value, 0.0), 1.0) for value in self.white_sky)
         return red, green, blue
 
     @classmethod

@@ -1,4 +1,4 @@
-"""The grid of a table as a material.json describes it, of any of the four kinds, and its size as a texture."""
+"""The grid of a table as a material.json describes it, of any of the five kinds, and its size as a texture."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from typing import Any
 
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
+from ..patches import KLEMS
 from ..tables.grids.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..tables.grids.grid import HORIZON_SHARES, Grid
 from ..tables.grids.half_vector_grid import HalfVectorGrid
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION, NormalVectorGrid
 from ..tables.grids.parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
+from ..tables.grids.patch_grid import PatchGrid
 
 # Along one axis of a table in the half-vector basis, which has four times as many elevations of h.
 _MAX_SAMPLES = 4 * MAX_RESOLUTION
 
-AnisotropicGrid = AnisotropicNormalGrid | AnisotropicHalfGrid
+AnisotropicGrid = AnisotropicNormalGrid | AnisotropicHalfGrid | PatchGrid
 
 
 def is_anisotropic(grid: Grid) -> bool:
@@ -49,7 +51,9 @@ def _isotropic(fields: Fields) -> NormalVectorGrid | HalfVectorGrid:
 
 
 def _anisotropic(fields: Fields) -> AnisotropicGrid:
-    basis = fields.text("basis", choices=("half", "normal"))
+    basis = fields.text("basis", choices=("half", "normal", "patches"))
+    if basis == "patches":
+        return PatchGrid(fields.text("parameterization", choices=tuple(KLEMS)))
     shape: Any = fields.wholes("shape", (4, 4), 4, 1024)
     folded = fields.flag("folded")
     # Older bundles have none of these three.

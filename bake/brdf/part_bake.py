@@ -17,6 +17,7 @@ from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
 from ..tables.filter_choice import FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
+from ..tables.grids.patch_grid import PatchGrid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.sheet import sheet_views
@@ -130,7 +131,10 @@ class PartBake:
             lambda share: self.say("choosing grid", share),
         )
         grid = best_horizon(self.source, choice.grid, self.pairs, self.truth)
-        if wanted.parameterization == "auto" and wanted.storage is Storage.LOG:
+        if isinstance(grid, PatchGrid):
+            # Within a patch nothing is blended.
+            self.filter = "nearest"
+        elif wanted.parameterization == "auto" and wanted.storage is Storage.LOG:
             grid = coded_grid(self.source, grid, wanted.resolution)
         AtlasLayout.of(grid)
         return choice, grid
@@ -139,7 +143,7 @@ class PartBake:
         """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         found: dict[str, tuple[StoredTable, str]] = {}
-        if self.settings.filter == "auto":
+        if self.settings.filter == "auto" and not isinstance(grid, PatchGrid):
             self.weighed, found = self._weighed(table)
             self.filter = self.weighed.filter
         kept, spline = found.get(self.filter) or self._kept(table)

@@ -32,6 +32,7 @@ from ..tables.albedo import albedo_facts, directional_albedo, white_sky_albedo
 from ..tables.bspline_fit import sample_spline
 from ..tables.grids.anisotropic_grids import AnisotropicHalfGrid
 from ..tables.grids.grid import Grid
+from ..tables.grids.patch_grid import PatchGrid
 from ..tables.search import anisotropic_search, isotropic_search
 from ..tables.search.grid_search import GridChoice
 from ..tables.table import Table
@@ -199,7 +200,11 @@ def reflection_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settin
     """Reflection of an isotropic or an anisotropic source."""
     if treated.isotropic:
         return IsotropicReflection(treated, settings)
-    return AnisotropicReflection(treated, grid, choice, settings)
+    made = AnisotropicReflection(treated, grid, choice, settings)
+    if isinstance(grid, PatchGrid):
+        # Of all closures it alone is constant within a patch, as what it leaves has to be.
+        made.basis = (AnisotropicLobe("lambert"),)
+    return made
 
 
 def transmission_of(treated: TreatedSource, grid: Grid, choice: GridChoice, settings: BakeSettings) -> Reflection:

@@ -141,7 +141,8 @@ def _is_new(material: Mapping[str, Any]) -> bool:
     grids = (table, residual.get("grid") if isinstance(residual, Mapping) else None)
     isotropic = isinstance(table, Mapping) and not table.get("anisotropic")
     times_cosines = any(isinstance(grid, Mapping) and grid.get("cosine_power") for grid in grids)
-    return bool(_LETS_THROUGH & set(material)) or (isotropic and times_cosines)
+    patches = isinstance(table, Mapping) and table.get("basis") == "patches"
+    return bool(_LETS_THROUGH & set(material)) or (isotropic and times_cosines) or patches
 
 
 def write_bundle(

@@ -30,6 +30,9 @@ from .verdict import judge_brightness, judge_elevations, shift_report
 
 Progress = Callable[[str, float], None]
 
+# What such a source is called, in bundles and for people.
+FORMAT = "photographs of a swatch"
+
 
 @dataclass(frozen=True, eq=False)
 class PhotoStack:

@@ -21,7 +21,7 @@ from ..bundle.result import BakeResult
 from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..photographs.lights import light_files_beside
-from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from ..photographs.stack import FORMAT, PhotoStack, StackSettings, read_stack
 from ..rights import Rights
 from ..source import BrdfSource, Facts, Json
 from ..tables.albedo import directional_albedo
@@ -265,7 +265,7 @@ def _told(
 
 
 def _source(stack: PhotoStack) -> dict[str, Json]:
-    return {"facts": {"format": "photographs on a light arc", **stack.facts}}
+    return {"facts": {"format": FORMAT, **stack.facts}}
 
 
 def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int) -> None:

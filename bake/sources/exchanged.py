@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ..patches import patches_of
 from ..reading import Reciprocity
 from ..source import Array, BrdfSource, Facts, SheetSource
 
@@ -20,6 +21,7 @@ class Exchanged:
         self._source, self._how = source, how
         self.name, self.isotropic, self.bilateral = source.name, source.isotropic, source.bilateral
         self.facts: Facts = {**source.facts, "reciprocity": how}
+        self.patches = patches_of(source)
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr; see `BrdfSource.evaluate`."""

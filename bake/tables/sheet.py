@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..patches import patches_of
 from ..source import SHEET_PARTS, Array, Facts, SheetPart, SheetSource
 from .albedo import albedo_facts
 
@@ -24,6 +25,8 @@ class SheetView:
         self.name = f"{sheet.name} {part.replace('_', ' ')}"
         self.isotropic, self.bilateral = sheet.isotropic, sheet.bilateral
         self.facts: Facts = {}
+        # Neither the mirrored light's nor the turned frame's patches are others.
+        self.patches = patches_of(sheet)
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF or mirrored BTDF in 1/sr; see `BrdfSource.evaluate`."""

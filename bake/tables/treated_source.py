@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import BakeError
+from ..patches import patches_of
 from ..source import Array, BrdfSource
 
 # Beyond this a number is damage; sums of a hundred of them are still float32 numbers.
@@ -22,6 +23,7 @@ class TreatedSource:
         self.source, self.name, self.facts = source, source.name, source.facts
         # An anisotropic material is not its own mirror image, and its table holds both sides.
         self.isotropic = self.bilateral = source.isotropic
+        self.patches = patches_of(source)
         self._mirrors = source.isotropic and not source.bilateral
         self._values = self._negative = self._asymmetry = self._total = 0.0
 

@@ -13,7 +13,8 @@
   vector LogRange = vector(0) [[ string label = "Log Range",                                                           \
       string help = "Of stored codes, by channel; 0 where values are stored" ]],                                       \
   vector LogGain = vector(0) [[ string label = "Log Gain", string help = "Factor of what the codes stand for" ]],      \
-  string Basis = "normal" [[ string label = "Basis", string help = "normal, half, half cosine or half squared" ]],     \
+  string Basis = "normal" [[ string label = "Basis",                                                                   \
+      string help = "normal, half, half cosine, half squared or patches" ]],                                           \
   int Azimuths = 0 [[ string label = "Azimuths",                                                                       \
       string help = "Samples of the azimuth that chooses slices too; 0 of an isotropic table" ]],                      \
   int Slices = 64 [[ string label = "Slices", string help = "Samples of theta_o or theta_d" ]],                        \

@@ -8,7 +8,7 @@
 #define MM_GUTTER 2       // bake/tables/padding.py
 #define MM_LEAST_SUM 1e-3 // bake/tables/grids/grid.py
 
-// Where samples lie: the grids of bake/tables, two in each basis. Those of bake/tables/grids/anisotropic_grids.py have a
+// Where samples lie: the grids of bake/tables, two in each basis, and patches. Those of bake/tables/grids/anisotropic_grids.py have a
 // second slice axis, `azimuths`; of an isotropic table it is 0. A shape is Bezier's alpha in [0], the constants of a
 // LogWarp, or the width of an axis of slopes.
 struct MMGrid {
@@ -122,10 +122,57 @@ void mm_slope_place(MMGrid grid, vector wi, vector wo, output float at[4])
   at[3] = (0.5 + 0.5 * mm_slope_warp(total[0] / total[2], grid.shape_phi[0])) * (grid.slice_columns - 1);
 }
 
+// bake/patches.py: PatchBasis.index of the parameterization's patches in KLEMS
+float mm_patch(string patches, vector w)
+{
+  float bounds[8] = {5, 15, 25, 35, 45, 55, 65, 75};
+  float azimuths[9] = {1, 8, 16, 20, 24, 24, 24, 16, 12};
+  int rings = 9;
+  if (patches == "klems half") {
+    float half_bounds[6] = {6.5, 19.5, 32.5, 46.5, 61.5, 76.5};
+    float half_azimuths[7] = {1, 8, 12, 16, 20, 12, 4};
+    rings = 7;
+    for (int k = 0; k < 6; ++k)
+      bounds[k] = half_bounds[k];
+    for (int k = 0; k < 7; ++k)
+      azimuths[k] = half_azimuths[k];
+  }
+  else if (patches == "klems quarter") {
+    float quarter_bounds[4] = {9, 27, 46, 66};
+    float quarter_azimuths[5] = {1, 8, 12, 12, 8};
+    rings = 5;
+    for (int k = 0; k < 4; ++k)
+      bounds[k] = quarter_bounds[k];
+    for (int k = 0; k < 5; ++k)
+      azimuths[k] = quarter_azimuths[k];
+  }
+  float first = 0;
+  float number = azimuths[0];
+  for (int k = 0; k < rings - 1; ++k)
+    if (w[2] < cos(radians(bounds[k]))) {
+      first += azimuths[k];
+      number = azimuths[k + 1];
+    }
+  float turn = floor(atan2(w[1], w[0]) * (0.5 / M_PI) * number + 0.5);
+  return first + (turn < -0.5 ? turn + number : turn);
+}
+
+// bake/tables/grids/patch_grid.py: PatchGrid.coordinates
+void mm_patch_place(MMGrid grid, vector wi, vector wo, output float at[4])
+{
+  float light = mm_patch(grid.parameterization, wi);
+  at[0] = 0;
+  at[1] = mm_patch(grid.parameterization, wo);
+  at[2] = floor((light + 0.5) / grid.slice_columns);
+  at[3] = light - at[2] * grid.slice_columns;
+}
+
 // Fractional indices of azimuth, slice, row and column; without azimuths the first is 0.
 void mm_place(MMGrid grid, vector wi, vector wo, output float at[4])
 {
-  if (grid.azimuths > 0 && startswith(grid.basis, "half"))
+  if (grid.basis == "patches")
+    mm_patch_place(grid, wi, wo, at);
+  else if (grid.azimuths > 0 && startswith(grid.basis, "half"))
     mm_slope_place(grid, wi, wo, at);
   else if (grid.azimuths > 0)
     mm_normal_place(grid, wi, wo, at);

@@ -42,7 +42,7 @@ BENCHES = {
     "formats": "files of every format, written by its layout from a known BRDF and read again",
     "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",
     "sample-time": "what the time of a sample is made of: parts of Exact taken away one by one, as OSL and as nodes",
-    "readme": "figures of README, hard_cases.md and formats.md beside what their benches wrote last",
+    "readme": "figures of README, hard_cases.md, sheets.md and formats.md beside what their benches wrote last",
     "tolerances": "what numeric assertions of the suite allow beside what they need; --quick without Blender",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
 }

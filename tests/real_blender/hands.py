@@ -6,6 +6,7 @@ is wanted draws. Menus and dialogues are in hands_menus.py.
 """
 
 import ctypes
+import functools
 import re
 import subprocess
 import time
@@ -21,6 +22,10 @@ began = time.monotonic()
 # Names of panels in the order in which they have drawn; dialogues as they drew last, with their regions. Where
 # the headings of panels and buttons were found.
 drawn, dialogues, headings, lately = [], {}, {}, {}
+# Seconds in which a person finds a button by sight and points at it: of the keystroke-level model of Card, Moran and
+# Newell 1980 the operators M and P. Searches that are going on, and what those that have ended took.
+_BY_SIGHT = 1.35 + 1.1
+_searching, _searched = [], []
 
 
 def note(words):
@@ -54,6 +59,34 @@ def take(name):
     subprocess.run(["import", "-window", "root", str(HERE / f"{name}.png")], check=True)
 
 
+def by_sight(search):
+    """A search that only a program makes, row by row: the time is not an artist's, who sees where the button is."""
+
+    @functools.wraps(search)
+    def timed(*arguments, **named):
+        start = time.monotonic()
+        _searching.append(search)
+        try:
+            return (yield from search(*arguments, **named))
+        finally:
+            _searching.pop()
+            if not _searching:
+                _searched.append(time.monotonic() - start)
+
+    return timed
+
+
+def stopwatch():
+    """A function that returns the seconds since now: as an artist's, by the clock, and how often was searched."""
+    start, before = time.monotonic(), len(_searched)
+
+    def read():
+        clock, searches = time.monotonic() - start, _searched[before:]
+        return clock - sum(searches) + _BY_SIGHT * len(searches), clock, len(searches)
+
+    return read
+
+
 # --- mouse and keys --------------------------------------------------------------------------------------
 
 
@@ -67,33 +100,38 @@ def unit():
     return 20 * bpy.context.preferences.system.ui_scale
 
 
-def _send(*words):
+def send(*words, seconds=_DRAWN):
+    """Have xdotool do this, and wait until Blender has dealt with it, and for these seconds at least.
+
+    The X server has passed it on once it answers the question that is asked last. Blender reads events, then has timers
+    run, by which we come here again, and then deals with what it has read: so one more round of its main loop is
+    waited for, however long it takes.
+    """
     subprocess.run(["xdotool", *map(str, words)], check=True)
+    subprocess.run(["xdotool", "getmouselocation"], check=True, stdout=subprocess.DEVNULL)
+    yield seconds
+    yield 0.0
 
 
 def move(x, y):
     """The mouse, by Blender's own coordinates, which grow upwards."""
-    _send("mousemove", round(x), window().height - round(y))
-    yield _MOVED
+    yield from send("mousemove", round(x), window().height - round(y), seconds=_MOVED)
 
 
 def click(button=1, times=1):
     """Where the mouse is."""
-    _send("click", "--repeat", times, "--delay", 60, button)
-    yield _DRAWN
+    yield from send("click", "--repeat", times, "--delay", 60, button)
 
 
 def wheel(steps):
     """Downwards, or upwards where negative."""
     if steps:
-        _send("click", "--repeat", abs(steps), "--delay", 15, 5 if steps > 0 else 4)
-    yield _DRAWN
+        yield from send("click", "--repeat", abs(steps), "--delay", 15, 5 if steps > 0 else 4)
 
 
 def keys(*names):
     """One after the other."""
-    _send("key", "--delay", 40, *names)
-    yield _DRAWN + 0.02 * len(names)
+    yield from send("key", "--delay", 40, *names, seconds=_DRAWN + 0.02 * len(names))
 
 
 def function_key(number):
@@ -110,8 +148,7 @@ def write(text):
     """In a field whose text is edited, in place of what it holds."""
     yield 1.0  # until a busy machine has made a field to write in of the double click
     yield from keys("ctrl+a")
-    _send("type", "--delay", 25, text)
-    yield _DRAWN
+    yield from send("type", "--delay", 25, text)
     yield from keys("Return")
 
 
@@ -136,10 +173,7 @@ def hovered(area, region):
             return f"{found[0].name}: {found[1]}"
         if not bpy.ops.ui.copy_python_command_button.poll():
             return ""
-        try:
-            bpy.ops.ui.copy_python_command_button()
-        except RuntimeError:  # a preview is being rendered: the next look will tell
-            return ""
+        bpy.ops.ui.copy_python_command_button()
         return bpy.context.window_manager.clipboard
 
 
@@ -172,6 +206,7 @@ def is_meant(wanted, words):
     return whole is not None or words.endswith(f": {wanted.rpartition('.')[2]}")
 
 
+@by_sight
 def hover(area, wanted, region="WINDOW", part=0.7):
     """Put the mouse onto the button whose words hold `wanted`, turning the wheel if need be."""
     place, before = region_of(area, region), None
@@ -180,11 +215,8 @@ def hover(area, wanted, region="WINDOW", part=0.7):
     for turn in range(12):
         seen = yield from on_screen(area, place, part, wanted)
         if is_meant(wanted, seen[-1][1]):
-            # A busy machine may have told late where the mouse was: one row higher.
-            for y in (seen[-1][0], seen[-2][0] if len(seen) > 1 else seen[-1][0]):
-                lately[wanted] = across(place, part), y
-                if (yield from _is_at(area, place, lately[wanted], wanted)):
-                    return
+            lately[wanted] = across(place, part), seen[-1][0]
+            return
         words = [words for _, words in seen]
         if words == before:
             break
@@ -195,13 +227,9 @@ def hover(area, wanted, region="WINDOW", part=0.7):
 
 
 def _is_at(area, region, place, wanted):
-    """Whether the button is there; a busy machine may see late that the mouse has moved."""
+    """Whether the button is there."""
     yield from move(*place)
-    for _ in range(5):
-        if is_meant(wanted, hovered(area, region)):
-            return True
-        yield 0.1
-    return False
+    return is_meant(wanted, hovered(area, region))
 
 
 def press(area, wanted, **where):
@@ -243,6 +271,7 @@ def _redrawn(area):
     return set(drawn)
 
 
+@by_sight
 def open_panel(area, name, below):
     """Click the heading of a sub-panel, which stands somewhere below the button with these words."""
     region = region_of(area)

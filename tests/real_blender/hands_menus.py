@@ -6,6 +6,7 @@ import bpy
 from hands import (
     across,
     area_of,
+    by_sight,
     check,
     click,
     dialogues,
@@ -53,6 +54,7 @@ def rows_of(menu):
     return layout.rows
 
 
+@by_sight
 def file_import(operator):
     """File > Import > this operator: a click on File, then arrow keys."""
     shown = []
@@ -87,6 +89,7 @@ def browser_open():
     yield 1.0
 
 
+@by_sight
 def choose_file(name):
     """In the file browser: arrow keys to the file."""
     yield from browser_open()
@@ -107,6 +110,7 @@ def choose(area, wanted, letter, **where):
     yield from keys(letter)
 
 
+@by_sight
 def open_tab(area, context):
     """Click through the tabs of a properties editor to this one."""
     region = region_of(area, "NAVIGATION_BAR")
@@ -157,6 +161,7 @@ def switch_in_dialogue(operator, name, part):
     yield 0.5
 
 
+@by_sight
 def hover_in_dialogue(operator, name, part=0.75, above=0.0):
     """Put the mouse onto the lowest button of a property, above a height: what each is, a click with the right button
     tells. Returns its height.

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 from measured_materials.bake.directions import spherical
+from measured_materials.bake.patches import KLEMS
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import neural_brdf, utia
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.bake.sources.goniometer.specular_frame import direction_around
-from measured_materials.bake.sources.radiance.klems import BASES
 
 THETAS = np.array([5.0, 20.0, 35.0, 50.0, 65.0, 75.0])
 _OUT_THETAS, _OUT_PHIS = np.arange(0.0, 81.0, 10.0), np.arange(0.0, 360.0, 20.0)
@@ -179,7 +179,7 @@ def write_utia(path: Path, source: BrdfSource) -> Path:
 
 def klems_centres(name: str = "Full") -> Array:
     """Directions of the bins of Klems' bases; of the full one (145, 3)."""
-    basis = BASES[f"klems {name.lower()}"]
+    basis = KLEMS[f"klems {name.lower()}"]
     lower = np.array([0.0, *basis.bounds[:-1]])
     middle = (lower + np.array(basis.bounds)) / 2
     middle[0] = 0.0

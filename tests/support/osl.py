@@ -20,7 +20,9 @@ def osl_grid(grid: Grid) -> str:
     """A grid of either kind as the initialiser of an `MMGrid`."""
     c = {"ShapeSlice": (0.0, 0.0, 0.0), **grid_constants(grid)}
     sizes = ", ".join(str(c[key]) for key in ("Azimuths", "Slices", "SliceRows", "SliceColumns"))
-    shapes = ", ".join(f"vector({', '.join(f'{x:.9g}' for x in c[k])})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi"))
+    shapes = ", ".join(
+        f"vector({', '.join(f'{x:.9g}' for x in c.get(k, (0, 0, 0)))})" for k in ("ShapeSlice", "ShapeRow", "ShapePhi")
+    )
     return f'{{"{c["Basis"]}", "{c["Parameterization"]}", {sizes}, {shapes}, {c["Reciprocal"]}, {c["Folded"]}}}'
 
 

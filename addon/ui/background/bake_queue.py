@@ -263,6 +263,7 @@ class Queue:
 queue = Queue()
 
 
+@events.timer
 def tick() -> float | None:
     """The timer's function: one step, and whether there are more."""
     try:
@@ -302,6 +303,7 @@ def _status(words: str | None) -> None:
 def _skip(direction: str) -> None:
     """Go on in the history where it stands at a quick bake that nobody waits for any more."""
 
+    @events.timer
     def go() -> None:
         if queue.is_busy() or not any(material.get(STATE_KEY) == FRESH for material in bpy.data.materials):
             return

@@ -84,6 +84,7 @@ def _forget_work(uid: int) -> Portions | None:
     return _pending.pop(uid, None)
 
 
+@events.timer
 def tick() -> float | None:
     """The timer's function: a portion of the first material that waits."""
     if any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):

@@ -27,6 +27,7 @@ def prepare(settings: BakeSettings | ArcSettings) -> None:
         bpy.app.timers.register(_look_after, first_interval=_LOOKED_AFTER)
 
 
+@events.timer
 def _look_after() -> float | None:
     if spare.is_due():
         spare.drop()

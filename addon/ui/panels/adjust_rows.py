@@ -32,7 +32,6 @@ class AdjustPanel(ForMeasured):
     """What can be changed without a bake."""
 
     bl_label = "Adjust"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self: Any, context: bpy.types.Context) -> None:
         """Colour, relief and, of photographs, how the swatch lies."""

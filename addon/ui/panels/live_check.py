@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ...events import listen, stop_listening
+from ...events import listen, stop_listening, timer
 from ...scene_check.check import check_scene
 from ...scene_check.file_rules import not_whole, with_missing_parts
 from ...scene_check.findings import NOTE, SLOW, WRONG, Finding
@@ -133,6 +133,7 @@ def loaded(*_: Any) -> None:
     changed()
 
 
+@timer
 def look_again() -> float | None:
     """For a timer: check the scene that a panel asked for once the artist rests; seconds to the next try."""
     scene = bpy.data.scenes.get(shown.wanted)

@@ -183,7 +183,7 @@ def draw_lighting(
     _draw_number(column, properties, "sigma")
     if through:
         draw_transmission(column, properties)
-    _draw_number(column, properties, "a_max", "1/sr")
+    _draw_number(column, properties, "a_max", text="Brightest (1/sr)")
     column.prop(properties, "technique")
     if uses_mode(properties.technique):
         column.prop(properties, "above")
@@ -198,10 +198,10 @@ def draw_transmission(layout: bpy.types.UILayout, properties: Any) -> None:
     _draw_number(layout, properties, "transmission_sigma")
 
 
-def _draw_number(layout: bpy.types.UILayout, properties: Any, name: str, text: str = "Factor") -> None:
+def _draw_number(layout: bpy.types.UILayout, properties: Any, name: str, **words: str) -> None:
     layout.prop(properties, f"{name}_auto")
     if getattr(properties, name) != 0:
-        layout.prop(properties, name, text=text)
+        layout.prop(properties, name, **words)
 
 
 def _draw_lobe(column: bpy.types.UILayout, properties: Any, name: str, front: str = "") -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ class LookupSource:
     Parameters
     ----------
     lookup : (n, 3) wi, (n, 3) wo, float64, to (n, 3) BRDF values in 1/sr, linear Rec.709
+    patches : of the light and of the viewer, within which all values are constant; see `bake.patches.patches_of`
     """
 
     name: str
@@ -30,6 +31,7 @@ class LookupSource:
     facts: Facts
     isotropic: bool
     bilateral: bool
+    patches: str = field(default="", kw_only=True)
 
     def evaluate(self, wi: Array, wo: Array) -> Array:
         """BRDF in 1/sr without the cosine, 0 on and below the horizon; see `BrdfSource.evaluate`."""

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import BakeError
+from ...patches import KLEMS
 from ...reading import Reading
 from ...source import Array, Reader
 from ...spectrum import xyz_to_rec709
@@ -78,6 +79,7 @@ def read(path: Path, reading: Reading) -> LookupSource:
     isotropic = layer.structure == "tensortree3"
     lookups: dict[str, Lookup] = {}
     left_out: dict[str, str] = {}
+    patches: set[str] = set()
     for name, blocks in layer.blocks.items():
         try:
             lookups[name], told = _part(path, layer.structure, name, blocks, side == "back")
@@ -86,7 +88,11 @@ def read(path: Path, reading: Reading) -> LookupSource:
                 raise
             left_out[name] = error.cause
             continue
+        patches.add(told.get("patches", ""))
         facts |= told if name == side else {}
+    # What every part is constant within: of trees, or of several kinds of patches, nothing.
+    common = patches.pop() if len(patches) == 1 else ""
+    common = common if common in KLEMS else ""
     ways = [way for way in _OTHER_WAY if way in lookups]
     if transmits:
         if not ways:
@@ -95,14 +101,15 @@ def read(path: Path, reading: Reading) -> LookupSource:
     if left_out:
         facts["left_out"] = "; ".join(f"{name}: {cause}" for name, cause in left_out.items())
     if not ways:
-        return LookupSource(path.stem, lookups[side], facts, isotropic, False)
+        return LookupSource(path.stem, lookups[side], facts, isotropic, False, patches=common)
     for way in ways:
         lookups.setdefault(_OTHER_WAY[way], exchanged(lookups[way]))
     facts["transmission"] = "both ways" if len(ways) == 2 else "one way, the other by reciprocity"
     behind = lookups.get("back" if side == "front" else "front")
     facts["behind"] = "reflects" if behind else "black: the file holds no reflection of it that can be read"
     seen, other = ("through", "through behind") if side == "front" else ("through behind", "through")
-    return SheetLookup(path.stem, lookups[side], facts, isotropic, False, lookups[seen], lookups[other], behind)
+    sheet = lookups[seen], lookups[other], behind
+    return SheetLookup(path.stem, lookups[side], facts, isotropic, False, *sheet, patches=common)
 
 
 def _told_side(side: str, transmits: bool) -> str:

@@ -13,6 +13,7 @@ from ..accuracy import DirectionPairs
 from ..atlas import AtlasLayout
 from ..grids.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..grids.grid import HORIZON_SHARES, Grid
+from ..grids.patch_grid import PatchGrid
 from .alpha_search import AlphaSearch, AlphaTrial
 from .grid_fit import GridErrors, Measure, fit_warps
 from .horizon_light import HorizonLight
@@ -177,6 +178,8 @@ def refit_grid(
     0.2 of that of the table's own grid), other widths do not: a fit of five seconds gained 0.4 %. Among those that are
     nearly as good the light at grazing decides, as a share of all that the `whole` source reflects there.
     """
+    if isinstance(grid, PatchGrid):
+        return grid
     errors = GridErrors.at(source, _RANKING, 0.25)
     trials = _residual_shapes(grid) if isinstance(grid, AnisotropicHalfGrid) else [grid]
     rms: dict[Grid, float] = {}

@@ -13,12 +13,14 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ...errors import BakeError
+from ...patches import patches_of
 from ...source import Array, BrdfSource, Facts
 from ..accuracy import DirectionPairs
 from ..grids.anisotropic_grids import AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..grids.grid import HORIZON_SHARES, Grid
 from ..grids.normal_vector_grid import NormalVectorGrid
 from ..grids.parameterization import Parameterization
+from ..grids.patch_grid import PatchGrid
 from .alpha_search import AlphaSearch
 from .anisotropic_search import SYMMETRIC, AnisotropicCandidates, best_half_shape
 from .grid_fit import GridErrors
@@ -88,7 +90,8 @@ def choose_grid(
     Parameters
     ----------
     bases : to choose from
-    parameterization : of the table; "auto" to choose by error. The half basis of an anisotropic table has slope widths
+    parameterization : of the table; "auto" to choose by error, and then over all bases the patches of a source that
+        is constant within them (`bake.patches`), whatever N. The half basis of an anisotropic table has slope widths
         of its own, which are fitted: it is left out where another parameterisation is named
     alpha : for "bezier" in the normal-vector basis: the metric that chooses it, or (alpha_theta, alpha_phi)
     progress : called with the share done
@@ -103,6 +106,10 @@ def choose_grid(
         cause = f"cannot be {parameterization!r} of an anisotropic table in basis {' or '.join(bases)}"
         raise BakeError("parameterization", cause, "choose auto, or the normal basis and one that is not squared")
     made: IsotropicCandidates | AnisotropicCandidates = kind(source, n, alpha)
+    patches = "" if source.isotropic else patches_of(source)
+    if patches and parameterization == "auto" and set(bases) == {*BASES}:
+        # Nothing else comes near, of any size.
+        return GridChoice(race(source, (PatchGrid(patches),)), None, made.asymmetries())
     for done, (basis, spacing) in enumerate(wanted):
         if progress:
             progress(done / len(wanted))
@@ -124,6 +131,8 @@ def best_horizon(source: BrdfSource, grid: Grid, pairs: DirectionPairs, truth: A
     hardly tells apart, by the light seen at grazing, and so their shape (`best_half_shape`).
     """
     errors = GridErrors(source, pairs, truth)
+    if isinstance(grid, PatchGrid):
+        return grid
     if isinstance(grid, AnisotropicHalfGrid):
         return best_half_shape(source, grid, errors)
     ends = [replace(grid, horizon_share=share) for share in HORIZON_SHARES]
