@@ -86,7 +86,8 @@ def _known(handlers: Handlers) -> Iterator[tuple[list[Any], Any]]:
 def register() -> None:
     """Called by `addon.register`."""
     hidden: Any = {"HIDDEN", "SKIP_SAVE"}
-    setattr(bpy.types.Scene, _PROBE, bpy.props.BoolProperty(set=lambda _scene, _value: None, options=hidden))
+    nothing: Any = {"get": lambda _scene: False, "set": lambda _scene, _value: None}
+    setattr(bpy.types.Scene, _PROBE, bpy.props.BoolProperty(**nothing, options=hidden))
     setattr(bpy.types.WindowManager, _DOOR, bpy.props.BoolProperty(update=_run, options=hidden))
 
 

@@ -91,7 +91,8 @@ def recover(target: Path) -> None:
     """Put back a folder that a writer had moved aside when it was killed; nothing if `target` exists."""
     if os.path.lexists(target):
         return
-    aside = [folder for folder, state in _siblings(target) if state == _ASIDE]
+    # A link is nobody's who writes here.
+    aside = [folder for folder, state in _siblings(target) if state == _ASIDE and not folder.is_symlink()]
     if aside:
         newest = max(aside, key=lambda folder: folder.stat().st_mtime)
         with contextlib.suppress(OSError):
@@ -99,10 +100,34 @@ def recover(target: Path) -> None:
 
 
 def remove_leftovers(target: Path) -> None:
-    """Remove what killed writers of `target` left beside it; folders of living writers stay."""
+    """Remove what killed writers of `target` left beside it; folders of living writers stay. No link is followed."""
     for folder, state in _siblings(target):
-        if not folder.is_symlink() and (state == _ASIDE or not _in_use(folder)):
+        if folder.is_symlink():
+            with contextlib.suppress(OSError):
+                folder.unlink()
+        elif state == _ASIDE or not _in_use(folder):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def sweep(folder: Path, *suffixes: str) -> None:
+    """Put back and remove what killed writers of anything in this folder left there; living ones stay.
+
+    Files with one of these suffixes go too: of them it cannot be seen whether their writer lives, so nobody else may
+    write such files there.
+    """
+    partial = re.compile(rf"\.(?:(.+)\.)?[0-9a-f]{{12}}\.(?:{_PARTIAL}|{_ASIDE})(\.\w+)?")
+    targets = set()
+    for name in os.listdir(folder):
+        if not (match := partial.fullmatch(name)):
+            continue
+        if match[1] and not match[2]:
+            targets.add(match[1])
+        elif match[2] in suffixes and not match[1]:
+            with contextlib.suppress(OSError):
+                (folder / name).unlink()
+    for name in targets:
+        recover(folder / name)
+        remove_leftovers(folder / name)
 
 
 def _sibling(target: Path, state: str) -> Path:

@@ -65,8 +65,10 @@ def test_every_file_of_a_bundle_may_be_gone_or_a_link(kind: str, small: Callable
             shutil.copytree(small(kind), spoiler.path)
             file = spoiler.path / name
             file.unlink()
-            if how == "link":
-                file.symlink_to(spoiler.outside / "canary.txt")
+            if how == "link":  # to a file that is right
+                elsewhere = tmp_path / f"pixels_{name}"
+                elsewhere.write_bytes(spoiler.files[name])
+                file.symlink_to(elsewhere)
             elif how == "pipe":
                 os.mkfifo(file)
             elif how == "folder":

@@ -11,7 +11,7 @@ from measured_materials.bake import xp_numpy
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.sources.analytic import Ggx
 from measured_materials.bake.tables.accuracy import direction_pairs
-from measured_materials.bake.tables.code_fit import can_be_fitted, fitted_values
+from measured_materials.bake.tables.code_fit import FITTED_FILTERS, Reading, can_be_fitted, fitted_values
 from measured_materials.bake.tables.grids.anisotropic_grids import AnisotropicHalfGrid
 from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
@@ -19,7 +19,7 @@ from measured_materials.bake.tables.grids.parameterization import LogWarp
 from measured_materials.bake.tables.log_codes import LogCodes
 from measured_materials.bake.tables.search.coded_grid import CodedErrors, coded_estimate, coded_grid
 from measured_materials.bake.tables.stored_table import StoredTable, store_table
-from measured_materials.bake.tables.table import Table, tabulate
+from measured_materials.bake.tables.table import Filter, Table, tabulate
 
 PAIRS = direction_pairs(8192)
 GGX = Ggx(alpha=0.15, f0=(0.9, 0.6, 0.0), diffuse=(0.2, 0.1, 0.0))
@@ -32,9 +32,9 @@ def rms(table: Table) -> float:
 
 
 @cache
-def kept(fitted: bool, power: int = 0) -> StoredTable:
-    grid = replace(GRID, cosine_power=power)
-    return store_table(tabulate(GGX, grid), Storage.LOG, PAIRS, TRUTH, GGX if fitted else None)
+def kept(fitted: bool, power: int = 0, filter: Filter = "trilinear") -> StoredTable:
+    table = replace(tabulate(GGX, replace(GRID, cosine_power=power)), filter=filter)
+    return store_table(table, Storage.LOG, PAIRS, TRUTH, GGX if fitted else None)
 
 
 @pytest.mark.parametrize("power", [0, 2])
@@ -46,9 +46,53 @@ def test_fitted_codes_are_closer_at_directions_that_fitted_none(power: int) -> N
     np.testing.assert_array_equal(fitted.log.rounded(fitted.values), fitted.values)
 
 
-def test_poles_stay_one_value() -> None:
+def test_a_spline_of_fitted_codes_is_closer_than_straight_lines_are() -> None:
+    """Through samples it smooths, and errs more than lines do; fitted it errs less."""
+    lines, fitted = kept(True, 2).table, kept(True, 2, "bspline").table
+    sampled = kept(False, 2, "bspline").table
+    assert rms(sampled) > 1.5 * rms(lines) and rms(fitted) < 0.9 * rms(lines)
+    assert fitted.log is not None
+    np.testing.assert_array_equal(fitted.log.rounded(fitted.values), fitted.values)
+
+
+@pytest.mark.parametrize("filter", ["trilinear", "bspline"])
+def test_the_transposes_are_those_of_what_pairs_read(filter: Filter) -> None:
+    """Or conjugate gradients would not meet the least sum."""
+    random = np.random.default_rng(7)
+    pairs = direction_pairs(512)
+    table = replace(tabulate(GGX, GRID), filter=filter)
+    reading = Reading(table, pairs.wi, pairs.wo)
+    codes, texels = random.normal(size=len(reading.tied)), random.normal(size=reading.texels)
+    shares = random.normal(size=reading.share.shape)
+    assert reading.moved(codes) @ texels == pytest.approx(codes @ reading.gathered(texels))
+    assert (reading.interpolated(texels) * shares).sum() == pytest.approx(texels @ reading.spread(shares))
+
+
+def test_what_a_code_moves_is_what_the_continued_table_changes_by() -> None:
+    """Also beyond poles, where values continue as 2 mean - value. By finite differences of values near 1."""
+    reading = Reading(Table(GRID, np.ones((*GRID.shape, 3), np.float32)), PAIRS.wi[:8], PAIRS.wo[:8])
+    change = 1e-6 * np.random.default_rng(8).normal(size=len(reading.tied))
+    found = reading.continued(1 + change) - reading.continued(np.ones(len(change)))
+    # Beyond both a slice's and a row's pole, in corners that no pair reads, one turn undoes the other.
+    close = np.abs(found - reading.moved(change)) < 1e-9
+    assert close.mean() > 0.97 and close[np.unique(reading.index)].all()
+
+
+def test_pairs_read_what_the_table_returns() -> None:
+    """Of values that are codes already: the sum over slices of what the filter makes of each is the table's own."""
+    pairs = direction_pairs(512)
+    for filter in FITTED_FILTERS:
+        table = replace(tabulate(GGX, GRID), filter=filter)
+        reading = Reading(table, pairs.wi, pairs.wo)
+        texels = reading.continued(table.values[..., 0].reshape(-1).astype(float))
+        found = (reading.share * reading.interpolated(texels)).sum(0)
+        np.testing.assert_allclose(found, table.evaluate(pairs.wi, pairs.wo)[:, 0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("filter", ["trilinear", "bspline"])
+def test_poles_stay_one_value(filter: Filter) -> None:
     """At theta_h = 0 and theta_d = 0 an azimuth means nothing: else there would be a star in the picture."""
-    values = kept(True).table.values
+    values = kept(True, filter=filter).table.values
     np.testing.assert_array_equal(values[:, -1], np.broadcast_to(values[:, -1, :1], values[:, -1].shape))
     np.testing.assert_array_equal(values[-1], np.broadcast_to(values[-1, :, :1], values[-1].shape))
 
@@ -66,10 +110,10 @@ def test_samples_that_are_right_stay() -> None:
 
 def test_what_cannot_be_fitted_is_left_as_sampled() -> None:
     table = tabulate(GGX, GRID)
-    assert can_be_fitted(table) and not can_be_fitted(replace(table, filter="bspline"))
+    assert can_be_fitted(table) and not can_be_fitted(replace(table, filter="nearest"))
     assert not can_be_fitted(Table(NormalVectorGrid(40, "uniform"), np.zeros((40, 40, 80, 3), np.float32)))
     assert not can_be_fitted(Table(AnisotropicHalfGrid((4, 4, 8, 8)), np.zeros((4, 4, 8, 8, 3), np.float32)))
-    same = store_table(replace(table, filter="bspline"), Storage.LOG, PAIRS, TRUTH, GGX).table
+    same = store_table(replace(table, filter="nearest"), Storage.LOG, PAIRS, TRUTH, GGX).table
     assert same.log is not None
     np.testing.assert_array_equal(same.values, same.log.rounded(table.values))
 

@@ -5,16 +5,22 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.summary.bake_stages import bake_stages
 from measured_materials.addon.ui.properties.bake import BakeProperties
+from measured_materials.bake.brdf.part_bake import PartBake
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.images.storage import Storage
-from measured_materials.bake.tables.filter_choice import LEAST_GAIN, weighed
+from measured_materials.bake.sources.analytic import Ggx
+from measured_materials.bake.tables import code_fit
+from measured_materials.bake.tables.filter_choice import LEAST_GAIN, LEAST_GAIN_OF_CODES, FilterChoice, weighed
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
 
 COARSE = ["--basis", "half", "--sampler", "16"]
 SQUARED = ["--parameterization", "squared"]
@@ -61,7 +67,7 @@ def baked(folder: Path, *options: str) -> BrdfRecord:
         ({"filter": "trilinear", "envelope": False}, False),
         ({"filter": "auto", "envelope": False}, True),
         ({"filter": "auto"}, False),
-        ({"filter": "auto", "envelope": False, "storage": Storage.LOG}, False),
+        ({"filter": "auto", "envelope": False, "storage": Storage.LOG}, True),
     ],
 )
 def test_a_spline_is_told_of_where_it_is_tried(options: dict[str, Any], tried: bool) -> None:
@@ -86,7 +92,7 @@ def test_a_paint_alone_is_worth_a_spline(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.slow
-def test_the_rest_over_shaders_and_codes_stay_linear(tmp_path: Path) -> None:
+def test_the_rest_over_shaders_stays_linear(tmp_path: Path) -> None:
     """A B-spline through samples smooths the rest: nothing is measured that cannot change the filter."""
     over = baked(tmp_path / "over", "--resolution", "12", "--filter", "auto", *SQUARED)
     usual = baked(tmp_path / "usual", "--resolution", "12", *SQUARED)
@@ -94,5 +100,23 @@ def test_the_rest_over_shaders_and_codes_stay_linear(tmp_path: Path) -> None:
     assert "Cycles' own shaders" in over.filter_why and usual.filter_why == ""
     found = json.loads((over.files().path / "material.json").read_text())
     assert found["filter_choice"]["rms"] == {}
-    codes = baked(tmp_path / "codes", "--resolution", "8", "--filter", "auto", "--no-envelope", "--storage", "log")
-    assert codes.table.filter == "trilinear" and "codes" in codes.filter_why
+
+
+def test_fitted_codes_are_weighed_by_a_rule_of_their_own() -> None:
+    """Who stores logarithms asks for small files. Too many codes to be fitted stay linear, and nothing is measured."""
+    settings = BakeSettings(storage=Storage.LOG, filter="auto", envelope=False)
+    warps = LogWarp(), LogWarp(0.01), LogWarp()
+
+    def chosen(sizes: tuple[int, int, int], alpha: float = 0.15, most: int = 1 << 16) -> FilterChoice:
+        bake = PartBake(Ggx(alpha=alpha), settings, lambda stage, share: None, 4096)
+        with mock.patch.object(code_fit, "MOST_TEXELS", most):
+            made = bake.tabulate(HalfVectorGrid(sizes, "fitted", warps=warps, cosine_power=2))
+        assert bake.weighed is not None and made.kept.table.filter == bake.weighed.filter
+        return bake.weighed
+
+    coarse, finer, large = chosen((9, 12, 4)), chosen((12, 16, 5), 0.3), chosen((9, 12, 4), most=400)
+    assert (coarse.filter, finer.filter, large.filter) == ("bspline", "trilinear", "trilinear")
+    # Between both rules, so that each tells.
+    assert 1 / LEAST_GAIN < coarse.rms["bspline"] / coarse.rms["trilinear"] < 1 / LEAST_GAIN_OF_CODES
+    assert finer.rms["bspline"] / finer.rms["trilinear"] > 1 / LEAST_GAIN_OF_CODES
+    assert large.rms == {} and "so large a table" in large.why

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import shutil
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import pytest
 from measured_materials.addon.material.facts import facts_of
 from measured_materials.addon.material.kinds import BRDF, SHADING_MAP, kind_of
+from measured_materials.addon.ui.background import window as background
 from measured_materials.addon.ui.background.load_bundle import bundles_meant
 from measured_materials.addon.ui.drop_files import problems_of, sorted_by_kind
 from measured_materials.bake.bundle.bundle import MATERIAL
@@ -36,6 +39,24 @@ def test_a_bundle_becomes_the_objects_material(library: Path, plate: Any) -> Non
     assert material.measured_materials.resolution == 6 and material.measured_materials.basis == "half"
     assert all(image.packed_file for image in bpy.data.images if image.name.startswith("ggx"))
     assert BRDF.why_not_bakeable(material) == ""  # of a model, which the bundle tells
+
+
+def test_a_script_in_a_window_closes_a_step_of_undo(
+    monkeypatch: pytest.MonkeyPatch, library: Path, measurement: Path, plate: Any, tmp_path: Path
+) -> None:
+    """Without one Blender 4.3 crashes at an undo that takes the new materials away."""
+    pushed: list[str] = []
+    monkeypatch.setattr(background, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
+    monkeypatch.setattr(background, "window", nullcontext)
+    monkeypatch.setattr(background, "push", pushed.append)
+    load(filepath=str(library / "gold.mmat"))
+    bpy.ops.measured_materials.import_brdf(
+        filepath=str(measurement), bundles=str(tmp_path), resolution=8, envelope=False
+    )
+    assert pushed == ["Import Measured Material", "Import BRDF"]
+    again: Any = SimpleNamespace(options=SimpleNamespace(is_repeat=True), bl_label="Again")
+    background.push_for_script(again)
+    assert len(pushed) == 2  # done again from its panel: Blender's own step
 
 
 def test_photographs_are_asked_for_before_they_are_baked_again(library: Path, plate: Any) -> None:

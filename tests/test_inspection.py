@@ -11,10 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from measured_materials.addon.cli import inspect
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.plots import figure
-from measured_materials.addon.plots.brdf_plots import FIGURES, draw_brdf
+from measured_materials.addon.plots.brdf_plots import FIGURES, draw_brdf, figure_files
 from measured_materials.addon.summary.survey_rows import survey_rows
+from measured_materials.bake.bundle.origin import file_origin, mark_of
+from measured_materials.bake.images.png import png_about
 from measured_materials.bake.inspection.curves import albedo_curves, angles_picture, reciprocity_map, slices
 from measured_materials.bake.inspection.readings import READINGS, held_out
 from measured_materials.bake.inspection.survey import survey, weighted_median
@@ -270,6 +273,31 @@ def test_command_line_draws_measurements_and_bundles(
             assert 0.01 < (picture.min(-1) < 0.9).mean() < 0.9
     measured = json.loads(json.dumps(found))
     assert measured["color_difference"].keys() == {"exact", "table"}
+
+
+def test_figures_of_another_source_are_not_replaced(
+    leaning: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two files of one name would draw to the same names; those of the same source are drawn again."""
+    image = pytest.importorskip("matplotlib.image")
+
+    def draw(source: Any, shown: Any, name: str, folder: Path, about: str) -> list[Path]:
+        files = figure_files(name, folder)[:1]
+        return [figure.save_png(figure.new_figure(1, 1), file, about=about) for file in files]
+
+    monkeypatch.setattr(inspect, "draw_brdf", draw)
+    other, folder = tmp_path / "other" / leaning.name, tmp_path / "figures"
+    other.parent.mkdir()
+    other.write_bytes(leaning.read_bytes() + b"\n")
+    assert main(["inspect", str(leaning), "--plots", str(folder)]) == 0
+    (file,) = folder.iterdir()
+    before = file.read_bytes()
+    assert main(["inspect", str(other), "--plots", str(folder)]) == 1
+    assert "is no known figure of this source, and is not replaced" in capsys.readouterr().err
+    assert file.read_bytes() == before and image.imread(file).size
+    assert main(["inspect", str(leaning), "--plots", str(folder)]) == 0
+    assert main(["inspect", str(other), "--plots", str(folder), "--replace"]) == 0
+    assert png_about(file) == mark_of(file_origin(other))
 
 
 @pytest.mark.filterwarnings("error")

@@ -214,5 +214,5 @@ def test_png_checksums_are_compared(tmp_path: Path, place: float) -> None:
 
 
 def test_png_refuses_floats(tmp_path: Path) -> None:
-    with pytest.raises(BakeError, match="8-bit"):
+    with pytest.raises(BakeError, match="8 or 16-bit"):
         image_io.write_png(tmp_path / "a.png", np.ones((2, 2, 3)))  # type: ignore[arg-type]

@@ -77,6 +77,7 @@ BENCHES = (
     "formats",
     "readings",
     "behind",
+    "maps",
 )
 
 

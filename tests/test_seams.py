@@ -19,7 +19,7 @@ BLENDER = {"bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "gpu_extras", "blf"
 IMAGES = {"OpenEXR", "OpenImageIO"}
 # Not in Blender, used where present: readers of Keras' weights.
 HDF5 = {"h5py", "pyfive"}
-OPTIONAL = {"scipy", "matplotlib", "rich", "mitsuba", "drjit", "PIL"}
+OPTIONAL = {"scipy", "matplotlib", "rich", "mitsuba", "drjit", "PIL", "distributed"}
 
 # What each folder may import of the others, and of packages that are not Python's own.
 INSIDE = {"bake": {"bake"}, "nodes": {"nodes", "bake"}, "addon": {"addon", "nodes", "bake"}}

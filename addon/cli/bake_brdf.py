@@ -23,7 +23,7 @@ from ...bake.tables.grids.parameterization import PARAMETERIZATIONS
 from ...bake.tables.search.grid_search import BASES
 from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
-from ..summary.quality_levels import BRDF_LEVELS
+from ..summary.quality_levels import BRDF_LEVELS, by_quality
 from ..summary.sheet_rows import sheet_warning
 from . import bake_photographs
 from .bake_jobs import (
@@ -33,13 +33,12 @@ from .bake_jobs import (
     add_replace,
     add_rights,
     bake_jobs,
-    by_quality,
     chosen_quality,
     stated_rights,
     usage_error,
 )
+from .console.reading_options import add_reading, reading_of
 from .console.result import Result, complain
-from .reading_options import add_reading, reading_of
 
 _SAMPLERS = (16, 24, 32, 48, 64, 96, 128)
 
@@ -110,6 +109,13 @@ def add_settings(parser: Any) -> None:
         choices=TABLE_STORAGES,
         default=str(usual.storage),
         help="of the texels; log, 8 bits of the logarithm, is best for files below 100 KiB (%(default)s)",
+    )
+    parser.add_argument(
+        "--table-bytes",
+        type=int,
+        metavar="BYTES",
+        help="with --storage log: as many samples as the table's file holds within so many bytes, whatever the "
+        "resolution, of an isotropic measurement",
     )
     parser.add_argument(
         "--filter",
@@ -188,6 +194,7 @@ def settings_of(options: argparse.Namespace) -> BakeSettings:
             storage=Storage(options.storage),
             filter=options.filter,
             spline=options.spline,
+            table_bytes=options.table_bytes,
             sampler=isotropic_layout(options.sampler_kind, options.sampler),
             envelope=options.envelope,
             reading=reading_of(options),

@@ -80,12 +80,6 @@ def add_quality(parser: Any, levels: Levels) -> None:
     )
 
 
-def by_quality(levels: Levels, name: str) -> str:
-    """Words on what an option is by default."""
-    values = [str(levels[level][name]) for level in LEVELS]
-    return values[0] if len(set(values)) == 1 else f"by --quality {', '.join(values)}"
-
-
 def chosen_quality(options: argparse.Namespace, levels: Levels) -> dict[str, Any]:
     """What the level sets, and in its place what was given."""
     return {

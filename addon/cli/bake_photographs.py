@@ -16,7 +16,6 @@ from ...bake.errors import BakeError
 from ...bake.images.storage import IMAGE_STORAGES, Storage
 from ...bake.lobes.lobes import Lobe
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
-from ...bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ...bake.shading_maps.against_light import ThroughSettings
 from ...bake.shading_maps.bake import TILEABLES, ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
@@ -26,7 +25,7 @@ from ..photographs.arc_plot import draw_arc
 from ..photographs.find_decoder import blender_decoder
 from ..plots.figure import need_matplotlib
 from ..summary.bake_stages import bake_stages
-from ..summary.quality_levels import MAP_LEVELS
+from ..summary.quality_levels import MAP_LEVELS, by_quality
 from ..summary.shading_map_rows import albedo_warning, all_warnings, arc_summary
 from .bake_jobs import (
     Bake,
@@ -35,11 +34,11 @@ from .bake_jobs import (
     add_replace,
     add_rights,
     bake_jobs,
-    by_quality,
     chosen_quality,
     stated_rights,
     usage_error,
 )
+from .console.photograph_options import add_photographs, numbers, stack_settings
 from .console.result import Result, complain
 from .lighting_options import add_lighting, known_lobes, lighting, parsed_lobe
 
@@ -82,79 +81,6 @@ def add_to(kinds: Any) -> None:
     arc.set_defaults(run=run, command="bake photographs")
 
 
-def add_photographs(group: Any) -> None:
-    """Add the options on how the photographs are read."""
-    usual = StackSettings()
-    group.add_argument(
-        "--size",
-        type=int,
-        metavar="TEXELS",
-        help="reduce the swatch's longer side to so many; 0 keeps it as photographed "
-        f"({by_quality(MAP_LEVELS, 'size')})",
-    )
-    group.add_argument(
-        "--decode",
-        default=usual.decode,
-        metavar="RULE",
-        help="the curve of JPEG, PNG and TIFF: auto, srgb, linear or gamma:2.2; primaries are the file's (%(default)s)",
-    )
-    group.add_argument(
-        "--lights",
-        type=Path,
-        metavar="FILE",
-        help="lights.csv, .lp or a list 'file x y z' of the lights' directions (default: found in the folder, or "
-        "angles in the file names)",
-    )
-    group.add_argument(
-        "--azimuth",
-        type=float,
-        metavar="DEGREES",
-        help="of the arc's plane, 0 right, 90 up (default: the plane with most elevations)",
-    )
-    group.add_argument(
-        "--spread",
-        type=float,
-        default=usual.spread,
-        metavar="DEGREES",
-        help="that a light may lie off the plane (%(default)g)",
-    )
-    group.add_argument(
-        "--sides",
-        choices=SIDES,
-        default=usual.sides,
-        help="of the arc that may be lit from: that of the azimuth, or the far one too (%(default)s)",
-    )
-    group.add_argument("--crop", type=_numbers(int, 4), metavar="X,Y,W,H", help="the swatch in the photograph, pixels")
-    group.add_argument(
-        "--corners",
-        type=_numbers(float, 2),
-        nargs=4,
-        metavar="X,Y",
-        help="of the swatch: top left, top right, bottom right, bottom left; makes an oblique view square-on",
-    )
-    group.add_argument(
-        "--flat-field",
-        type=Path,
-        metavar="FILE|FOLDER",
-        help="photograph of an evenly white board under the same lamp, or one per light under the same names",
-    )
-    group.add_argument("--white-card", type=_numbers(int, 4), metavar="X,Y,W,H", help="a diffuse card in the picture")
-    group.add_argument(
-        "--white-reflectance",
-        type=float,
-        default=usual.white_reflectance,
-        metavar="SHARE",
-        help="of that card (%(default)g)",
-    )
-    group.add_argument("--albedo", type=float, metavar="SHARE", help="of the swatch, stated instead of a card")
-    group.add_argument(
-        "--align",
-        choices=ALIGNMENTS,
-        default=usual.align,
-        help="small movements of the camera (%(default)s: corrected)",
-    )
-
-
 def add_through(group: Any) -> None:
     """Add the options on photographs against the light."""
     group.add_argument(
@@ -170,7 +96,7 @@ def add_through(group: Any) -> None:
         "--transmittance", type=float, metavar="SHARE", help="of light that the swatch lets through, stated"
     )
     group.add_argument(
-        "--diffuser", type=_numbers(int, 4), metavar="X,Y,W,H", help="a diffuser in the picture, lit from behind too"
+        "--diffuser", type=numbers(int, 4), metavar="X,Y,W,H", help="a diffuser in the picture, lit from behind too"
     )
     group.add_argument(
         "--diffuser-transmittance", type=float, metavar="SHARE", help=f"of that diffuser ({_DIFFUSER:g})"
@@ -229,20 +155,6 @@ def add_map(group: Any, storage: str = "--storage") -> None:
     group.add_argument(
         "--tileable", choices=TILEABLES, default=usual.tileable, help="make the swatch tile without seams (%(default)s)"
     )
-
-
-def _numbers(kind: type, count: int) -> Any:
-    def parse(text: str) -> tuple[Any, ...]:
-        try:
-            numbers = tuple(kind(part) for part in text.split(","))
-        except ValueError:
-            numbers = ()
-        if len(numbers) != count:
-            example = ",".join(str(100 * (k + 1)) for k in range(count))
-            raise argparse.ArgumentTypeError(f"{text!r} is not {count} numbers such as {example}")
-        return numbers
-
-    return parse
 
 
 def run(options: argparse.Namespace) -> Result:
@@ -316,20 +228,8 @@ def settings_of(options: argparse.Namespace) -> ArcSettings:
             render=render,
             rights=stated_rights(options),
             through=_through(options),
-            stack=StackSettings(
-                size=level["size"] or None,
-                decode=options.decode,
-                lights=options.lights,
-                azimuth=options.azimuth,
-                spread=options.spread,
-                sides=options.sides,
-                crop=options.crop,
-                corners=None if options.corners is None else tuple(options.corners),
-                flat_field=options.flat_field,
-                white_card=options.white_card,
-                white_reflectance=options.white_reflectance,
-                albedo=options.albedo,
-                align=options.align,
+            stack=stack_settings(
+                options, level["size"], azimuth=options.azimuth, spread=options.spread, sides=options.sides
             ),
         )
     except BakeError as error:

@@ -13,6 +13,7 @@ from ...bake.brdf.preview_sphere import Reflects
 from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import MATERIAL, SUFFIX, is_bundle, read_bundle
 from ...bake.bundle.checked_json import Fields
+from ...bake.bundle.origin import file_origin, mark_of
 from ...bake.errors import BakeError
 from ...bake.inspection.readings import held_out
 from ...bake.inspection.survey import survey
@@ -22,21 +23,24 @@ from ...bake.reading import Reading
 from ...bake.shading_maps.record import Record, read_record
 from ...bake.shading_maps.record_parts import PhotographsRecord
 from ...bake.source import SheetSource
-from ...bake.sources import read_source
+from ...bake.sources import chosen_material, read_source
 from ...bake.tables.albedo import albedo_facts
 from ...bake.tables.sheet import sheet_facts
 from ..photographs.arc_plot import draw_arc
 from ..photographs.find_decoder import blender_decoder
-from ..plots.brdf_plots import draw_brdf
-from ..plots.figure import need_matplotlib
+from ..plots.brdf_plots import draw_brdf, figure_files
+from ..plots.figure import need_matplotlib, refuse_others
 from ..summary import brdf_rows, shading_map_rows
 from ..summary.parts import parts_of
 from ..summary.sheet_rows import measured_sheet_rows
 from ..summary.survey_rows import survey_rows
 from ..summary.text import columns, one_line
 from .console.progress import Progress
+from .console.reading_options import add_reading, reading_of
 from .console.result import Result
-from .reading_options import add_reading, reading_of
+
+# Behind the mark of a bundle's figures: those of the measurement show something else.
+_BAKED = " baked"
 
 
 def add_to(commands: Any) -> None:
@@ -59,6 +63,7 @@ def add_to(commands: Any) -> None:
         "measurement or a bundle as PNG into this folder; of a baked swatch its photographs and slices (needs "
         "matplotlib)",
     )
+    parser.add_argument("--replace", action="store_true", help="also figures of those names that show something else")
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     parser.set_defaults(run=run, command="inspect")
 
@@ -74,16 +79,16 @@ def run(options: argparse.Namespace) -> Result:
     except (OSError, ValueError) as error:
         raise BakeError(path, f"cannot be read ({error})", "check the path and its permissions") from error
     if bundle or (folder and is_bundle(path)):
-        return inspect_bundle(path, plots)
+        return inspect_bundle(path, plots, options.replace)
     if not folder:
-        return inspect_measurement(path, reading_of(options), plots)
+        return inspect_measurement(path, reading_of(options), plots, options.replace)
     if plots is not None:
         remedy = "draw the baked swatch, or bake with --plot FILE.png"
         raise BakeError(path, "is a folder of photographs, of which nothing is drawn", remedy)
     return inspect_photographs(path)
 
 
-def inspect_bundle(path: Path, plots: Path | None = None) -> Result:
+def inspect_bundle(path: Path, plots: Path | None = None, replace_others: bool = False) -> Result:
     """Parameters, errors, albedo and sizes of a bundle; its figures in the folder `plots`."""
     bundle = read_bundle(path)
     record = read_record(bundle)
@@ -96,21 +101,26 @@ def inspect_bundle(path: Path, plots: Path | None = None) -> Result:
         texels = f"{size['width']} x {size['height']} {size['storage']}"
         shown.append((f"Image {name}", f"{texels}, {in_file} in the file, {in_memory} while rendering"))
     document = {**bundle.material, "command": "inspect", "path": str(bundle.path), "sizes": sizes}
-    return _with_plots(document, shown, _draw_bundle(record, plots) if plots is not None else [])
+    return _with_plots(document, shown, _draw_bundle(record, plots, replace_others) if plots is not None else [])
 
 
-def _draw_bundle(record: Record, folder: Path) -> list[Path]:
+def _draw_bundle(record: Record, folder: Path, replace_others: bool) -> list[Path]:
     """Of a BRDF what modes Reference and Exact show; of a swatch how its photographs became slices."""
     need_matplotlib("--plots")
     bundle = record.files().path
+    swatch = folder / f"{bundle.stem}_slices.png"
+    is_brdf = isinstance(record, BrdfRecord)
+    mark = mark_of(record.source.entries) + _BAKED
+    if not replace_others:
+        refuse_others(figure_files(bundle.stem, folder) if is_brdf else [swatch], mark)
     if not isinstance(record, BrdfRecord):
-        draw_arc(bundle, folder / f"{bundle.stem}_slices.png")
-        return [folder / f"{bundle.stem}_slices.png"]
+        draw_arc(bundle, swatch, mark)
+        return [swatch]
     table = record.load_table()
     shown: dict[str, Reflects] = {"Reference": table}
     if record.residual is not None:
         shown["Exact"] = Together((record.load_envelope(), record.load_table("residual")))
-    return draw_brdf(table, shown, bundle.stem, folder)
+    return draw_brdf(table, shown, bundle.stem, folder, mark)
 
 
 def _with_plots(document: dict[str, Any], rows: brdf_rows.Rows, drawn: list[Path]) -> Result:
@@ -142,11 +152,16 @@ def inspect_photographs(path: Path) -> Result:
     return Result(document, [*columns(rows), "", *map(one_line, shading_map_rows.stack_lines(found))])
 
 
-def inspect_measurement(path: Path, reading: Reading, plots: Path | None = None) -> Result:
+def inspect_measurement(
+    path: Path, reading: Reading, plots: Path | None = None, replace_others: bool = False
+) -> Result:
     """Format, what the reader found, symmetry, gaps and albedo of a measurement; its figures in the folder `plots`."""
     if plots is not None:
         need_matplotlib("--plots")
     source = read_source(path, reading)
+    mark = mark_of(file_origin(path, chosen_material(path, reading)))
+    if plots is not None and not replace_others:
+        refuse_others(figure_files(source.name, plots), mark)
     by_itself = (
         source if reading.reciprocity == "measured" else read_source(path, replace(reading, reciprocity="measured"))
     )
@@ -175,4 +190,4 @@ def inspect_measurement(path: Path, reading: Reading, plots: Path | None = None)
         rows += measured_sheet_rows(reflected, Fields(document["sheet"], path))
     rows += survey_rows(surveyed, left_out, reading)
     shown = {"measurement": source}
-    return _with_plots(document, rows, draw_brdf(source, shown, source.name, plots) if plots is not None else [])
+    return _with_plots(document, rows, draw_brdf(source, shown, source.name, plots, mark) if plots is not None else [])

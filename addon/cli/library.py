@@ -13,6 +13,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ...bake.atomic_write import sweep
 from ...bake.brdf.settings import BakeSettings
 from ...bake.bundle.bundle import SUFFIX
 from ...bake.errors import BakeError
@@ -25,16 +26,17 @@ from ..library.outcome import BAKED, Outcome
 from ..library.plan import LibraryJob, Plan
 from ..library.pool import Watch, bake_by_processes, usual_count
 from ..library.run import run_task
-from ..library.table import errors_of, library_document, names_kept, table_lines, write_table
+from ..library.table import TABLE_SUFFIXES, errors_of, library_document, names_kept, table_lines, write_table
 from ..summary.bake_stages import bake_stages
 from ..summary.quality_levels import LEVELS, STANDARD
 from . import bake_brdf, bake_photographs, farm
 from .bake_jobs import add_replace, add_rights, made_folder
 from .console.library_progress import LibraryProgress
 from .console.option_words import words_of
+from .console.photograph_options import add_photographs
+from .console.reading_options import add_reading, reading_of
 from .console.result import Result
 from .lighting_options import add_lighting, known_lobes
-from .reading_options import add_reading, reading_of
 
 _KIND = "library"
 # Seconds between two writings of the table while materials are baked.
@@ -119,7 +121,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     )
     bake_brdf.add_settings(parser.add_argument_group("measurements and formulas"))
     add_reading(parser)
-    bake_photographs.add_photographs(parser.add_argument_group("photographs"))
+    add_photographs(parser.add_argument_group("photographs"))
     bake_photographs.add_through(parser.add_argument_group("against the light"))
     bake_photographs.add_map(parser.add_argument_group("shading map"), "--map-storage")
     add_lighting(
@@ -167,8 +169,12 @@ def plan_of(options: argparse.Namespace) -> Plan:
     if not found:
         raise argparse.ArgumentTypeError("nothing to bake: give files, folders, a list, or --analytic NAME")
     wanted = [source.wanted(given.name) for source, given in found]
-    names = unique_names(wanted, names_kept(out))
-    jobs = [_job(source, given, name, one.identity) for (source, given), name, one in zip(found, names, wanted)]
+    before = names_kept(out)
+    jobs = []
+    for (source, given), name, one in zip(found, unique_names(wanted, before), wanted):
+        # What the library baked from this very source is its own to bake again when the source has changed.
+        given.replace = given.replace or before.get(one.identity) == name
+        jobs.append(_job(source, given, name, one.identity))
     return Plan(out, tuple(jobs))
 
 
@@ -217,20 +223,24 @@ def _of_line(
             if (path := getattr(options, name)) is not None and path != getattr(usual, name):
                 setattr(options, name, folder / path)
         options.sources = [folder / path for path in options.sources]
-        yield from _listed(options, out)
+        for source, given in _listed(options, out):
+            _request(source, given)  # for what is wrong with its settings, while the line is known
+            yield source, given
     except argparse.ArgumentTypeError as error:
         raise argparse.ArgumentTypeError(f"{where}: {error}") from None
 
 
 def _job(source: Source, options: argparse.Namespace, name: str, identity: str) -> LibraryJob:
-    if source.photographs:
-        of_maps = copy(options)
-        of_maps.storage = options.map_storage
-        request = BakeRequest(source.source, bake_photographs.settings_of(of_maps))
-    else:
-        request = BakeRequest(source.source, bake_brdf.settings_of(options))
     words = [*source.words, *words_of(_parser(), options, _OF_ALL), f"--name={name}"]
-    return LibraryJob(name, request, tuple(words), options.replace, identity)
+    return LibraryJob(name, _request(source, options), tuple(words), options.replace, identity)
+
+
+def _request(source: Source, options: argparse.Namespace) -> BakeRequest:
+    if not source.photographs:
+        return BakeRequest(source.source, bake_brdf.settings_of(options))
+    of_maps = copy(options)
+    of_maps.storage = options.map_storage
+    return BakeRequest(source.source, bake_photographs.settings_of(of_maps))
 
 
 def _run_one(plan: Plan, options: argparse.Namespace) -> Result:
@@ -248,6 +258,7 @@ def _run_all(plan: Plan, options: argparse.Namespace) -> Result:
     started = written = time.monotonic()
     outcomes: dict[str, Outcome] = {}
     errors: list[BakeError] = []
+    sweep(plan.out, *TABLE_SUFFIXES)
     write_table(plan, outcomes)
     try:
         with LibraryProgress(len(plan.jobs)) as progress:

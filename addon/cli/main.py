@@ -12,7 +12,7 @@ from typing import TextIO
 
 from ...bake.bundle.checked_json import dump_json
 from ...bake.errors import BakeError
-from . import assets, bake_brdf, check, demo, inspect, library, render, report
+from . import assets, bake_brdf, check, demo, inspect, library, maps, render, report
 from .console.interrupts import INTERRUPTED, keyboard_interrupts, told
 from .console.result import Result, complain
 from .console.streams import results_stream, silence_output
@@ -51,7 +51,9 @@ def parser() -> argparse.ArgumentParser:
         prog=PROGRAM, description="Measured BRDFs as path-traced materials in stock Blender Cycles."
     )
     commands = top.add_subparsers(metavar="COMMAND", required=True)
-    library.add_to(bake_brdf.add_to(commands))
+    kinds = bake_brdf.add_to(commands)
+    for kind in (library, maps):
+        kind.add_to(kinds)
     for module in (inspect, render, assets, check, report, demo):
         module.add_to(commands)
     return top

@@ -14,6 +14,7 @@ from ...bake.sources.lookup.text_file import file_name_of
 # Letters of a name that is made of a formula's parameters; file systems hold 255 bytes.
 _LONGEST = 80
 _DIGITS = 6
+_REFUSED = frozenset('/\\:*?"<>|')
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, str] | None = None
     taken = {name_key(name) for name in chosen if name}
     for k, one in enumerate(wanted):
         before = (kept or {}).get(one.identity, "")
-        if not chosen[k] and before and before == file_name_of(before) and name_key(before) not in taken:
+        if not chosen[k] and _is_plain(before) and name_key(before) not in taken:
             chosen[k] = before
             taken.add(name_key(before))
     for choices in _in_turn(wanted):
@@ -75,20 +76,26 @@ def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, str] | None = None
 
 def _in_turn(wanted: Sequence[Wanted]) -> Iterable[list[str]]:
     """Names of all, the shortest first."""
-    stems = [file_name_of(one.stem) or "material" for one in wanted]
+    stems = [one.stem if _is_plain(one.stem) else file_name_of(one.stem) or "material" for one in wanted]
     yield stems
-    # A name of that length may be cut, and then be another's.
-    yield [(file_name_of(one.qualified) or stem)[:_LONGEST].rstrip(" .") for one, stem in zip(wanted, stems)]
+    longer = [one.qualified if _is_plain(one.qualified) else file_name_of(one.qualified) for one in wanted]
+    # One that is cut may be another's.
+    yield [name[:_LONGEST].rstrip(" .") or stem for name, stem in zip(longer, stems)]
     for digits in range(_DIGITS, max((len(one.identity) for one in wanted), default=0) + 1):
         yield [f"{stem}-{one.identity[:digits]}" for one, stem in zip(wanted, stems)]
 
 
 def _given(one: Wanted) -> str:
     name = one.given[: -len(SUFFIX)] if one.given.lower().endswith(SUFFIX) else one.given
-    if one.given and (not name or name != file_name_of(name)):
+    if one.given and not _is_plain(name):
         cause = f"cannot be called {one.given[:60]!r}, which is no plain name of a file"
-        raise BakeError(one.title or one.stem, cause, "give a name of letters, digits, blanks, '-', '_' and '.'")
+        raise BakeError(one.title or one.stem, cause, 'give a name without any of / \\ : * ? " < > | in it')
     return name
+
+
+def _is_plain(name: str) -> bool:
+    """Whether this names a file on every system, and none that is hidden or lies elsewhere."""
+    return name == name.strip(" .") != "" and name.isprintable() and not _REFUSED & set(name)
 
 
 def _refuse_twice(wanted: Sequence[Wanted], chosen: Sequence[str]) -> None:

@@ -25,7 +25,9 @@ class Outcome:
     bytes : of the bundle's files
     error : of a table relative to the light it reflects, of a swatch that of photographs left out; None where unknown
     seconds : that it took
-    peak_bytes : of memory that the process had taken at most until then, 0 where the system does not say
+    peak_bytes, memory_bytes : of memory that the process had taken at most until then, and when the job was over; 0
+        where the system does not say
+    worker, ended : which process it was, and when, in seconds since 1970
     attempts : how often it was begun
     file, cause, remedy : of a failure
     """
@@ -38,6 +40,9 @@ class Outcome:
     error: float | None = None
     seconds: float = 0.0
     peak_bytes: int = 0
+    memory_bytes: int = 0
+    worker: str = ""
+    ended: float = 0.0
     attempts: int = 1
     file: str = ""
     cause: str = ""

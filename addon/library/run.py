@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import socket
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ...bake.bundle.bundle import Bundle, move_bundle, read_bundle, staging
 from ...bake.bundle.origin import Origin, file_origin, model_origin, photographs_origin, refuse_another
@@ -18,7 +21,7 @@ from ...bake.sources import chosen_material
 from ...bake.sources.analytic import by_name
 from ..baking.request import BakeRequest, Model, run_request
 from ..photographs.find_decoder import blender_decoder
-from .memory import peak_bytes
+from .memory import peak_bytes, resident_bytes
 from .outcome import BAKED, FAILED, KEPT, Outcome, State
 from .plan import LibraryJob
 
@@ -94,10 +97,9 @@ def origin_of(request: BakeRequest) -> Origin:
 
 
 def failure(job: LibraryJob, error: BakeError, started: float | None = None) -> Outcome:
-    """A job that failed by this error."""
-    seconds = 0.0 if started is None else time.perf_counter() - started
-    failed = Outcome(job.name, FAILED, job.request.title, seconds=round(seconds, 3), peak_bytes=peak_bytes())
-    return replace(failed, file=error.file, cause=error.cause, remedy=error.remedy)
+    """A job that failed by this error; `started` by the clock of `time.perf_counter`, in this process."""
+    failed = Outcome(job.name, FAILED, job.request.title, file=error.file, cause=error.cause, remedy=error.remedy)
+    return failed if started is None else replace(failed, **_process(started))
 
 
 def _told(job: LibraryJob, bundle: Bundle, state: State, started: float) -> Outcome:
@@ -109,6 +111,16 @@ def _told(job: LibraryJob, bundle: Bundle, state: State, started: float) -> Outc
         record.source.format or "",
         sum(file.stat().st_size for file in bundle.path.iterdir()),
         record.errors.held_out_relative if isinstance(record, ShadingMapRecord) else record.errors.relative,
-        round(time.perf_counter() - started, 3),
-        peak_bytes(),
+        **_process(started),
     )
+
+
+def _process(started: float) -> dict[str, Any]:
+    """What the process that ran a job tells of itself."""
+    return {
+        "seconds": round(time.perf_counter() - started, 3),
+        "peak_bytes": peak_bytes(),
+        "memory_bytes": resident_bytes(),
+        "worker": f"{socket.gethostname()}:{os.getpid()}",
+        "ended": round(time.time(), 3),
+    }

@@ -19,6 +19,7 @@ from .outcome import FAILED, Outcome
 from .plan import LibraryJob, Plan
 
 DOCUMENT, SHEET = "library.json", "library.csv"
+TABLE_SUFFIXES = ".json", ".csv"
 WAITING = "waiting"
 _COLUMNS = ("name", "state", "source", "format", "bytes", "error", "seconds", "peak_bytes", "attempts", "failure")
 _WIDEST = 40

@@ -17,7 +17,7 @@ from ..plots.figure import need_matplotlib, new_figure, save_png
 _INK, _SECOND = "#20324f", "#c2622d"
 
 
-def draw_arc(bundle: Path, path: Path) -> None:
+def draw_arc(bundle: Path, path: Path, about: str = "") -> None:
     """Write a PNG of a baked swatch, whole or not at all. Raises BakeError."""
     need_matplotlib(str(path))
     from matplotlib.ticker import MaxNLocator
@@ -34,7 +34,7 @@ def draw_arc(bundle: Path, path: Path) -> None:
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{record.name}: from photographs to a shading map")
-    save_png(figure, path, dpi=110)
+    save_png(figure, path, 110, about)
 
 
 def _draw_before(axes: Any, photographs: PhotographsRecord) -> None:

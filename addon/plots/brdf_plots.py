@@ -24,7 +24,14 @@ _TICK_GAP = 0.18
 _TICK_DEGREES = (-90, -60, -30, 0, 30, 60, 90)
 
 
-def draw_brdf(source: BrdfSource, shown: Mapping[str, Reflects], name: str, folder: Path) -> list[Path]:
+def figure_files(name: str, folder: Path) -> list[Path]:
+    """The files that `draw_brdf` writes."""
+    return [folder / f"{file_name_of(name) or 'brdf'}_{what}.png" for what in FIGURES]
+
+
+def draw_brdf(
+    source: BrdfSource, shown: Mapping[str, Reflects], name: str, folder: Path, about: str = ""
+) -> list[Path]:
     """Write NAME_FIGURE.png for each of `FIGURES`; the files' paths. Raises BakeError.
 
     Parameters
@@ -32,16 +39,16 @@ def draw_brdf(source: BrdfSource, shown: Mapping[str, Reflects], name: str, fold
     source : of albedo, reciprocity and the picture by angles
     shown : by name, what slices and polar plots compare; at most three
     name : what the figures are called, and the files but for letters that make a path
+    about : kept in the files
     """
-    stem = file_name_of(name) or "brdf"
     need_matplotlib(str(folder))
     cuts = {label: slices(one) for label, one in shown.items()}
     made = []
     with styled():
-        for what in FIGURES:
+        for what, file in zip(FIGURES, figure_files(name, folder), strict=True):
             figure = _FIGURES[what](source, cuts)
             figure.suptitle(f"{name}: {_TITLES[what]}", fontsize=10)
-            made.append(save_png(figure, folder / f"{stem}_{what}.png"))
+            made.append(save_png(figure, file, about=about))
     return made
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ...bake.atomic_write import replacing_file
 from ...bake.errors import BakeError
+from ...bake.images.png import png_about, with_about
 
 # Okabe & Ito's palette, distinct for colour-blind readers too, from dark to light.
 COLOURS = ("#000000", "#0072b2", "#009e73", "#d55e00", "#cc79a7", "#e69f00")
@@ -50,12 +53,26 @@ def new_figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save_png(figure: Any, path: Path, dpi: int = _DPI) -> Path:
-    """Write a figure, making its folder. Raises BakeError."""
+def refuse_others(files: Sequence[Path], about: str) -> None:
+    """Raise BakeError where one of these is there already and is no figure that `save_png` wrote about the same."""
+    for file in files:
+        try:
+            other = os.path.lexists(file) and (not file.is_file() or png_about(file) != about)
+        except (OSError, ValueError) as error:
+            raise BakeError(file, f"cannot be read ({error})", "choose another folder") from error
+        if other:
+            cause = "is there already, is no known figure of this source, and is not replaced"
+            raise BakeError(file, cause, "give another folder, or --replace to replace it")
+
+
+def save_png(figure: Any, path: Path, dpi: int = _DPI, about: str = "") -> Path:
+    """Write a figure, making its folder; `about` is kept in it, for `refuse_others`. Raises BakeError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing_file(path) as temporary:
             figure.savefig(temporary, format="png", dpi=dpi)
+            if about:
+                temporary.write_bytes(with_about(temporary.read_bytes(), about))
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         cause = f"cannot be written ({getattr(error, 'strerror', None) or error})"
         raise BakeError(path, cause, "choose another place for it") from error

@@ -38,6 +38,12 @@ _ratios: list[float] = []
 _MOST = 9
 
 
+def by_quality(levels: Mapping[str, Mapping[str, Any]], name: str) -> str:
+    """Words on what an option is by default."""
+    values = [str(levels[level][name]) for level in LEVELS]
+    return values[0] if len(set(values)) == 1 else f"by --quality {', '.join(values)}"
+
+
 def level_of(values: Any, levels: Mapping[str, Mapping[str, Any]]) -> str:
     """The level that these settings are, by their attributes, or CUSTOM."""
     for name, settings in levels.items():

@@ -17,6 +17,7 @@ from ..material.kinds import Source, kind_of
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import AgainTask, with_source
+from .background.window import push_for_script
 from .context import OfMeasured, shown_material
 from .import_photographs import say_warnings, tell_warnings
 from .kind_forms import form_of
@@ -81,6 +82,7 @@ class MEASURED_MATERIALS_OT_bake_again(OfMeasured, bpy.types.Operator):
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, f"{material.name}: {told}")
+        push_for_script(self)
         return {"FINISHED"}
 
     def _bake_beside(self, material: bpy.types.Material) -> None:

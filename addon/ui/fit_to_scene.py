@@ -20,6 +20,7 @@ from ..material.kinds import kind_of
 from ..material.together import built_together
 from ..scene_check.check import check_scene, mend
 from ..summary.text import one_line
+from .background.window import push_for_script
 
 
 class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
@@ -81,6 +82,7 @@ class MEASURED_MATERIALS_OT_fit_to_scene(bpy.types.Operator):
         learn_the_world(scene)
         fitted = _each(self, materials_in(scene), lambda material: kind_of(material).refit(material, scene))
         self.report({"INFO"}, f"{_counted(fitted)} fitted to {scene.name}")
+        push_for_script(self)
         return {"FINISHED"}
 
 

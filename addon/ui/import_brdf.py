@@ -15,6 +15,7 @@ from ..material.together import built_together
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.tasks import ImportTask
+from .background.window import push_for_script
 from .import_operator import ImportProperties, mark_and_tell, registration
 from .properties.bake import BakeProperties, draw_settings, settings_of, show_settings
 from .window_progress import window_progress
@@ -85,6 +86,7 @@ class MEASURED_MATERIALS_OT_import_brdf(ImportProperties, BakeProperties, bpy.ty
             assign(material, None)
         place = told_place(self, made[0], self.target(context))
         self.report({"INFO"}, f"{made[0].name}{place}: {error_words(made[0])}" + _others(len(made) - 1))
+        push_for_script(self)
         return {"FINISHED"}
 
     def _bake_beside(self, context: bpy.types.Context, paths: list[Path], settings: BakeSettings) -> None:

@@ -15,6 +15,7 @@ from ..material.together import built_together
 from ..summary.text import one_line
 from .background.bake_queue import queue
 from .background.load_bundle import LoadTask, bundles_meant
+from .background.window import push_for_script
 from .context import object_under
 from .import_operator import AS_ASSET, mark_and_tell, registration
 from .properties.next_bake import show_next_bake
@@ -92,6 +93,7 @@ class MEASURED_MATERIALS_OT_import_bundle(bpy.types.Operator):
         place = told_place(self, made[0], bpy.data.objects.get(self.object_name) or context.object)
         others = f", and {len(made) - 1} more without an object" if len(made) > 1 else ""
         self.report({"INFO"}, f"{made[0].name}{place}: {kind_of(made[0]).words(made[0])}{others}")
+        push_for_script(self)
         return {"FINISHED"}
 
     def _load_beside(self, context: bpy.types.Context, bundles: list[Path], errors: list[BakeError]) -> None:

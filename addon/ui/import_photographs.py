@@ -16,7 +16,7 @@ from ..summary.text import one_line
 from .background import warm_worker
 from .background.bake_queue import queue
 from .background.tasks import ImportTask, warnings_of
-from .background.window import window
+from .background.window import push_for_script, window
 from .context import object_under
 from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
@@ -108,6 +108,7 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             mark_and_tell(material)
         place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
+        push_for_script(self)
         return {"FINISHED"}
 
     def _look_first(self, source: Path | list[Path]) -> set[str]:

@@ -121,6 +121,8 @@ def _plain_settings(settings: BakeSettings, source: BrdfSource) -> dict[str, Any
         del plain["reading"]
     if source.isotropic:
         del plain["viewers"]
+    if settings.table_bytes is None:
+        del plain["table_bytes"]
     plain["storage"] = str(settings.storage)
     plain["sampler"] = layout_facts(settings.sampler)
     plain["alpha"] = settings.alpha if isinstance(settings.alpha, str) else list(settings.alpha)

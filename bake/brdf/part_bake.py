@@ -15,9 +15,11 @@ from ..source import Array, BrdfSource, Facts, Json, SheetSource
 from ..tables.accuracy import DirectionPairs, direction_pairs, table_errors
 from ..tables.atlas import AtlasLayout
 from ..tables.bspline_fit import fit_coefficients, sample_spline
-from ..tables.filter_choice import FilterChoice, unweighed, weighed
+from ..tables.code_fit import can_be_fitted
+from ..tables.filter_choice import LEAST_GAIN, LEAST_GAIN_OF_CODES, FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.grids.patch_grid import PatchGrid
+from ..tables.search.byte_limit import file_bytes, grid_within, resolution_for
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.sheet import sheet_views
@@ -31,6 +33,8 @@ from .samplers import Layout, isotropic_layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
 
 _SMALL_SAMPLER = 16
+# Fitted codes take up to a tenth more room than those of the samples. A table that takes even more is made again.
+_FITTED, _REFITS = 1.08, 4
 
 
 @dataclass(frozen=True)
@@ -72,11 +76,17 @@ class PartBake:
         self.filter: Filter = "trilinear" if settings.filter == "auto" else settings.filter
         self.weighed: FilterChoice | None = None
         self.black = not self.truth.any()
+        if settings.table_bytes is not None:
+            if not source.isotropic:
+                raise BakeError(
+                    source.name, "is anisotropic: its table cannot be fitted to bytes", "state a resolution"
+                )
+            self.settings = replace(settings, resolution=resolution_for(settings.table_bytes))
         if self.black:
             if not _has_other_sides(source, self.pairs):
                 raise BakeError(source.name, "reflects nothing", "check the file")
             small = isotropic_layout(kind_of_layout(settings.sampler), _SMALL_SAMPLER)
-            self.settings = replace(settings, filter=self.filter, sampler=small)
+            self.settings = replace(self.settings, filter=self.filter, sampler=small, table_bytes=None)
 
     def baked(self, reflection: Callable[..., Reflection], front: bool = True) -> BakedPart:
         """All steps, given what makes the `Reflection` of a treated source, its grid, its choice and the settings.
@@ -91,7 +101,7 @@ class PartBake:
         """
         choice, grid = self.choose_grid()
         made = self.tabulate(grid)
-        seen = reflection(self.source, grid, choice, self.settings)
+        seen = reflection(self.source, made.kept.table.grid, choice, self.settings)
         seen.black = self.black
         cells, layout = self.sampler(made.kept.table, seen)
         images = {"table": made.kept.image(), "sampler": cells}
@@ -140,7 +150,23 @@ class PartBake:
         return choice, grid
 
     def tabulate(self, grid: Grid) -> _Tabulated:
-        """The table on this grid, of a spline its coefficients. Raises BakeError where the storage cannot hold them."""
+        """The table on this grid, of a spline its coefficients; within `table_bytes` on one of the sizes that fit.
+
+        Raises BakeError where the storage cannot hold them.
+        """
+        most = self.settings.table_bytes
+        if most is None:
+            return self._tabulated(grid)
+        room = most / _FITTED
+        for _ in range(_REFITS):
+            grid = grid_within(self.source, grid, room, self.pairs, self.truth)
+            made = self._tabulated(grid)
+            if (size := file_bytes(made.kept)) <= most:
+                return made
+            room *= 0.99 * most / size
+        raise BakeError(self.source.name, f"has no table within {most} bytes: {size} are needed", "allow more")
+
+    def _tabulated(self, grid: Grid) -> _Tabulated:
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
         found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.filter == "auto" and not isinstance(grid, PatchGrid):
@@ -154,14 +180,18 @@ class PartBake:
         found: dict[str, tuple[StoredTable, str]] = {}
         if self.settings.envelope:
             return unweighed("over Cycles' own shaders a B-spline only smooths the rest"), found
-        if not self.settings.tries_spline or not self.source.isotropic:
-            return unweighed("codes and four dimensions have no B-spline that pays"), found
+        if not self.source.isotropic:
+            return unweighed("four dimensions have no B-spline that pays"), found
+        codes = self.settings.storage is Storage.LOG
+        if codes and not self._fits_codes(table):
+            return unweighed("so large a table of logarithms has no fitted B-spline"), found
         errors: dict[str, Mapping[str, float]] = {}
         for self.filter in ("trilinear", "bspline"):
             found[self.filter] = self._kept(table)
             errors[self.filter] = self._errors(found[self.filter][0].table, self.filter)
         rms: dict[str, float] = {name: found["rms"] for name, found in errors.items()}
-        return weighed(rms, errors["trilinear"]["relative"]), found
+        least_gain = LEAST_GAIN_OF_CODES if codes else LEAST_GAIN
+        return weighed(rms, errors["trilinear"]["relative"], least_gain), found
 
     def _kept(self, table: Table) -> tuple[StoredTable, str]:
         """As it comes back, with what its values are: see `_Tabulated.spline`."""
@@ -172,11 +202,11 @@ class PartBake:
     def _spline(self, table: Table) -> tuple[StoredTable, str]:
         """The coefficients that are asked for, or those of less error, and which they are."""
         candidates = {}
-        if self.settings.spline != "fitted":
+        # Fitted codes are kept only where they err less than those of samples.
+        if self.settings.spline == "plain" or (self.settings.spline == "auto" and not self._fits_codes(table)):
             candidates["plain"] = self._stored(table, self.truth)
         if self.settings.spline != "plain":
-            values = fit_coefficients(table.grid, table.values, lambda share: self.say("fitting spline", share))
-            candidates["fitted"] = self._stored(replace(table, values=values), self.truth)
+            candidates["fitted"] = self._fitted_spline(table)
         if len(candidates) == 1:
             ((name, chosen),) = candidates.items()
         else:
@@ -184,6 +214,17 @@ class PartBake:
             name = min(rms, key=rms.__getitem__)
             chosen = candidates[name]
         return chosen, name
+
+    def _fits_codes(self, table: Table) -> bool:
+        return self.settings.storage is Storage.LOG and can_be_fitted(replace(table, filter="bspline"))
+
+    def _fitted_spline(self, table: Table) -> StoredTable:
+        """Coefficients fitted to the source where they are codes, and those are few enough, else to the samples."""
+        if self._fits_codes(table):
+            self.say("fitting spline", 0.0)
+            return self._stored(table, self.truth, self.source)
+        values = fit_coefficients(table.grid, table.values, lambda share: self.say("fitting spline", share))
+        return self._stored(replace(table, values=values), self.truth)
 
     def _stored(self, table: Table, truth: Array, source: BrdfSource | None = None) -> StoredTable:
         filtered = replace(table, filter=self.filter)

@@ -49,6 +49,8 @@ def settings_of(fields: Fields) -> BakeSettings:
         given["envelope"] = fields.flag("envelope")
     if fields.has("viewers"):
         given["viewers"] = fields.wholes("viewers", (2, 2))
+    if fields.has("table_bytes"):
+        given["table_bytes"] = fields.whole("table_bytes")
     with settings_in(fields.where):
         if fields.has("reading"):
             told = fields.part("reading")

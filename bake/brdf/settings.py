@@ -15,6 +15,7 @@ from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.inverse_tables import MOST_CELLS
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ..tables.grids.parameterization import PARAMETERIZATIONS, Parameterization
+from ..tables.search.byte_limit import LEAST_BYTES
 from ..tables.search.grid_search import BASES, Basis
 from ..tables.table import FILTERS, Filter
 from .samplers import IsotropicLayout
@@ -47,6 +48,8 @@ class BakeSettings:
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     reading : how what the file leaves open is read; of no matter to a formula
     rights : author, licence and source, which the bundle keeps
+    table_bytes : the table's file, and with `envelope` about the residual's too, may take so many: as many samples as
+        fit, whatever the resolution; of storage "log" and isotropic sources
     viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     """
 
@@ -62,6 +65,7 @@ class BakeSettings:
     viewers: tuple[int, int] = (24, 8)
     reading: Reading = _USUAL_READING
     rights: Rights = _NO_RIGHTS
+    table_bytes: int | None = None
 
     def __post_init__(self) -> None:
         check_setting(
@@ -76,6 +80,10 @@ class BakeSettings:
         check_choice("spline", self.spline, get_args(SplineFit))
         check_choice("storage", str(self.storage), TABLE_STORAGES)
         object.__setattr__(self, "storage", Storage(self.storage))
+        if self.table_bytes is not None:
+            check_setting("table_bytes", self.storage is Storage.LOG, "of storage log", f"storage {self.storage}")
+            enough = self.table_bytes >= LEAST_BYTES
+            check_setting("table_bytes", enough, f"at least {LEAST_BYTES}", self.table_bytes)
         if isinstance(self.sampler, HalfVectorWarp):
             cells = max(self.sampler.n_h, self.sampler.n_phi)
             check_setting("sampler", cells <= MOST_CELLS, f"of at most {MOST_CELLS} rows and columns", cells)
@@ -93,7 +101,7 @@ class BakeSettings:
     @property
     def tries_spline(self) -> bool:
         """Whether a B-spline of an isotropic table is made, be it only to weigh it."""
-        return tries_spline(self.filter, self.envelope, self.storage)
+        return tries_spline(self.filter, self.envelope)
 
     @property
     def bases(self) -> tuple[str, ...]:
@@ -108,6 +116,6 @@ class BakeSettings:
         return "bezier" if self.parameterization == "auto" and self.alpha != "error" else self.parameterization
 
 
-def tries_spline(filter: str, envelope: bool, storage: str) -> bool:
-    """See `BakeSettings.tries_spline`: "auto" weighs one where the table is read as a whole, and not as codes."""
-    return filter == "bspline" or (filter == "auto" and not envelope and storage != Storage.LOG)
+def tries_spline(filter: str, envelope: bool) -> bool:
+    """See `BakeSettings.tries_spline`: "auto" weighs one where the table is read as a whole."""
+    return filter == "bspline" or (filter == "auto" and not envelope)

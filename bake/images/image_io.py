@@ -187,15 +187,18 @@ def write_image(
         raise _unwritable(path, error) from error
 
 
-def write_png(path: str | Path, pixels: NDArray[np.uint8], about: str = "") -> None:
-    """Write (H, W, 1, 3 or 4) 8-bit pixels, display-encoded, top row first, making folders. Raises BakeError.
+def write_png(path: str | Path, pixels: NDArray[np.uint8] | NDArray[np.uint16], about: str = "") -> None:
+    """Write (H, W, 1, 3 or 4) pixels of 8 or 16 bits, as they are to be shown, top row first, making folders.
+
+    Raises BakeError.
 
     `about` is kept in the file, see `png.png_bytes`.
     """
-    path, pixels = Path(path), np.asarray(pixels)
-    if pixels.dtype != np.uint8 or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in (1, 3, 4):
+    path = Path(path)
+    fits = pixels.dtype in (np.uint8, np.uint16)
+    if not fits or pixels.ndim != 3 or not pixels.size or pixels.shape[2] not in (1, 3, 4):
         cause = f"cannot hold {pixels.dtype} of shape {pixels.shape}"
-        raise BakeError(path, cause, "give 8-bit values of shape (H, W, 1, 3 or 4)")
+        raise BakeError(path, cause, "give 8 or 16-bit values of shape (H, W, 1, 3 or 4)")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing_file(path) as temporary:

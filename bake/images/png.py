@@ -1,7 +1,7 @@
 """8-bit PNG in numpy and zlib: the bytes as stored, without a library's alpha or colour handling.
 
 Format: ISO/IEC 15948:2004, *Portable Network Graphics*. Reads any file of 8-bit grey, RGB or RGBA that is not
-interlaced, whatever wrote it, and takes no more memory than its checked header calls for.
+interlaced, whatever wrote it, and takes no more memory than its checked header calls for. Also writes 16-bit ones.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _TEXT, _LONGEST_TEXT = b"tEXtSource\0", 200
 _LONGEST_SIDE = 1 << 16  # of an image whose rows take from their left, which are undone diagonal by diagonal
 
 
-def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
-    """A whole file for (H, W, 1, 3 or 4) bytes, top row first; equal pixels make equal files.
+def png_bytes(pixels: NDArray[np.uint8] | NDArray[np.uint16], about: str = "") -> bytes:
+    """A whole file for (H, W, 1, 3 or 4) values of 8 or 16 bits, top row first; equal pixels make equal files.
 
     Rows are stored as they are or as differences from the row above, whichever takes less room: the slices of a table
     are smooth down their columns, and their gutters repeat.
@@ -41,11 +41,12 @@ def png_bytes(pixels: NDArray[np.uint8], about: str = "") -> bytes:
     `about`, of ASCII, is kept as the text chunk "Source", which `png_about` reads.
     """
     height, width, channels = pixels.shape
-    rows = pixels.reshape(height, -1)
+    depth = 8 * pixels.dtype.itemsize
+    rows = pixels.astype(f">u{depth // 8}").view(np.uint8).reshape(height, -1)
     packed = _packed(rows, np.concatenate([rows[:1], rows[1:] - rows[:-1]]))
     text = {_TEXT[:4]: _TEXT[4:] + about.encode("ascii")} if about else {}
     chunks = {
-        b"IHDR": struct.pack(">IIBBBBB", width, height, 8, _KINDS[channels], 0, 0, 0),
+        b"IHDR": struct.pack(">IIBBBBB", width, height, depth, _KINDS[channels], 0, 0, 0),
         **text,
         b"IDAT": packed,
         b"IEND": b"",
@@ -81,6 +82,13 @@ def _packed(rows: NDArray[np.uint8], differences: NDArray[np.uint8]) -> bytes:
         if len(found := compressed(other)) < len(best):
             best, chosen = found, other
     return best
+
+
+def with_about(data: bytes, about: str) -> bytes:
+    """A whole file of any writer, with the text that `png_about` reads; `about` of ASCII, where there is none yet."""
+    text = _TEXT + about.encode("ascii")
+    chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+    return data[:33] + chunk + data[33:]
 
 
 def png_about(path: Path) -> str:

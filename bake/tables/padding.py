@@ -9,7 +9,7 @@ from .grids.grid import Grid
 
 # Texels beside a slice that belong to its continuation: a cubic filter reaches one beyond the neighbour.
 GUTTER = 2
-_MODES = {"around": "wrap", "mirrored": "reflect", "held": "edge"}
+PAD_MODES = {"around": "wrap", "mirrored": "reflect", "held": "edge"}
 
 
 def pad_slices(grid: Grid, values: Array) -> Array:
@@ -31,7 +31,7 @@ def continued(grid: Grid, values: Array, axis: int, before: int, after: int) -> 
     boundary = grid.boundaries[axis]
     if boundary != "pole":
         ends = [(before, after) if k == axis else (0, 0) for k in range(values.ndim)]
-        return np.pad(values, ends, mode=_MODES[boundary])  # type: ignore[call-overload]
+        return np.pad(values, ends, mode=PAD_MODES[boundary])  # type: ignore[call-overload]
     first, last = (np.take(values, [place], axis) for place in (0, -2))
     beyond = np.repeat(grid.beyond_pole(last, axis), after, axis)
     return np.concatenate([np.repeat(first, before, axis), values, beyond], axis)

@@ -12,9 +12,12 @@ from ..source import Array, BrdfSource, Facts
 from .accuracy import DirectionPairs
 from .atlas import pack
 from .code_fit import can_be_fitted, fitted_values
-from .log_codes import LogCodes, fit_codes
+from .log_codes import MOST_PEAK, LogCodes, fit_codes
 from .padding import pad_slices
-from .table import Table
+from .table import Filter, Table
+
+# Coefficients of a B-spline exceed the values at a peak. (1.3 errs up to 6 % less than 1, 4 up to 7 % more.)
+_HEADROOM = 1.3
 
 
 @dataclass(frozen=True)
@@ -65,15 +68,19 @@ def store_table(
         errors: Array = np.sqrt(pairs.weight @ (found - light) ** 2) * shown
         return errors
 
-    def channel_errors(codes: LogCodes) -> Array:
+    def channel_errors(codes: LogCodes, filter: Filter = table.filter) -> Array:
         # Of values as they are, for these come to the same codes as rounded ones: the table is decoded once, not at
         # every trial.
-        return errors_of(replace(table, log=codes))
+        return errors_of(replace(table, log=codes, filter=filter))
 
-    codes = fit_codes(padded.reshape(-1, 3).max(0).astype(np.float64), channel_errors)
-    sampled = with_codes(table, codes)
+    peaks = padded.reshape(-1, 3).max(0).astype(np.float64)
     if source is None or not can_be_fitted(table):
-        return StoredTable(sampled, storage)
+        return StoredTable(with_codes(table, fit_codes(peaks, channel_errors)), storage)
+    # Of samples a B-spline errs by smoothing, whatever the range: it takes the one that serves straight lines.
+    codes = fit_codes(peaks, lambda codes: channel_errors(codes, "trilinear"))
+    if table.filter == "bspline":
+        codes = LogCodes.reaching(np.minimum(peaks * _HEADROOM, MOST_PEAK), np.array(codes.ranges))
+    sampled = with_codes(table, codes)
     fitted = with_codes(replace(table, values=fitted_values(source, table, codes)), codes)
     return StoredTable(min((sampled, fitted), key=lambda kept: float(errors_of(kept).sum())), storage)
 

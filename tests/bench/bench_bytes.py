@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,25 +12,22 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from bench_within import NETWORK_BYTES, RGL_BYTES
 from csv_rows import write_rows
-from materials import merl_sources, require_shared, rgl_files
+from materials import merl_sources, rgl_files
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.images.image_io import write_image
-from measured_materials.bake.images.png import png_bytes
 from measured_materials.bake.images.storage import TABLE_STORAGES, Storage
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array, BrdfSource
 from measured_materials.bake.sources import read_source
-from measured_materials.bake.sources.neural_brdf import half_and_difference, network
 from measured_materials.bake.tables.accuracy import DirectionPairs, direction_pairs, estimator_variance
-from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.search.coded_grid import coded_grid
-from measured_materials.bake.tables.search.grid_search import best_horizon, choose_grid
-from measured_materials.bake.tables.search.isotropic_search import half_sizes
+from measured_materials.bake.tables.search.grid_search import choose_grid
 from measured_materials.bake.tables.stored_table import store_table
 from measured_materials.bake.tables.table import tabulate
 from measured_materials.bake.tables.treated_source import TreatedSource
@@ -39,9 +35,6 @@ from record import put, put_range
 from rich.progress import track
 
 FULL, RESOLUTIONS, QUICK = 64, (4, 6, 8, 12, 16, 24, 32, 64), (4, 8, 16, 32, 64)
-# An RGL material as its authors publish it, isotropic and RGB, and a network of Sztrajman et al. 2021.
-NETWORK_BYTES, RGL_BYTES = 2700, 48 * 1024
-FIRST = {NETWORK_BYTES: 8, RGL_BYTES: 28}  # the resolutions that are tried first
 MARKS = {"RGL 48 KiB": RGL_BYTES, "neural 2.7 kB": NETWORK_BYTES}
 SIZES, LIMITS = (2700, 10 * 1024, 48 * 1024, 256 * 1024), (0.05, 0.02, 0.01)
 SAMPLERS = (SamplerLayout(), SamplerLayout(32, 32, 16), SamplerLayout(16, 16, 8))
@@ -73,77 +66,6 @@ def size_curve(source: BrdfSource, pairs: DirectionPairs, resolutions: tuple[int
                 "rms share": pairs.rms(difference) / signal,
                 "relative": pairs.relative_error(difference, truth),
             }
-
-
-def peers(quick: bool) -> None:
-    """The twelve RGL files within the bytes of a neural network and of 48 KiB, beside the network and the file."""
-    print(
-        "\nRGL measurements: RMS as a share of the signal's (bytes, shape) of --storage log, of the published network"
-    )
-    print(
-        "of Sztrajman et al. 2021 in the better of its two conventions, and bytes of the file, which is the truth here"
-    )
-    names = ("network's size", f"{RGL_BYTES // 1024} KiB")
-    print(f"{'':26s}" + "".join(f"{name:>36s}" for name in names) + f"{'network':>10s}{'RGL, KiB':>10s}")
-    shares: dict[str, list[float]] = {}
-    for file in rgl_files()[:: 4 if quick else 1]:
-        source, pairs = read_source(file), direction_pairs(16384)
-        line = f"{file.stem:26s}"
-        limits = NETWORK_BYTES, RGL_BYTES
-        for limit, (share, size, shape) in zip(limits, best_within(source, pairs, limits), strict=True):
-            shares.setdefault(f"log, {limit}", []).append(share)
-            line += f"{f'{100 * share:.2f} % ({size}, {shape})':>36s}"
-        shares.setdefault("network", []).append(network_share(source, pairs))
-        print(f"{line}{100 * shares['network'][-1]:8.1f} %{file.stat().st_size / 1024:10.0f}")
-    for name, found in shares.items():
-        print(f"median {name}: {100 * np.median(found):.2f} %")
-        put(f"RGL share, {name}", float(np.median(found)))
-
-
-def best_within(source: BrdfSource, pairs: DirectionPairs, limits: Sequence[int]) -> list[tuple[float, int, str]]:
-    """Share, bytes and shape of the best table of codes that a bake makes within so many bytes, for each limit.
-
-    The grid is chosen once for each limit, at a resolution near the best, and is then only resized.
-    """
-    treated = TreatedSource(source)
-    truth = treated.evaluate(pairs.wi, pairs.wo)
-    signal = pairs.rms(truth)
-    best = []
-    for limit in limits:
-        n, found = FIRST[limit], dict[int, tuple[float, int, str]]()
-        grid = coded_grid(treated, best_horizon(treated, choose_grid(treated, n).grid, pairs, truth), n)
-        while n not in found and n >= 4:
-            grid = resized(grid, n)
-            kept = store_table(tabulate(treated, grid), Storage.LOG, pairs, truth, treated)
-            size = len(png_bytes(np.rint(kept.image().pixels * 255).astype(np.uint8)))
-            share = pairs.rms(kept.table.evaluate(pairs.wi, pairs.wo) - truth) / signal
-            found[n] = share, size, "x".join(map(str, grid.shape))
-            # Bytes grow a little more slowly than texels.
-            wanted = int(n * (limit / size) ** 0.36)
-            n = wanted if wanted != n else n + (1 if size <= limit else -1)
-        best.append(min((one for one in found.values() if one[1] <= limit), default=(1.0, 0, "none")))
-    return best
-
-
-def resized(grid: Any, n: int) -> Any:
-    """The grid with the samples of resolution n, in the same proportions."""
-    if not isinstance(grid, HalfVectorGrid):
-        return replace(grid, n=n)
-    share = grid.sizes[1] / max(grid.sizes[2], 1)
-    return replace(grid, sizes=min(half_sizes(n, grid.reciprocal), key=lambda s: abs(np.log(s[1] / s[2] / share))))
-
-
-def network_share(source: BrdfSource, pairs: DirectionPairs) -> float:
-    """RMS of the material's network, given the difference vector of the light or of the viewer, whichever is better."""
-    weights = np.load(require_shared() / "data" / "neural_rgl" / "weights.npz")
-    layers = [
-        tuple(weights[f"{source.name}|dense_{n}|{part}:0"].astype(np.float64) for part in ("kernel", "bias"))
-        for n in (1, 2, 3)
-    ]
-    truth = TreatedSource(source).evaluate(pairs.wi, pairs.wo)
-    ways = (pairs.wi, pairs.wo), (pairs.wo, pairs.wi)
-    found = [pairs.rms(network(layers, half_and_difference(*way)) - truth) for way in ways]
-    return min(found) / pairs.rms(truth)
 
 
 def of(rows: list[dict[str, Any]], **wanted: Any) -> list[dict[str, Any]]:
@@ -285,11 +207,7 @@ def show_bundles(source: BrdfSource, quick: bool) -> None:
 
 
 def run(out: Path, quick: bool) -> None:
-    """Five MERL reconstructions and three RGL files; with --quick two and one, at fewer resolutions.
-
-    Before that all RGL files, with --quick three, beside their networks.
-    """
-    peers(quick)
+    """Five MERL reconstructions and three RGL files; with --quick two and one, at fewer resolutions."""
     pairs = direction_pairs(16384)
     files = rgl_files()
     sources = [*merl_sources(35 if quick else 14), *map(read_source, files[:1] if quick else files[::4])]

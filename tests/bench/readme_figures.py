@@ -162,6 +162,14 @@ STATED = (
         "*exchanged* by {left-out RMS, exchanged|1%} %",
         "addon/docs/formats.md",
     ),
+    *(
+        Stated(
+            "maps",
+            f"| {label} | {{{label.partition(',')[0]}, least squares|2}}° | {{{label.partition(',')[0]}, maps|2}}° |",
+            "addon/docs/maps.md",
+        )
+        for label in ("single1, matte", "single3, some gloss", "single5, glossy", "multi2, several materials")
+    ),
     Stated(
         "behind",
         "beside a quadrature of their files: the RMS of the difference is {mecho shade, RMS|1%} and "

@@ -18,6 +18,20 @@ RECORDED = Path(__file__).resolve().parent / "recorded"
 _values: dict[str, float] = {}
 
 
+def _commit() -> str:
+    """With a plus sign where the files differ from it."""
+    root = Path(__file__).resolve().parents[2]
+    call = ["git", "-C", str(root), "describe", "--always", "--dirty=+", "--exclude=*"]
+    try:
+        return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+# Of what is measured: files that are edited while a bench runs are not what it has loaded.
+_COMMIT = _commit()
+
+
 def put(name: str, value: float) -> None:
     """Keep a figure; the last of a name counts."""
     _values[name] = float(value)
@@ -42,7 +56,7 @@ def write(path: Path, bench: str, quick: bool, seconds: float, values: dict[str,
     document = {
         "bench": bench,
         "quick": quick,
-        "commit": _commit(),
+        "commit": _COMMIT,
         "date": time.strftime("%Y-%m-%d"),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "blender": _blender(),
@@ -57,16 +71,6 @@ def read(bench: str, folder: Path = RECORDED) -> dict[str, Any] | None:
     """What was recorded of a bench last; None where nothing was."""
     path = folder / f"{bench}.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
-
-
-def _commit() -> str:
-    """With a plus sign where the files differ from it."""
-    root = Path(__file__).resolve().parents[2]
-    call = ["git", "-C", str(root), "describe", "--always", "--dirty=+", "--exclude=*"]
-    try:
-        return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
 
 
 def _blender() -> str:

@@ -1,10 +1,10 @@
 """Spoil measurements' files and bundles, and read them: `./run fuzz` by chance, `./run fuzz --guided NAME` by coverage.
 
 By chance, each format in turn is read so many times by several processes, and what became of them is printed: tried,
-clean errors, the slowest, memory. MERL and UTIA's `.bin` are not among them: their size tells them. Bundles are spoiled
-too, their documents, images with checksums made right, and folders with links that lead out. Guided (needs the
-package atheris, which `./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no
-file has reached before.
+clean errors, the slowest, memory. MERL is not among them, of 34 MB each. Bundles are spoiled too: documents, images with
+checksums made right, and folders with links that lead out. `--record` keeps what was printed, of the most files of each,
+and `--table` prints all that is kept. Guided (needs the package atheris, which `./run fuzz --guided` installs), libFuzzer
+mutates one format's small file towards code that no file has reached before.
 """
 
 from __future__ import annotations
@@ -27,7 +27,14 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2, help="(%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="other files with another (%(default)s)")
     parser.add_argument("--guided", action="store_true", help="towards new code, one format, one process")
+    parser.add_argument("--record", action="store_true", help="keep what became of them, where it is more than before")
+    parser.add_argument("--table", action="store_true", help="only print what was kept of every format")
     options = parser.parse_args()
+    import tried
+
+    if options.table:
+        print(tried.table())
+        return
     if options.guided:
         import guided  # first of all imports of ours: atheris rewrites what it sees being imported
 
@@ -46,6 +53,8 @@ def main() -> None:
                 name, small[name], folder, options.count, options.processes, seed=options.seed, **more
             )
             print(f"{name:26s} {tally.told}; {time.perf_counter() - started:.0f} s", flush=True)
+            if options.record:
+                tried.keep(name, tally)
 
 
 def _chosen(parts: list[str], names: tuple[str, ...]) -> list[str]:

@@ -60,7 +60,5 @@ def steps(desk):
         )
         took = {"clock": round(time.monotonic() - clock, 2), "processor": round(time.process_time() - spent, 2)}
         desk.found["final"]["in process"].append(took)
-        with desk.view():  # as Blender does where a script is run by a person
-            bpy.ops.ed.undo_push(message="In process")
         yield 0.5
         desk.felt("in process, which waits")

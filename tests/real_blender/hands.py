@@ -19,9 +19,9 @@ HERE = Path.cwd()
 _MOVED, _DRAWN = 0.03, 0.3
 journal = (HERE / "journal.txt").open("w", buffering=1)
 began = time.monotonic()
-# Names of panels in the order in which they have drawn; dialogues as they drew last, with their regions. Where
-# the headings of panels and buttons were found.
-drawn, dialogues, headings, lately = [], {}, {}, {}
+# Names of panels in the order in which they have drawn; dialogues as they drew last, with their regions. Where buttons
+# were found.
+drawn, dialogues, lately = [], {}, {}
 # Seconds in which a person finds a button by sight and points at it: of the keystroke-level model of Card, Moran and
 # Newell 1980 the operators M and P. Searches that are going on, and what those that have ended took.
 _BY_SIGHT = 1.35 + 1.1
@@ -169,12 +169,14 @@ def hovered(area, region):
     """The property as its path, or the operator as its call; empty for what is neither."""
     with bpy.context.temp_override(window=window(), screen=window().screen, area=area, region=region):
         found = getattr(bpy.context, "property", None)
-        if found is not None:
-            return f"{found[0].name}: {found[1]}"
-        if not bpy.ops.ui.copy_python_command_button.poll():
-            return ""
-        bpy.ops.ui.copy_python_command_button()
-        return bpy.context.window_manager.clipboard
+        manager = bpy.context.window_manager
+        manager.clipboard = ""
+        if found is not None and bpy.ops.ui.copy_data_path_button.poll():
+            bpy.ops.ui.copy_data_path_button(full_path=True)
+        elif found is None and bpy.ops.ui.copy_python_command_button.poll():
+            bpy.ops.ui.copy_python_command_button()
+        # An editor's own settings have no such path.
+        return manager.clipboard or ("" if found is None else f"{found[0].name}: {found[1]}")
 
 
 def across(region, part):
@@ -201,9 +203,8 @@ def on_screen(area, region, part, until=None):
 
 
 def is_meant(wanted, words):
-    """Whether this is the button; older versions of Blender leave out what lies between a datablock and a property."""
-    whole = re.search(rf"{re.escape(wanted)}(?!\w)", words)  # no other property whose name only begins so
-    return whole is not None or words.endswith(f": {wanted.rpartition('.')[2]}")
+    """Whether this is the button, and no other property whose name only begins so."""
+    return re.search(rf"{re.escape(wanted)}(?!\w)", words) is not None
 
 
 @by_sight
@@ -218,7 +219,7 @@ def hover(area, wanted, region="WINDOW", part=0.7):
             lately[wanted] = across(place, part), seen[-1][0]
             return
         words = [words for _, words in seen]
-        if words == before:
+        if turn > 1 and words == before:  # the end; the second look is from the top, where the first may have been
             break
         before = words
         yield from move(across(place, 0.5), place.y + place.height / 2)
@@ -272,30 +273,25 @@ def _redrawn(area):
 
 
 @by_sight
-def open_panel(area, name, below):
-    """Click the heading of a sub-panel, which stands somewhere below the button with these words."""
-    region = region_of(area)
+def open_panel(area, name):
+    """Click headings of panels, from the top down, until this one draws; every other is left as it was."""
     if name in (yield from _redrawn(area)):
         return
-    yield from hover(area, below)
-    for y in (y for y in rows_in(region) if y < lately[below][1] - unit()):
-        yield from move(across(region, 0.7), y)
-        if hovered(area, region):
-            continue
-        before = yield from _redrawn(area)
-        yield from move(across(region, 0.3), y)
-        yield from click()
-        opened = (yield from _redrawn(area)) - before
-        if name in opened:
-            headings[name] = across(region, 0.3), y
-            return
-        if opened:
-            yield from click()  # another panel, closed again
+    region = region_of(area)
+    yield from move(across(region, 0.5), region.y + region.height / 2)
+    yield from wheel(-60)
+    for _ in range(6):
+        for y in rows_in(region):
+            yield from move(across(region, 0.7), y)
+            if hovered(area, region):
+                continue
+            before = yield from _redrawn(area)
+            yield from move(across(region, 0.3), y)
+            yield from click()
+            now = yield from _redrawn(area)
+            if name in now:
+                return
+            if now != before:
+                yield from click()
+        yield from wheel(8)
     raise RuntimeError(f"no heading of the panel {name}")
-
-
-def close_panel(area, name):
-    """Click where its heading was found, if it is open: the mouse still knows the place."""
-    if name in (yield from _redrawn(area)):
-        yield from move(*headings[name])
-        yield from click()

@@ -155,7 +155,7 @@ def suits(properties):
     yield from press(properties, "measured_materials.check_scene(mend=True)")
     yield from soon("4 Fix has fixed them", lambda: live.shown.harmful < before)
     note(f"{before} settings spoilt it, now {live.shown.harmful}")
-    yield from open_panel(properties, "check", MODE)
+    yield from open_panel(properties, "check")
     yield 1.0
     yield from picture("measurement_4_check")
     for letter, mode in (("b", "balanced"), ("p", "preview"), ("e", "exact")):
@@ -181,7 +181,7 @@ def rendered():
 
 def adjusted(properties):
     """Heading 6: a number typed, and undone."""
-    yield from open_panel(properties, "adjust", MODE)
+    yield from open_panel(properties, "adjust")
     _, node = next(iter(tree.measured_nodes(measured()[0].node_tree)))
     yield from type_into(properties, f"inputs[{node.inputs.find('Brightness')}]", "0.5")
     value = lambda: next(iter(tree.measured_nodes(measured()[0].node_tree)))[1].inputs["Brightness"].default_value  # noqa: E731
@@ -194,7 +194,7 @@ def adjusted(properties):
 
 def kept(properties):
     """Heading 7."""
-    yield from open_panel(properties, "asset", MODE)
+    yield from open_panel(properties, "asset")
     yield from press(properties, "measured_materials.mark_asset")
     yield from picture("measurement_7_mark")
     yield from keys("Return")

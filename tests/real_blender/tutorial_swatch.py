@@ -6,7 +6,6 @@ from hands import (
     area_of,
     check,
     click,
-    close_panel,
     dialogues,
     keys,
     open_panel,
@@ -27,7 +26,7 @@ from hands_menus import (
     open_tab,
     switch_in_dialogue,
 )
-from tutorial_measurement import MODE, baked, bakes, facts, measured
+from tutorial_measurement import baked, bakes, facts, measured
 
 ARC = "MEASURED_MATERIALS_OT_import_arc"
 FOLDER = HERE / "data" / "felt"
@@ -78,7 +77,7 @@ def steps():
 
 def lit(properties):
     """Heading 6: both at once, without a bake."""
-    yield from open_panel(properties, "lighting", MODE)
+    yield from open_panel(properties, "lighting")
     yield from choose(properties, "measured_lighting.lobe", "s")
     lobe = lambda: facts()["render"]["lobe"]["name"]  # noqa: E731
     yield from soon("6 Base Reflection is Sheen", lambda: lobe() == "sheen", REBUILT)
@@ -89,12 +88,11 @@ def lit(properties):
     yield from soon("6 the Strength is the number typed", lambda: abs(sigma() - 0.5) < 1e-6, REBUILT)
     check("6 without a bake", not bakes.queue.is_busy())
     yield from picture("swatch_6_strength")
-    yield from close_panel(properties, "lighting")
 
 
 def laid_out(properties):
     """Heading 6: the pattern's size, by Adjust."""
-    yield from open_panel(properties, "adjust", MODE)
+    yield from open_panel(properties, "adjust")
     yield from press(properties, "measured_materials.lay_out")
     yield from picture("swatch_6_width")
     yield from keys("Return")

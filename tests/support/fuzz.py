@@ -23,7 +23,7 @@ import numpy as np
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.source import Array
-from measured_materials.bake.sources import cornell, read_source
+from measured_materials.bake.sources import cornell, read_source, utia
 from measured_materials.bake.sources.goniometer import scattered_source
 from measured_materials.bake.sources.lookup.scattered import MIN_SAMPLES
 from measured_materials.bake.sources.lookup.scattered_coordinates import Coordinates
@@ -80,9 +80,16 @@ class Tally:
         )
 
 
+# UTIA's files are told by their size: with these few directions they are as small as others.
+FEW_UTIA: dict[str, Any] = {"THETAS": 3, "PHIS": 4, "SIDE": 12, "FILE_BYTES": 3 * 12**2 * 8}
+
+
 @contextmanager
 def no_fit() -> Iterator[None]:
-    """Samples are not fitted, which takes seconds and is tested elsewhere: what matters is what reaches the fit."""
+    """Samples are not fitted, which takes seconds and is tested elsewhere: what matters is what reaches the fit.
+
+    UTIA's files, and pictures, are of few directions.
+    """
 
     def fit(wi: Array, wo: Array, values: Array) -> Any:
         assert len(wi) == len(wo) == len(values) >= MIN_SAMPLES
@@ -95,7 +102,11 @@ def no_fit() -> Iterator[None]:
 
         return SimpleNamespace(facts={}, coordinates=Coordinates(0.1), evaluate=ones)
 
-    with mock.patch.object(scattered_source, "fit_samples", fit), mock.patch.object(cornell, "fit_scattered", fit):
+    with (
+        mock.patch.object(scattered_source, "fit_samples", fit),
+        mock.patch.object(cornell, "fit_scattered", fit),
+        mock.patch.multiple(utia, **FEW_UTIA),
+    ):
         yield
 
 
@@ -109,7 +120,10 @@ def small_files(folder: Path) -> dict[str, Path]:
         return own / file
 
     few = {"THETAS": [10.0, 50.0], "_OUT_THETAS": [0.0, 30.0, 60.0], "_OUT_PHIS": [0.0, 90.0, 180.0]}
-    with mock.patch.multiple(files, **{key: np.array(value) for key, value in few.items()}):
+    with (
+        mock.patch.multiple(files, **{key: np.array(value) for key, value in few.items()}),
+        mock.patch.multiple(utia, **FEW_UTIA),
+    ):
         for name, (suffix, write) in files.WRITERS.items():
             target = place(name, f"sample{suffix}")
             if name == "NVIDIA MBSDF":
@@ -119,12 +133,16 @@ def small_files(folder: Path) -> dict[str, Path]:
                 made[name] = target
             elif name == "WINDOW or Radiance XML":
                 made[name] = files.write_klems(target, GLOSSY, basis="Quarter")
-            elif name != "UTIA":  # its size alone makes it one
+            elif name == "UTIA":
+                made[name] = target
+                target.write_bytes(np.full(FEW_UTIA["FILE_BYTES"] // 8, 0.1).tobytes())
+            else:
                 made[name] = write(target, GLOSSY)
         made["ALTA stream"] = format_variants.write_alta_stream(place("ALTA stream", "sample.alta"), GLOSSY)
         made["Cornell goniometer"] = format_variants.write_cornell(place("Cornell goniometer", "paint.brdf"), GLOSSY)
+        picture = place("UTIA picture", "m.exr")
+        made["UTIA picture"] = format_variants.write_utia_picture(picture, files.by_name("lambert"))
     made["tensor tree"] = files.write_tree(place("tensor tree", "tree.xml"), GLOSSY, 1)
-    made["UTIA picture"] = format_variants.write_utia_picture(place("UTIA picture", "m.exr"), files.by_name("lambert"))
     made["EPFL/RGL tensor"] = place("EPFL/RGL tensor", "brushed.bsdf")
     write_anisotropic_rgl(made["EPFL/RGL tensor"], GLOSSY, (0.3, 0.3), azimuths=3, elevations=3, size=4)
     made["published SGD"] = files.write_published(place("published SGD", "sgd.json"), entries=files.SGD_SET)
@@ -132,7 +150,7 @@ def small_files(folder: Path) -> dict[str, Path]:
 
 
 NAMES = (
-    *(name for name in files.WRITERS if name != "UTIA"),
+    *files.WRITERS,
     "ALTA stream",
     "tensor tree",
     "UTIA picture",

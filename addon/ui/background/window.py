@@ -34,6 +34,17 @@ def push(words: str) -> None:
             area.tag_redraw()
 
 
+def push_for_script(operator: bpy.types.Operator) -> None:
+    """Close a step of undo behind an operator that a script called, for which Blender closes none.
+
+    Materials that no step knows of are gone with the next undo of whatever was done before them, and Blender 4.3
+    crashes as it draws after that. Done again from its panel, the operator has Blender's own step.
+    """
+    if not bpy.app.background and not operator.options.is_repeat:
+        with window():
+            push(operator.bl_label)
+
+
 def tell(words: str, kind: str = "INFO") -> None:
     """Report it."""
     bpy.ops.measured_materials.tell(words=one_line(words), kind=kind)

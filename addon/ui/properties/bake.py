@@ -10,6 +10,7 @@ from ....bake.brdf.settings import FILTER_CHOICES, AlphaChoice, BakeSettings, Sp
 from ....bake.images.storage import TABLE_STORAGES, Storage
 from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ....bake.tables.grids.parameterization import Parameterization
+from ....bake.tables.search.byte_limit import LEAST_BYTES
 from ....bake.tables.search.grid_search import BASES
 from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
@@ -92,6 +93,15 @@ _ALPHA_PHI = bpy.props.FloatProperty(
     max=1,
 )
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
+_TABLE_BYTES = bpy.props.IntProperty(
+    name="Table Bytes",
+    description="As many samples as the table's file holds within so many bytes, whatever the resolution. With 0 the "
+    "resolution counts",
+    default=0,
+    min=0,
+    soft_min=LEAST_BYTES,
+    soft_max=1 << 17,
+)
 _FILTER = _enum(
     "Filter",
     "How the material reconstructs between samples. Automatic weighs a B-spline only without Cycles' own shaders",
@@ -139,6 +149,7 @@ class BakeProperties(ReadingProperties):
     alpha_theta: _ALPHA_THETA
     alpha_phi: _ALPHA_PHI
     storage: _STORAGE
+    table_bytes: _TABLE_BYTES
     filter: _FILTER
     spline: _SPLINE
     sampler: _SAMPLER
@@ -164,6 +175,7 @@ def settings_of(properties: Any) -> BakeSettings:
         storage=Storage(properties.storage),
         filter=properties.filter,
         spline=properties.spline,
+        table_bytes=properties.table_bytes or None if properties.storage == Storage.LOG else None,
         sampler=isotropic_layout(properties.sampler),
         envelope=properties.envelope,
         reading=reading_of(properties),
@@ -182,6 +194,7 @@ def show_settings(properties: Any, settings: BakeSettings) -> None:
         setattr(properties, name, getattr(settings, name))
     show_reading(properties, settings.reading)
     show_rights(properties, settings.rights)
+    properties.table_bytes = settings.table_bytes or 0
     # As the settings mean them: a given alpha is one of a Bezier table in the normal-vector basis.
     properties.parameterization = settings.spacing
     properties.basis = settings.bases[0] if len(settings.bases) == 1 else "auto"
@@ -211,7 +224,7 @@ def _draw_table(column: bpy.types.UILayout, properties: Any) -> None:
             shape.prop(properties, "alpha_theta", slider=True)
             shape.prop(properties, "alpha_phi", slider=True)
     column.prop(properties, "filter")
-    if tries_spline(properties.filter, properties.envelope, properties.storage):
+    if tries_spline(properties.filter, properties.envelope):
         column.prop(properties, "spline")
 
 
@@ -222,6 +235,8 @@ def _draw_rendering(column: bpy.types.UILayout, properties: Any) -> None:
 
 def _draw_files(column: bpy.types.UILayout, properties: Any) -> None:
     column.prop(properties, "storage")
+    if properties.storage == Storage.LOG:
+        column.prop(properties, "table_bytes")
     column.prop(properties, "pack")
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
-from ...bake.errors import BakeError
-from ...bake.reading import READING_CHOICES, READING_NAMES, Reading
+from ....bake.errors import BakeError
+from ....bake.reading import READING_CHOICES, READING_NAMES, Reading
 
 _HELP = {
     "illuminant": "that spectra become colours under: daylight, equal energy, lamplight, or a white LED",

@@ -1,0 +1,92 @@
+"""Sub-command `bake maps`: photographs under lights of many directions to normal, albedo, height and roughness maps."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ...bake.errors import BakeError
+from ...bake.maps.bake import STAGES, MapSettings, MapsResult, bake_maps
+from ...bake.maps.write import FILE_KINDS, NORMAL_CONVENTIONS
+from ..photographs.find_decoder import blender_decoder
+from ..summary.quality_levels import MAP_LEVELS
+from .bake_jobs import add_quality, chosen_quality, made_folder, usage_error
+from .console.photograph_options import add_photographs, stack_settings
+from .console.progress import Progress
+from .console.result import Result, complain
+
+
+def add_to(kinds: Any) -> None:
+    """Add `maps` to the kinds of `bake`."""
+    usual = MapSettings()
+    parser = kinds.add_parser(
+        "maps",
+        help="photographs lit from many sides, to normal, albedo, height and roughness maps",
+        description="Write maps of a flat swatch that was photographed from straight above under eight lights or more, "
+        "from all sides: photometric stereo that bears with shadow and gloss. Every folder of photographs becomes a "
+        "folder DIR/NAME of maps, with maps.json, which says what each of them holds.",
+    )
+    parser.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders of photographs")
+    parser.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="where to (default: here)")
+    parser.add_argument(
+        "--normals",
+        choices=NORMAL_CONVENTIONS,
+        default=usual.normals,
+        help="green points up the picture, as in Blender and glTF, or down it (%(default)s)",
+    )
+    parser.add_argument(
+        "--files",
+        choices=FILE_KINDS,
+        default=usual.files,
+        help="EXR holds linear albedo, heights and F0 as they are (%(default)s)",
+    )
+    parser.add_argument("--no-level", action="store_true", help="leave the mean slope as it is: the swatch is not flat")
+    parser.add_argument("--repeats", action="store_true", help="the frame goes on at its opposite edge")
+    add_quality(parser, {level: {"size": sizes["size"]} for level, sizes in MAP_LEVELS.items()})
+    add_photographs(parser.add_argument_group("photographs"), arc=False)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.set_defaults(run=run, command="bake maps")
+
+
+def run(options: argparse.Namespace) -> Result:
+    """Write the maps of every folder; a bad one is reported and does not stop the others."""
+    try:
+        size = chosen_quality(options, {level: {"size": sizes["size"]} for level, sizes in MAP_LEVELS.items()})["size"]
+        settings = MapSettings(
+            options.normals, options.files, not options.no_level, options.repeats, stack_settings(options, size)
+        )
+    except BakeError as error:
+        raise usage_error(error, options) from None
+    done: list[MapsResult] = []
+    errors: list[BakeError] = []
+    with made_folder(options.out), Progress(STAGES, len(options.sources)) as progress:
+        for source, target in zip(options.sources, _targets(options), strict=True):
+            progress.start(target.name)
+            try:
+                result = bake_maps(source, target, settings, progress, blender_decoder())
+            except BakeError as error:
+                errors.append(error)
+                continue
+            done.append(result)
+            progress.close()
+            for warning in result.warnings:
+                complain(f"warning: {target.name}: {warning}")
+    document = {"command": options.command, "maps": [{"path": str(made.path), **made.facts} for made in done]}
+    return Result(document, [_line(made) for made in done], errors)
+
+
+def _targets(options: argparse.Namespace) -> list[Path]:
+    """A folder for each stack. Raises `argparse.ArgumentTypeError` where two would be one."""
+    names = [source.resolve().name or "swatch" for source in options.sources]
+    folded = [name.casefold() for name in names]
+    if twice := next((name for name in names if folded.count(name.casefold()) > 1), None):
+        raise argparse.ArgumentTypeError(f"two folders would become {options.out / twice}; give them one by one")
+    return [options.out / name for name in names]
+
+
+def _line(made: MapsResult) -> str:
+    facts = made.facts
+    files = ", ".join(str(about["file"]) for about in facts["maps"].values())
+    told = f"{len(facts['lights'])} lights, misfit {facts['misfit']:.1%}, gloss told by {facts['gloss_told_share']:.0%}"
+    return f"{made.path}: {files} ({told} of the texels, {made.seconds:.1f} s)"

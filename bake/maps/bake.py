@@ -1,0 +1,206 @@
+"""From photographs under lights of many directions to a folder of maps: read, fit, level, integrate, write."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import VERSION
+from ..atomic_write import replacing_folder
+from ..bundle.checked_json import dump_json, load_json
+from ..errors import BakeError, check_choice
+from ..photographs.photograph import Decoder
+from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from .height import height_of, slopes, unfollowed
+from .normals import Surface, check_directions
+from .surface import surface_of
+from .write import FILE_KINDS, NORMAL_CONVENTIONS, FileKind, Maps, NormalConvention, write_maps
+
+DOCUMENT = "maps.json"
+_PROGRAM = "measured_materials maps"
+STAGES = {"reading": 3.0, "aligning": 2.0, "fitting": 10.0, "writing": 1.0}
+# Of photographs on no known scale, the brightest texels but for a two-hundredth are made as bright as this.
+_BRIGHTEST, _BRIGHT_SHARE = 0.8, 99.5
+# A misfit beyond this share of what is seen says that lights or their directions are not what they are said to be.
+_DOUBTFUL = 0.2
+_FEW_LIGHTS = 8
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Settings of `bake_maps`.
+
+    Parameters
+    ----------
+    normals : which way green points: "opengl" up the picture, as in Blender and glTF, or "directx" down
+    files : "png8", "png16" or "exr"
+    level : the swatch is flat as a whole: slopes that are linear across the frame are those of a lamp that was near, or
+        of a swatch not quite square to the camera, and are left out
+    repeats : the frame goes on at its opposite edge, as that of a swatch made tileable does
+    stack : how the photographs are read; whichever arc it names, all lights are used
+
+    Raises
+    ------
+    BakeError : a value that makes no sense
+    """
+
+    normals: NormalConvention = "opengl"
+    files: FileKind = "png16"
+    level: bool = True
+    repeats: bool = False
+    stack: StackSettings = field(default_factory=StackSettings)
+
+    def __post_init__(self) -> None:
+        check_choice("normals", self.normals, NORMAL_CONVENTIONS)
+        check_choice("files", self.files, FILE_KINDS)
+
+
+@dataclass(frozen=True, eq=False)
+class MapsResult:
+    """Folder that was written, what `DOCUMENT` in it says, the seconds it took, and warnings, a line each."""
+
+    path: Path
+    facts: dict[str, Any]
+    seconds: float
+    warnings: tuple[str, ...]
+
+
+def bake_maps(
+    source: Path | str | Sequence[Path | str],
+    folder: Path,
+    settings: MapSettings | None = None,
+    progress: Callable[[str, float], None] | None = None,
+    decoder: Decoder | None = None,
+) -> MapsResult:
+    """Write normal, albedo, height, roughness and specular maps of a stack of photographs into a folder of its own.
+
+    The folder appears when everything is in it, and replaces one of maps only.
+
+    Raises
+    ------
+    BakeError : as `read_stack` and `photometric_stereo`; the folder holds something else, or cannot be written
+    """
+    started = time.monotonic()
+    settings, say = settings or MapSettings(), progress or (lambda stage, share: None)
+    _refuse_foreign(folder)
+    stack = read_stack(source, all_around(settings.stack), say, decoder)
+    origin = _name_of(source)
+    maps, facts, warnings = maps_of(stack, settings, origin, lambda share: say("fitting", share))
+    say("writing", 0.0)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with replacing_folder(folder) as temporary:
+            facts["maps"] = write_maps(temporary, maps, settings.normals, settings.files)
+            (temporary / DOCUMENT).write_text(dump_json(facts, folder / DOCUMENT), encoding="utf-8")
+    except OSError as error:
+        raise BakeError(folder, f"cannot be written ({error.strerror or error})", "choose another folder") from error
+    say("writing", 1.0)
+    return MapsResult(folder, facts, time.monotonic() - started, warnings)
+
+
+def all_around(stack: StackSettings) -> StackSettings:
+    """The same reading of photographs, with lights of every azimuth."""
+    return replace(stack, azimuth=None, spread=90.0, sides="both")
+
+
+def maps_of(
+    stack: PhotoStack, settings: MapSettings, origin: str, progress: Callable[[float], None] | None = None
+) -> tuple[Maps, dict[str, Any], tuple[str, ...]]:
+    """Maps, a JSON-ready account, and warnings.
+
+    Raises
+    ------
+    BakeError : as `photometric_stereo`, naming the `origin`
+    """
+    warnings = list(stack.warnings)
+    try:
+        check_directions(stack.directions)
+    except BakeError as error:
+        raise BakeError(origin, f"{error.file} {error.cause}", error.remedy) from None
+    assert stack.directions is not None
+    surface, gloss = surface_of(stack.images, stack.directions, progress)
+    scale = 1.0
+    if not stack.calibrated:
+        scale = _BRIGHTEST / max(float(np.percentile(surface.albedo, _BRIGHT_SHARE)), 1e-12)
+        warnings.append(
+            f"brightness is not calibrated: albedo is scaled so that its brightest texels are {_BRIGHTEST:g}; give "
+            "--albedo or --white-card"
+        )
+    misfit = float(np.median(surface.misfit))
+    if misfit > _DOUBTFUL:
+        warnings.append(
+            f"the photographs contradict the directions of their lights by {misfit:.0%} in the median: check those"
+        )
+    if len(stack.images) < _FEW_LIGHTS:
+        warnings.append(f"{len(stack.images)} lights tell shadow and gloss from slope badly: {_FEW_LIGHTS} or more do")
+    normal, tilt = _levelled(surface) if settings.level else (surface.normals, 0.0)
+    height = height_of(normal, repeats=settings.repeats)
+    albedo = surface.albedo * np.float32(scale)
+    beyond = float((albedo > 1).mean())
+    facts = {
+        "program": _PROGRAM,
+        "version": VERSION,
+        "source": origin,
+        "photographs": list(stack.names),
+        "lights": np.round(stack.directions, 6).tolist(),
+        "calibrated": stack.calibrated,
+        "misfit": round(misfit, 4),
+        "levelled_deg": round(tilt, 3),
+        "slopes_without_height": round(unfollowed(normal, height), 4),
+        "gloss_told_share": round(gloss.told, 4),
+        "mean_albedo": np.round(albedo.mean((0, 1)), 4).tolist(),
+        "albedo_above_one_share": round(beyond, 6),
+        "reading": stack.facts,
+        "warnings": warnings,
+    }
+    width = np.float32(normal.shape[1])
+    reflectance = gloss.strength * np.float32(scale)
+    return Maps(normal, albedo, height / width, gloss.roughness, reflectance), facts, tuple(warnings)
+
+
+def _levelled(surface: Surface) -> tuple[NDArray[np.float32], float]:
+    """Normals without the part of their slopes that is linear across the frame, and its RMS in degrees.
+
+    A lamp that is near lights the sides of the frame from other directions than its middle, as if the swatch were a
+    bowl: slopes that grow evenly across it.
+    """
+    p, q = slopes(surface.normals)
+    rows, columns = np.indices(p.shape)
+    place = np.stack([np.ones(p.size), rows.ravel() / p.shape[0], columns.ravel() / p.shape[1]], -1)
+    found, *_ = np.linalg.lstsq(place, np.stack([p.ravel(), q.ravel()], -1), rcond=None)
+    bowl = (place @ found).reshape(*p.shape, 2)
+    normal = np.dstack([bowl[..., 0] - p, bowl[..., 1] - q, np.ones_like(p)])
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal.astype(np.float32), float(np.degrees(np.arctan(np.sqrt((bowl**2).sum(-1).mean()))))
+
+
+def _name_of(source: Path | str | Sequence[Path | str]) -> str:
+    path = Path(source) if isinstance(source, str | Path) else Path(source[0]).parent
+    return path.resolve().name or "swatch"
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Raise BakeError where the folder holds anything but maps that we wrote."""
+    if not folder.exists() and not folder.is_symlink():
+        return
+    remedy = "choose another name, or move it away"
+    if folder.is_symlink() or not folder.is_dir():
+        raise BakeError(folder, "is there already, and no folder of maps", remedy)
+    names = {path.name for path in folder.iterdir()}
+    if not names:
+        return
+    try:
+        document = load_json(folder / DOCUMENT)
+        maps = document.get("maps")
+        known = {str(about["file"]) for about in maps.values()} if isinstance(maps, dict) else set()
+    except (BakeError, OSError, ValueError, KeyError, TypeError, AttributeError):
+        known, document = set(), {}
+    if document.get("program") != _PROGRAM or (foreign := sorted(names - known - {DOCUMENT})):
+        what = f"holds other files ({foreign[0]})" if document.get("program") == _PROGRAM else "holds other files"
+        raise BakeError(folder, what, remedy)

@@ -1,0 +1,264 @@
+"""Maps of photographs lit from all sides: against surfaces of known normals, and as the programs read them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from measured_materials.addon.cli.main import main
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.image_io import read_image, write_image
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.maps.bake import MapSettings, all_around, bake_maps, maps_of
+from measured_materials.bake.maps.gloss import fit_gloss, ggx_lobe, half_vectors
+from measured_materials.bake.maps.height import height_of, unfollowed
+from measured_materials.bake.maps.normals import check_directions, photometric_stereo
+from measured_materials.bake.maps.surface import surface_of
+from measured_materials.bake.maps.write import Maps, write_maps
+from measured_materials.bake.photographs import PhotoStack, StackSettings, read_stack
+from measured_materials.bake.photographs.photograph import read_photograph
+from PIL import Image
+
+N = 48
+DARK, LIGHT = np.array([0.1, 0.15, 0.3]), np.array([0.5, 0.3, 0.2])
+
+
+def lights(ring: int) -> np.ndarray:
+    """Rings at 25 and 50 degrees of elevation, and half of one at 75."""
+    found = [
+        (np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e))
+        for e, count in ((np.radians(25), ring), (np.radians(50), ring), (np.radians(75), ring // 2))
+        for a in 2 * np.pi * (np.arange(count) + 0.3 * e) / count
+    ]
+    return np.array(found)
+
+
+def relief() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Height in texels (N, N) that repeats, its normals, and albedo in squares."""
+    y, x = np.mgrid[0:N, 0:N]
+    waves = (2.0, 1, 2, 0.0), (1.0, 3, 1, 1.0), (0.6, 5, 4, 2.0)
+    height = sum(a * np.sin(2 * np.pi * (u * x + v * y) / N + phase) for a, u, v, phase in waves)
+    dx = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2
+    up = (np.roll(height, 1, 0) - np.roll(height, -1, 0)) / 2
+    normals = np.dstack([-dx, -up, np.ones_like(dx)])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    squares = ((x // 8 + y // 8) % 2)[..., None]
+    return height, normals, np.where(squares, DARK, LIGHT)
+
+
+def photographs(directions: np.ndarray, gloss: float = 0.0, roughness: float = 0.4, shadows: float = 0.0) -> np.ndarray:
+    """Of the relief, f cos in 1/sr; a share of the values lies in shadow."""
+    _, normals, albedo = relief()
+    lit = np.einsum("ni,hwi->nhw", directions, normals)
+    tilt = np.clip(np.einsum("ni,hwi->nhw", half_vectors(directions), normals), 0, 1)
+    images = np.maximum(lit, 0)[..., None] * albedo / np.pi
+    images += (gloss * ggx_lobe(roughness**2, lit, tilt, np.broadcast_to(normals[..., 2], lit.shape)))[..., None]
+    shaded = np.random.default_rng(1).random(lit.shape) < shadows
+    return np.where(shaded[..., None], 0.05 * images, images).astype(np.float32)
+
+
+def degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip((a * b).sum(-1), -1, 1)))
+
+
+def pixels(file: Path) -> np.ndarray:
+    """Of a PNG, in [0, 1], as the reader of photographs has them."""
+    found = read_photograph(file).pixels
+    return found / np.iinfo(found.dtype).max
+
+
+def test_a_matte_surface_is_found_whatever_lies_in_shadow() -> None:
+    """A tenth of all values are shadow; plain least squares, Woodham's, is the baseline."""
+    directions, (_, normals, albedo) = lights(16), relief()
+    images = photographs(directions, shadows=0.1)
+    surface = photometric_stereo(images, directions)
+    plain = photometric_stereo(images, directions, robust=False)
+    # The fit leans towards the camera by 1e-4 of its weight, and a texel of many shadows by more.
+    assert degrees(surface.normals, normals).mean() < 0.1 < 3 < degrees(plain.normals, normals).mean()
+    np.testing.assert_allclose(np.median(np.abs(surface.albedo - albedo) / albedo), 0, atol=1e-3)
+
+
+def test_gloss_is_told_from_slope() -> None:
+    """By turns: half of the error that the robust fit leaves, which leaves a third of the plain one's."""
+    directions, (_, normals, albedo) = lights(16), relief()
+    images = photographs(directions, gloss=0.05)
+    surface, gloss = surface_of(images, directions)
+    robust = degrees(photometric_stereo(images, directions).normals, normals).mean()
+    plain = degrees(photometric_stereo(images, directions, robust=False).normals, normals).mean()
+    assert degrees(surface.normals, normals).mean() < 0.5 * robust < 0.5 * 0.3 * plain
+    assert np.abs(surface.albedo - albedo).mean() < 0.02 * albedo.mean()
+    assert gloss.told > 0.7
+    assert np.median(gloss.roughness) == pytest.approx(0.4, abs=0.01)
+    assert np.median(gloss.strength) == pytest.approx(0.05, rel=0.03)
+    # What the lobe adds is what was added.
+    added = images - photographs(directions)
+    assert np.abs(gloss.shown(directions, surface.normals) - added[..., 0]).mean() < 0.1 * added.mean()
+
+
+def test_matte_surfaces_have_no_gloss() -> None:
+    directions = lights(8)
+    images = photographs(directions)
+    gloss = fit_gloss(images, directions, photometric_stereo(images, directions))
+    assert gloss.told < 0.05 and not gloss.strength.any()
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+def test_height_has_these_slopes(repeats: bool) -> None:
+    """The relief itself where it repeats, and a slope that does not but at its edges, where it is held."""
+    height, normals, _ = relief()
+    found = height_of(normals, repeats=repeats)
+    # Central differences flatten the shortest wave by 1 - sinc(2 pi 5 / 48).
+    assert np.corrcoef(found.ravel(), height.ravel())[0, 1] > 0.998
+    assert abs(np.polyfit(height.ravel(), found.ravel(), 1)[0] - 1) < 0.03
+    assert unfollowed(normals, found) < 0.08
+    ramp = np.broadcast_to(np.array([-0.6, 0.0, 0.8]), (N, N, 3))
+    rise = height_of(ramp)
+    middle = rise[N // 2, N // 4 : 3 * N // 4]
+    # Its mirror image turns back at the edges, and a transform rings there: 1.8 % are seen.
+    np.testing.assert_allclose(np.diff(middle), 0.75, rtol=0.04)
+    # y is up, and rows run down.
+    downwards = height_of(np.broadcast_to(np.array([0.0, -0.6, 0.8]), (N, N, 3)))
+    assert downwards[N // 4, 0] > downwards[3 * N // 4, 0]
+
+
+@pytest.mark.parametrize(
+    ("directions", "cause"),
+    [
+        (None, "no known directions"),
+        (lights(16)[:3], "are 3 only"),
+        (np.array([[np.cos(a), 0, np.sin(a)] for a in np.radians([20, 40, 60, 80, 120])]), "lie in one plane"),
+    ],
+)
+def test_lights_that_tell_no_normal_are_refused(directions: np.ndarray | None, cause: str) -> None:
+    with pytest.raises(BakeError, match=cause):
+        check_directions(directions)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Photographs of the relief, a little gloss on it, as a person has them."""
+    folder = tmp_path_factory.mktemp("stacks") / "relief"
+    folder.mkdir()
+    directions = lights(8)
+    lines = ["file,x,y,z"]
+    for k, (image, way) in enumerate(zip(photographs(directions, gloss=0.04), directions, strict=True)):
+        write_image(folder / f"p{k:02}.exr", image, Storage.HALF)
+        lines.append(f"p{k:02}.exr,{way[0]:.6f},{way[1]:.6f},{way[2]:.6f}")
+    (folder / "lights.csv").write_text("\n".join(lines))
+    return folder
+
+
+def test_maps_as_programs_read_them(folder: Path, tmp_path: Path) -> None:
+    """Blender's and glTF's green is up, DirectX' down; EXR holds what PNG encodes."""
+    stack = StackSettings(albedo=0.29)
+    made = bake_maps(folder, tmp_path / "png", MapSettings(stack=stack, level=False, repeats=True))
+    assert {p.name for p in made.path.iterdir()} == {
+        *(f"{name}.png" for name in ("normal", "albedo", "height", "roughness", "specular")),
+        "maps.json",
+    }
+    facts = json.loads((made.path / "maps.json").read_text())
+    assert facts == json.loads(json.dumps(made.facts)) and facts["calibrated"]
+    exact = bake_maps(folder, tmp_path / "exr", MapSettings("directx", "exr", level=False, repeats=True, stack=stack))
+    _, normals, _ = relief()
+    png = pixels(made.path / "normal.png")
+    read = 2 * png - 1
+    assert degrees(read / np.linalg.norm(read, axis=-1, keepdims=True), normals).mean() < 1.0
+    down = 2 * read_image(exact.path / "normal.exr") - 1
+    np.testing.assert_allclose(down * [1, -1, 1], read, atol=2 / 65535 + 1e-6)
+    with Image.open(made.path / "height.png") as opened:
+        assert opened.mode == "I;16"
+        height = np.array(opened) / 65535 * facts["maps"]["height"]["scale"] + facts["maps"]["height"]["lowest"]
+    np.testing.assert_allclose(height, read_image(exact.path / "height.exr")[..., 0], atol=1e-4)
+    # In widths of the picture, of 48 texels.
+    assert np.ptp(height) * N == pytest.approx(np.ptp(relief()[0]), rel=0.1)
+    albedo = read_image(exact.path / "albedo.exr")
+    assert albedo.mean() == pytest.approx(0.29, rel=0.05)
+    with Image.open(made.path / "albedo.png") as opened:
+        assert opened.mode == "RGB"
+    specular, f0 = read_image(made.path / "specular.png")[..., 0], read_image(exact.path / "specular.exr")[..., 0]
+    np.testing.assert_allclose(specular, np.clip(f0 / 0.08, 0, 1), atol=0.003)
+    assert np.median(f0) == pytest.approx(0.04, rel=0.15)
+
+
+def test_sixteen_bits_are_whole(tmp_path: Path) -> None:
+    """Of every channel, as another library reads them."""
+    ramp = np.linspace(0, 1, 4096, dtype=np.float32).reshape(64, 64)
+    flat = np.zeros((64, 64, 3), np.float32)
+    flat[..., 2] = 1
+    write_maps(tmp_path, Maps(flat, flat, ramp, ramp, ramp), "opengl", "png16")
+    with Image.open(tmp_path / "height.png") as opened:
+        assert np.abs(np.array(opened).ravel() - np.linspace(0, 65535, 4096)).max() <= 0.51
+    np.testing.assert_allclose(pixels(tmp_path / "normal.png")[0, 0], [0.5, 0.5, 1.0], atol=1e-4)
+
+
+def test_a_near_lamp_makes_no_bowl(folder: Path) -> None:
+    """Slopes that grow evenly across the frame are left out where the swatch is flat; the relief stays."""
+    settings = MapSettings(repeats=True)
+    stack = read_stack(folder, all_around(settings.stack))
+    assert stack.directions is not None
+    _, normals, _ = relief()
+    plain, _, _ = maps_of(stack, MapSettings(level=False, repeats=True), "relief")
+    place = (np.arange(N) / N - 0.5) * 0.4
+    bent = normals + np.dstack([*np.meshgrid(-place, place), np.zeros((N, N))])
+    bent /= np.linalg.norm(bent, axis=-1, keepdims=True)
+    lit = np.maximum(np.einsum("ni,hwi->nhw", stack.directions, bent), 0)
+    images = (lit[..., None] * relief()[2] / np.pi).astype(np.float32)
+    bowl = PhotoStack(images, stack.names, stack.directions, True, ())
+    levelled, facts, _ = maps_of(bowl, settings, "bowl")
+    assert facts["levelled_deg"] > 5
+    assert (
+        degrees(levelled.normal, normals).mean()
+        < 2
+        < degrees(maps_of(bowl, MapSettings(level=False), "bowl")[0].normal, normals).mean()
+    )
+    assert degrees(plain.normal, normals).mean() < 1
+
+
+def test_a_folder_of_other_things_is_left_alone(folder: Path, tmp_path: Path) -> None:
+    """And maps of before are replaced."""
+    target = tmp_path / "relief"
+    target.mkdir()
+    (target / "notes.txt").write_text("mine")
+    with pytest.raises(BakeError, match="holds other files"):
+        bake_maps(folder, target)
+    assert [p.name for p in tmp_path.iterdir()] == ["relief"] and (target / "notes.txt").read_text() == "mine"
+    (target / "notes.txt").unlink()
+    bake_maps(folder, target)
+    bake_maps(folder, target, MapSettings(files="png8"))
+    (target / "notes.txt").write_text("mine")
+    with pytest.raises(BakeError, match=r"other files \(notes.txt\)"):
+        bake_maps(folder, target)
+
+
+def test_the_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One bad folder stops no other, and two of one name are refused before anything is read."""
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert main(["bake", "maps", str(empty), str(folder), "--out", str(tmp_path / "out"), "--json"]) == 1
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert [Path(made["path"]).name for made in told["maps"]] == ["relief"] and len(told["errors"]) == 1
+    assert "not calibrated" in told["maps"][0]["warnings"][0]
+    assert not (tmp_path / "out" / "empty").exists()
+    twin = tmp_path / "other" / "Relief"
+    twin.mkdir(parents=True)
+    assert main(["bake", "maps", str(folder), str(twin), "--out", str(tmp_path / "two")]) == 2
+    assert "two folders would become" in capsys.readouterr().err and not (tmp_path / "two").exists()
+
+
+@pytest.mark.parametrize("plate", ["single1", pytest.param("single3", marks=pytest.mark.slow), "single5"])
+def test_rendered_plates_have_their_true_normals(shared_data: Path, plate: str) -> None:
+    """Renders of another program with its normals, matte to glossy: at most 5 degrees, and half of the baseline."""
+    dome = shared_data / "stacks" / "rendered_plate" / plate / "Dome"
+    lit = StackSettings(lights=dome / "dirs.lp", align="off", size=96)
+    stack = read_stack(sorted(dome.glob("image*.jpg")), all_around(lit))
+    assert stack.directions is not None
+    with Image.open(dome / "normals.png") as opened:
+        truth = np.array(opened.resize((96, 96), Image.Resampling.BOX), float) / 127.5 - 1
+    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+    plain = degrees(photometric_stereo(stack.images, stack.directions, robust=False).normals, truth).mean()
+    maps, _, _ = maps_of(stack, MapSettings(level=False), plate)
+    ours = degrees(maps.normal, truth).mean()
+    assert ours < (0.8 * plain if plate == "single1" else 0.55 * plain) and ours < 5

@@ -1,0 +1,111 @@
+"""Tables of logarithms within so many bytes of file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_materials.bake.brdf import part_bake
+from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.part_bake import PartBake
+from measured_materials.bake.brdf.record import BrdfRecord
+from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
+from measured_materials.bake.sources.analytic import Ggx
+from measured_materials.bake.tables.accuracy import direction_pairs
+from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
+from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
+from measured_materials.bake.tables.grids.parameterization import LogWarp
+from measured_materials.bake.tables.search.byte_limit import file_bytes, grid_within, resolution_for
+from measured_materials.bake.tables.stored_table import store_table
+from measured_materials.bake.tables.table import tabulate
+
+GGX = Ggx(alpha=0.15, f0=(0.9, 0.6, 0.3), diffuse=(0.2, 0.1, 0.05))
+GRID = HalfVectorGrid((9, 12, 4), "fitted", warps=(LogWarp(), LogWarp(0.01), LogWarp()), cosine_power=2)
+LIMIT = 3000
+
+
+def within(most: int) -> PartBake:
+    return PartBake(GGX, BakeSettings(storage=Storage.LOG, table_bytes=most), lambda stage, share: None, 4096)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [(5, 6, 4), (20, 30, 8)])
+def test_the_limit_is_kept_and_used(start: tuple[int, int, int]) -> None:
+    """Wherever the search begins, and although fitted codes take more room than those it measures by."""
+    bake = within(LIMIT)
+    made = bake.tabulate(HalfVectorGrid(start, "fitted", warps=GRID.warps, cosine_power=2))
+    assert 0.8 * LIMIT < file_bytes(made.kept) <= LIMIT
+
+
+def test_a_table_that_takes_more_than_expected_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Codes that are fitted may take any number of bytes more than those of the samples, here a half more."""
+
+    def found(source: object, grid: HalfVectorGrid, most: float, pairs: object, truth: object) -> HalfVectorGrid:
+        return replace(grid, sizes=(4, 4, max(int(most / 16), 4)))
+
+    monkeypatch.setattr(part_bake, "grid_within", found)
+    monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 1.5 * np.prod(kept.table.grid.shape))
+    bake = PartBake(GGX, BakeSettings(storage=Storage.LOG, table_bytes=1200), lambda stage, share: None, 512)
+    assert 0.9 * 1200 < 1.5 * np.prod(bake.tabulate(GRID).kept.table.grid.shape) <= 1200
+    monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 5000)
+    with pytest.raises(BakeError, match="no table within 1200 bytes"):
+        bake.tabulate(GRID)
+
+
+@pytest.mark.slow
+def test_more_bytes_err_less() -> None:
+    bakes = [within(most) for most in (2000, 8000)]
+    errors = []
+    for bake in bakes:
+        table = bake.tabulate(GRID).kept.table
+        errors.append(bake.pairs.rms(table.evaluate(bake.pairs.wi, bake.pairs.wo) - bake.truth))
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize("grid", [GRID, NormalVectorGrid(9, "uniform")], ids=["half", "normal"])
+def test_no_more_samples_would_fit(grid: HalfVectorGrid | NormalVectorGrid) -> None:
+    """In the normal-vector basis, whose axes have one number, of one more along each of them; else of a tenth more."""
+    pairs = direction_pairs(2048)
+    truth = GGX.evaluate(pairs.wi, pairs.wo)
+
+    def needed(grid: HalfVectorGrid | NormalVectorGrid) -> int:
+        return file_bytes(store_table(tabulate(GGX, grid), Storage.LOG, pairs, truth))
+
+    found = grid_within(GGX, grid, LIMIT, pairs, truth)
+    if isinstance(found, HalfVectorGrid):
+        assert found.warps == GRID.warps
+        d, h, phi = found.sizes
+        more: HalfVectorGrid | NormalVectorGrid = replace(found, sizes=(d + 1, round(h * 1.1), phi))
+    else:
+        more = replace(found, n=found.n + 1)
+    assert needed(found) <= LIMIT < needed(more)
+
+
+def test_the_file_of_a_bundle_has_so_many_bytes(tmp_path: Path) -> None:
+    """And its settings, read again, and as the panel shows them, are those it was made with."""
+    settings = BakeSettings(
+        storage=Storage.LOG, table_bytes=LIMIT, envelope=False, basis="half", sampler=SamplerLayout(16, 16, 8)
+    )
+    bundle = read_bundle(bake_source(GGX, tmp_path / "small", settings, pairs=4096).path)
+    assert 0.8 * LIMIT < bundle.image_path("table").stat().st_size <= LIMIT + 200  # the name of its bundle
+    assert BrdfRecord.read(bundle).settings == settings
+
+
+def test_what_has_no_such_table_is_refused() -> None:
+    with pytest.raises(BakeError, match="storage log"):
+        BakeSettings(table_bytes=2700)
+    with pytest.raises(BakeError, match="at least 1024"):
+        BakeSettings(storage=Storage.LOG, table_bytes=500)
+    settings = BakeSettings(storage=Storage.LOG, table_bytes=2700)
+    with pytest.raises(BakeError, match="anisotropic"):
+        PartBake(Ggx(alpha=0.1, alpha_y=0.3), settings, lambda stage, share: None, 1024)
+
+
+def test_resolutions_are_those_that_take_about_so_many_bytes() -> None:
+    assert [resolution_for(most) for most in (1024, 2700, 48 * 1024)] == [5, 8, 28]
