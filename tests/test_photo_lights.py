@@ -53,6 +53,51 @@ def test_lp(tmp_path: Path, text: str) -> None:
     assert entries[1].direction == pytest.approx((0.6, 0, 0.8))
 
 
+DILIGENT = {
+    "light_directions.txt": "0 0 1\n0.6 0 0.8\n0 0.6 0.8\n",
+    "light_intensities.txt": "1 1 1\n2 1 0.5\n0.5 0.5 0.5\n",
+    "filenames.txt": "001.png\n002.png\n003.png\n",
+}
+
+
+def diligent(folder: Path, **changed: str) -> Path:
+    """A folder as DiLiGenT's: one matte swatch under three lights of different strengths, its mask beside it."""
+    for name, text in (DILIGENT | {f"{key}.txt": text for key, text in changed.items()}).items():
+        if text:
+            write_text(folder / name, text)
+    cosines, strengths = (1.0, 0.8, 0.8), ((1, 1, 1), (2, 1, 0.5), (0.5, 0.5, 0.5))
+    for k, (cosine, strength) in enumerate(zip(cosines, strengths, strict=True)):
+        linear = np.broadcast_to(0.2 * cosine * np.array(strength), (4, 4, 3))
+        write_photo(folder / f"{k + 1:03}.png", encode_srgb(linear))
+    write_photo(folder / "mask.png", np.full((4, 4, 3), 255, np.uint8))
+    return folder
+
+
+def test_a_folder_of_diligent(tmp_path: Path) -> None:
+    """Directions without names, the names beside them, and how strong each light was."""
+    settings = StackSettings(spread=90, sides="both", align="off", decode="srgb")
+    stack = read_stack(diligent(tmp_path), settings)
+    assert stack.names == ("001.png", "002.png", "003.png") and stack.directions is not None
+    np.testing.assert_allclose(stack.directions, [[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8]])
+    np.testing.assert_allclose(stack.images.mean((1, 2)), 0.2 * np.array([[1.0], [0.8], [0.8]]) * np.ones(3), rtol=0.02)
+    assert stack.facts["lights"]["intensities"] == "light_intensities.txt"
+    assert any("mask.png" in warning for warning in stack.warnings)
+
+
+@pytest.mark.parametrize(
+    ("changed", "cause"),
+    [
+        ({"filenames": ""}, "names no photographs"),
+        ({"filenames": "001.png\n002.png\n"}, "lists 2 photographs, but light_directions.txt has 3"),
+        ({"light_intensities": "1 1 1\n1 1 1\n"}, "does not hold three numbers above 0 for each of the 3"),
+        ({"light_intensities": "1 1 1\n1 0 1\n1 1 1\n"}, "does not hold three numbers above 0"),
+    ],
+)
+def test_half_a_folder_of_diligent(tmp_path: Path, changed: dict[str, str], cause: str) -> None:
+    with pytest.raises(BakeError, match=cause):
+        read_stack(diligent(tmp_path, **changed), StackSettings(spread=90, sides="both"))
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -14,13 +14,15 @@ from ..errors import BakeError
 from .brackets import bracket_stem
 from .folder import list_names
 from .light_files.entry import LightEntry, Vector, direction_in_name, name_key
-from .light_files.readers import read_lights
+from .light_files.readers import numbers_of_lines, read_lights
 
 _HORIZON = 1e-6
 """Sine of the elevation up to which a light lies in the plane of the swatch."""
 _SAME = 1e-4
 """Directions closer than this (rad) are one light."""
 _TABLE_NAMES = ("lights.csv",), ("lights.txt", "lights.tsv")
+# Of DiLiGenT: directions, and beside them how strong each light was, by channel.
+_DIRECTIONS, _INTENSITIES = "light_directions.txt", "light_intensities.txt"
 _TABLE_SUFFIXES = {".csv", ".txt", ".tsv"}
 _CANDIDATES = range(0, 360, 10)
 # A light that leans less than this beyond the zenith counts as overhead, on either side.
@@ -29,12 +31,16 @@ _OVERHEAD = np.sin(np.radians(8))
 
 @dataclass
 class Lights:
-    """Photographs that stay, their unit directions (n, 3) or None, and warnings."""
+    """Photographs that stay, their unit directions (n, 3) or None, and warnings.
+
+    intensities : (n, 3) of the lights by channel, which photographs are divided by; None where nothing tells them apart
+    """
 
     paths: list[Path]
     directions: NDArray[np.float64] | None
     warnings: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
+    intensities: NDArray[np.float64] | None = None
 
 
 def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behind: bool = False) -> Lights:
@@ -62,7 +68,31 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
     missing = [entry.file for entry in entries if _key(entry.file) not in here]
     if missing and whole_folder:
         warnings.append(f"{file.name} lists photographs that are not here: {list_names(missing)}")
-    return _keep(file, paths, _above(file, directions) if behind else directions, warnings, {"source": file.name})
+    lights = _keep(file, paths, _above(file, directions) if behind else directions, warnings, {"source": file.name})
+    if (strengths := _intensities_beside(file, entries)) is not None:
+        lights.intensities = np.array(
+            [strengths[key] for key in (_entry_key(path, strengths) for path in lights.paths)]
+        )
+        lights.facts["intensities"] = _INTENSITIES
+    return lights
+
+
+def _intensities_beside(file: Path, entries: list[LightEntry]) -> dict[str, list[float]] | None:
+    """How strong the light of each photograph was, by the keys of their names. Raises BakeError."""
+    if file.name.casefold() != _DIRECTIONS:
+        return None
+    beside = next((path for path in file.parent.iterdir() if path.name.casefold() == _INTENSITIES), None)
+    if beside is None:
+        return None
+    numbers = numbers_of_lines(beside)
+    if numbers is None or len(numbers) != len(entries) or not all(min(line) > 0 for line in numbers):
+        cause = f"does not hold three numbers above 0 for each of the {len(entries)} lights"
+        raise BakeError(beside, cause, "write red, green and blue a line, or take it away")
+    return {_key(entry.file): line for entry, line in zip(entries, numbers, strict=True)}
+
+
+def _entry_key(path: Path, known: dict[str, list[float]]) -> str:
+    return next(name_key(name) for name in _spellings(path) if name_key(name) in known)
 
 
 def _above(origin: Path, directions: list[Vector | None]) -> list[Vector | None]:
@@ -99,7 +129,7 @@ def light_files_beside(folder: Path) -> list[Path]:
 
 
 def light_files(folder: Path) -> list[Path]:
-    """`lights.csv` in any case, else `lights.txt` or `.tsv`, else all `.lp`."""
+    """`lights.csv` in any case, else `lights.txt` or `.tsv`, else all `.lp`, else `light_directions.txt`."""
     try:
         files = sorted(path for path in folder.iterdir() if path.is_file())
     except OSError:
@@ -107,7 +137,8 @@ def light_files(folder: Path) -> list[Path]:
     for names in _TABLE_NAMES:
         if found := [path for path in files if path.name.casefold() in names]:
             return found
-    return [path for path in files if path.suffix.casefold() == ".lp"]
+    lists = [path for path in files if path.suffix.casefold() == ".lp"]
+    return lists or [path for path in files if path.name.casefold() == _DIRECTIONS]
 
 
 def _passed_over(paths: list[Path]) -> list[str]:
@@ -226,7 +257,8 @@ def choose_arc(
             f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations"
         )
     paths = [path for path, keep in zip(lights.paths, near) if keep]
-    return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts})
+    strengths = None if lights.intensities is None else lights.intensities[near]
+    return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts}, strengths)
 
 
 def _near(directions: NDArray[np.float64], azimuth: float, spread: float, sides: str) -> NDArray[np.bool_]:

@@ -26,7 +26,7 @@ _JPEG_NOTE = "the tone curve of a camera's JPEG is not documented: decoding it b
 
 @dataclass
 class Plan:
-    """Photographs, which of them share a light, and how each is to be decoded and placed."""
+    """Photographs, which of them share a light, how strong that was, and how each is to be decoded and placed."""
 
     paths: list[Path]
     groups: list[list[int]]
@@ -37,12 +37,17 @@ class Plan:
     turn_upright: bool
     size: tuple[int, int]
     placement: Placement
+    intensities: NDArray[np.float64] | None = None
     warnings: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
 
 
 def plan_reading(
-    paths: list[Path], infos: list[PhotoInfo], directions: NDArray[np.float64] | None, settings: StackSettings
+    paths: list[Path],
+    infos: list[PhotoInfo],
+    directions: NDArray[np.float64] | None,
+    settings: StackSettings,
+    intensities: NDArray[np.float64] | None = None,
 ) -> Plan:
     """Judge the headers together. Raises BakeError on two sizes, a single light, or too large a stack."""
     warnings: list[str] = []
@@ -80,6 +85,7 @@ def plan_reading(
         turn_upright=turn_upright,
         size=size,
         placement=placement,
+        intensities=None if intensities is None else intensities[[group[0] for group in groups]],
         warnings=warnings,
         facts=facts,
     )

@@ -120,7 +120,8 @@ def plan_stack(
         settings.spread,
         settings.sides,
     )
-    plan = plan_reading(lights.paths, [infos[path] for path in lights.paths], lights.directions, settings)
+    headers = [infos[path] for path in lights.paths]
+    plan = plan_reading(lights.paths, headers, lights.directions, settings, lights.intensities)
     return PlannedStack(settings, origin, plan, (*warnings, *lights.warnings, *plan.warnings), lights.facts)
 
 
@@ -183,6 +184,9 @@ def _read_images(
         if len({plan.exposures.relative[i] for i in group}) < len(group):
             view.check_repeats(placement.region)
         images[k] = view.swatch(placement)
+        # A white card or a flat field has seen the same light.
+        if plan.intensities is not None and card is None and flat is None:
+            images[k] /= plan.intensities[k].astype(np.float32)
         if card is not None:
             cards[k], clipped = view.mean(card)
             clipped_cards += [plan.names[k]] if clipped > 0.05 else []

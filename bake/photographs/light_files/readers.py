@@ -2,7 +2,9 @@
 
 An `.lp` file holds the number of lights (some writers leave it out), then `file x y z` per line, set apart by blanks,
 commas, semicolons or tabs, with decimal points or, where commas do not also set the numbers apart, decimal commas. A
-table (`table`) has a line of column names; without one, a file of another suffix is read as an `.lp` is.
+table (`table`) has a line of column names; without one, a file of another suffix is read as an `.lp` is. Three numbers
+a line and no file are the directions of DiLiGenT (Shi et al. 2016, "A benchmark dataset and evaluation for
+non-Lambertian and uncalibrated photometric stereo"): the photographs stand line by line in `filenames.txt` beside it.
 """
 
 from __future__ import annotations
@@ -15,9 +17,10 @@ from ...errors import BakeError
 from .entry import LightEntry, Vector, direction_in_name, direction_of_angles, refuse, tidy_name, unit_vector
 from .table import read_table
 
-__all__ = ["LightEntry", "Vector", "direction_in_name", "direction_of_angles", "read_lights"]
+__all__ = ["LightEntry", "Vector", "direction_in_name", "direction_of_angles", "numbers_of_lines", "read_lights"]
 
 MAX_BYTES = 4 << 20
+FILENAMES = "filenames.txt"
 _POINT = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][-+]?\d+)?")
 _NUMBERS_AFTER_NAME = re.compile(r"\.[a-z]\w{1,3}[\"']?[\s,;]+[-+\d.,eE\s;]+$", re.IGNORECASE)
@@ -30,6 +33,8 @@ _LIST_REMEDY = "write 'file x y z' with decimal points, set apart by blanks"
 def read_lights(path: Path) -> tuple[list[LightEntry], list[str]]:
     """Entries of a lights file and warnings. Raises BakeError naming the line."""
     text = _decoded(path)
+    if (bare := _bare_numbers(text)) is not None:
+        return _read_bare(path, bare)
     if path.suffix.lower() == ".lp" or _is_list(text):
         return _read_list(path, text)
     return read_table(path, text)
@@ -67,6 +72,38 @@ def _is_list(text: str) -> bool:
     """Whether a file without a suffix that says so begins as a list does: with a count, or with a file and numbers."""
     first = [line for _, line in _lines(text)[:2]]
     return bool(first) and (first[0].isdecimal() or _split(first[0]) is not None)
+
+
+def numbers_of_lines(path: Path) -> list[list[float]] | None:
+    """Three numbers of each line of a file of nothing else; None where it is no such file. Raises BakeError."""
+    bare = _bare_numbers(_decoded(path))
+    return None if bare is None else [vector for _, vector in bare]
+
+
+def _bare_numbers(text: str) -> list[tuple[int, list[float]]] | None:
+    found = []
+    for number, line in _lines(text):
+        words = line.replace(",", " ").replace(";", " ").split()
+        if len(words) != 3 or not all(_POINT.fullmatch(word) for word in words):
+            return None
+        found.append((number, [float(word) for word in words]))
+    return found or None
+
+
+def _read_bare(path: Path, bare: list[tuple[int, list[float]]]) -> tuple[list[LightEntry], list[str]]:
+    """Directions by the names in the file beside them."""
+    listed = path.with_name(FILENAMES)
+    if not listed.is_file():
+        raise BakeError(path, "names no photographs", f"write 'file x y z' a line, or put {FILENAMES} beside it")
+    names = [line for _, line in _lines(_decoded(listed))]
+    if len(names) != len(bare):
+        cause = f"lists {len(names)} photographs, but {path.name} has {len(bare)} directions"
+        raise BakeError(listed, cause, "write one line for each photograph in both")
+    entries = [
+        LightEntry(tidy_name(name), unit_vector(path, number, vector))
+        for name, (number, vector) in zip(names, bare, strict=True)
+    ]
+    return entries, []
 
 
 def _read_list(path: Path, text: str) -> tuple[list[LightEntry], list[str]]:
