@@ -20,6 +20,8 @@ Handlers = Mapping[str, Callable[..., None]]
 # A property of the scene that holds nothing, to see by whether it may be set; and one of the window manager, which may
 # be set in any case. While Blender calls the function that follows a change of a property, everything may be written.
 _PROBE, _DOOR = "measured_materials_probe", "measured_materials_door"
+# Seconds between two such calls at least: Blender draws all of its windows again after each.
+_PACE = 0.2
 _to_run: list[Callable[[], None]] = []
 
 
@@ -43,7 +45,7 @@ def timer(function: Callable[[], float | None]) -> Callable[[], float | None]:
         setattr(bpy.context.window_manager, _DOOR, True)
         if raised:
             raise raised[0]
-        return found[0]
+        return None if found[0] is None else max(found[0], _PACE)
 
     return allowed
 

@@ -16,7 +16,7 @@ import pytest
 from measured_materials.addon.baking.hosts import hosts
 from measured_materials.addon.baking.request import BakeRequest, Model
 from measured_materials.addon.library import pool
-from measured_materials.addon.library.lock import library_lock
+from measured_materials.addon.library.lock import LOCK, library_lock
 from measured_materials.addon.library.outcome import BAKED, FAILED, KEPT, Outcome
 from measured_materials.addon.library.plan import LibraryJob
 from measured_materials.addon.library.run import finished, recipe_of_request, run_task
@@ -249,6 +249,17 @@ def test_a_library_is_baked_by_one_at_a_time_but_by_many_tasks(tmp_path: Path) -
         assert code == 0 and states(told) == {"grey": "baked"} and not (out / "library.json").exists()
     code, told = bake(out, cloth, "--name", "grey", "--jobs", "0")
     assert code == 0 and states(told) == {"grey": "kept"}
+
+
+def test_a_lock_that_is_a_link_leads_nowhere(tmp_path: Path) -> None:
+    """Somebody has put it there: what it points to is not written to, and the library is baked all the same."""
+    (tmp_path / "L").mkdir()
+    (tmp_path / "diary.txt").write_text("nobody's business")
+    (tmp_path / "L" / LOCK).symlink_to(tmp_path / "diary.txt")
+    with library_lock(tmp_path / "L"):
+        assert not (tmp_path / "L" / LOCK).is_symlink()
+        assert (tmp_path / "L" / LOCK).read_text().startswith(f"process {os.getpid()} on ")
+    assert (tmp_path / "diary.txt").read_text() == "nobody's business"
 
 
 def test_a_program_that_starts_no_worker_is_passed_over(tmp_path: Path) -> None:

@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 from measured_materials.addon.cli.main import main
+from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.image_io import read_image, write_image
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.maps.bake import MapSettings, all_around, bake_maps, maps_of
-from measured_materials.bake.maps.gloss import fit_gloss, ggx_lobe, half_vectors
+from measured_materials.bake.maps.gloss import Gloss, fit_gloss, ggx_lobe, half_vectors
 from measured_materials.bake.maps.height import height_of, unfollowed
-from measured_materials.bake.maps.normals import check_directions, photometric_stereo
+from measured_materials.bake.maps.normals import Surface, check_directions, photometric_stereo
 from measured_materials.bake.maps.surface import surface_of
 from measured_materials.bake.maps.write import Maps, write_maps
 from measured_materials.bake.photographs import PhotoStack, StackSettings, read_stack
 from measured_materials.bake.photographs.photograph import read_photograph
+from measured_materials.bake.source import luminance
+from measured_materials.bake.sources import analytic
 from PIL import Image
 
 N = 48
@@ -96,6 +99,32 @@ def test_gloss_is_told_from_slope() -> None:
     # What the lobe adds is what was added.
     added = images - photographs(directions)
     assert np.abs(gloss.shown(directions, surface.normals) - added[..., 0]).mean() < 0.1 * added.mean()
+
+
+def test_a_turn_serves_every_texel_or_is_not_taken() -> None:
+    """Under few lights and much gloss many a turn would explain the photographs worse."""
+    directions = lights(6)
+    images = photographs(directions, gloss=0.3, roughness=0.5, shadows=0.1)
+
+    def left(surface: Surface, gloss: Gloss) -> np.ndarray:
+        lit = np.maximum(np.einsum("ni,hwi->nhw", directions, surface.normals), 0)
+        seen = lit * luminance(surface.albedo) / np.pi + gloss.shown(directions, surface.normals)
+        return np.abs(luminance(images) - seen).mean(0)
+
+    first = photometric_stereo(images, directions)
+    before, after = left(first, fit_gloss(images, directions, first)), left(*surface_of(images, directions))
+    assert (after <= before * 1.001).all() and (after < 0.9 * before).mean() > 0.2
+
+
+def test_the_lobe_is_that_of_the_formula() -> None:
+    """GGX with a reflectance of 1 at every angle, as sources have it."""
+    rng = np.random.default_rng(2)
+    wi, wo = (spherical(np.arccos(rng.uniform(0.02, 1, 400)), rng.uniform(-np.pi, np.pi, 400)) for _ in range(2))
+    half = (wi + wo) / np.linalg.norm(wi + wo, axis=-1, keepdims=True)
+    for roughness in (0.3, 0.6, 0.9):
+        f = analytic.Ggx(alpha=roughness**2, f0=(1.0, 1.0, 1.0)).evaluate(wi, wo)
+        lobe = ggx_lobe(roughness**2, wi[:, 2], half[:, 2], wo[:, 2])
+        np.testing.assert_allclose(lobe, f[:, 0] * wi[:, 2], rtol=1e-6)
 
 
 def test_matte_surfaces_have_no_gloss() -> None:

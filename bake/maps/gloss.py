@@ -1,7 +1,7 @@
 """A GGX lobe for each texel, of what is brighter than its matte part: the roughness and the strength of its gloss.
 
-The camera looks along z, so light of direction l shows f cos = k D(h) G(l, v) / (4 n . v), D and G of Walter et al.
-2007 (equations 33 and 34, Smith). k stands for Fresnel's reflectance, which at the angles that a lamp above a camera
+The camera looks along z, so light of direction l shows f cos = k D(h) G(l, v) / (4 n . v), D of Walter et al. 2007
+(equation 33) and G of Heitz 2014. k stands for Fresnel's reflectance, which at the angles that a lamp above a camera
 makes is nearly F0. Only texels that a light comes near to the mirror direction of tell their lobe; the others take the
 median of those, for a swatch is mostly one material.
 """
@@ -115,16 +115,12 @@ def half_vectors(directions: NDArray[np.float64]) -> NDArray[np.float64]:
 def ggx_lobe(
     alpha: float | NDArray[np.float64], lit: NDArray[np.float64], tilt: NDArray[np.float64], facing: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """D G / (4 n . v) of cosines to the light, of the half vector and (T,) to the viewer (Walter et al. 2007)."""
+    """D G / (4 n . v) of cosines to the light, of the half vector and (T,) to the viewer (Heitz 2014, equation 99).
+
+    As `bake.lobes.microfacets.ggx_lobe`, times the light's cosine, where only cosines are known.
+    """
     a2 = alpha * alpha
     d = a2 / (np.pi * (tilt**2 * (a2 - 1) + 1) ** 2)
-
-    def smith(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
-        """G1."""
-        c = np.maximum(cosine, 1e-4)
-        one: NDArray[np.float64] = 2 * c / (c + np.sqrt(a2 + (1 - a2) * c**2))
-        return one
-
-    # G / (4 n . l n . v), times the cosine n . l of the light.
-    lobe: NDArray[np.float64] = d * smith(lit) * smith(facing) / (4 * np.maximum(facing, 1e-4))
-    return np.where(lit > 0, lobe, 0.0)
+    c, v = np.maximum(lit, 0), np.maximum(facing, 1e-4)
+    lobe: NDArray[np.float64] = d * c / (2 * (v * np.sqrt(a2 + (1 - a2) * c**2) + c * np.sqrt(a2 + (1 - a2) * v**2)))
+    return lobe

@@ -53,6 +53,7 @@ def only_ours():
     """Blender's own panels of materials away, ours open from their first drawing on."""
     known = [cls for cls in bpy.types.Panel.__subclasses__() if getattr(cls, "is_registered", False)]
     ours = [cls for cls in known if cls.__name__.startswith(_PREFIX)]
+    ours.sort(key=lambda cls: hasattr(cls, "bl_parent_id"))  # a panel is registered after the one that it stands in
     for cls in reversed(ours):
         bpy.utils.unregister_class(cls)
     for cls in ours:

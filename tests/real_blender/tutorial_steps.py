@@ -1,6 +1,7 @@
 """Run inside a real Blender window by tutorials.py: the parts that were asked for, in turn."""
 
 import importlib
+import os
 import sys
 import traceback
 from pathlib import Path
@@ -11,6 +12,8 @@ sys.path.insert(0, str(Path.cwd()))
 hands = importlib.import_module("hands")
 # The tutorials, which promise it.
 LEARNT, FIVE_MINUTES = ("tutorial_measurement", "tutorial_swatch"), 300
+# Of all processors: on a busier machine the time says nothing, for the window alone, drawn by software, takes one.
+MOST_LOAD = 1.5
 PARTS = sys.argv[sys.argv.index("--") + 1 :]
 
 
@@ -30,7 +33,7 @@ def steps():
         hands.note(
             f"{part} done: {seconds:.0f} s of an artist's, by the clock {clock:.0f}, {searches} buttons looked for"
         )
-        if part in LEARNT:
+        if part in LEARNT and os.getloadavg()[0] < MOST_LOAD * (os.cpu_count() or 1):
             hands.check(f"{part} takes less than five minutes", seconds < FIVE_MINUTES)
 
 
