@@ -169,3 +169,17 @@ def test_a_mistyped_format_is_refused_before_any_file_is_made(monkeypatch: pytes
     with pytest.raises(SystemExit, match="no format is called no such format; there are: "):
         runpy.run_path(str(Path(__file__).parent / "fuzz" / "__main__.py"), run_name="__main__")
     assert not made
+
+
+def test_of_each_format_the_most_files_are_kept_and_all_are_one_table(tmp_path: Path) -> None:
+    """A shorter run does not take the place of a longer one."""
+    tried = runpy.run_path(str(Path(__file__).parent / "fuzz" / "tried.py"))
+    kept = tmp_path / "tried.json"
+    tried["keep"].__globals__["FILE"] = kept
+    tried["keep"]("UTIA", fuzz.Tally(1000, 100, 0.25, 3 << 20, 1 << 20))
+    tried["keep"]("UTIA", fuzz.Tally(900, 200, 0.5, 3 << 20, 1 << 20))
+    tried["keep"]("ALTA", fuzz.Tally(500, 50, 0.125, 1 << 20, 0))
+    assert [one["tried"] for one in tried["kept"]().values()] == [500, 1000]
+    head, alta, utia, total = tried["table"]().splitlines()
+    assert alta.split()[:8] == ["ALTA", "500", "450", "50", "0", "0.12", "1.0", "0.0"] and utia.split()[1] == "1000"
+    assert head.split()[:2] == ["tried", "clean"] and total.startswith("2 formats: 1500 tried, 1350 clean errors")

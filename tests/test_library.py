@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,14 @@ import pytest
 from measured_materials.addon.baking.hosts import hosts
 from measured_materials.addon.baking.request import BakeRequest, Model
 from measured_materials.addon.library import pool
-from measured_materials.addon.library.lock import library_lock
+from measured_materials.addon.library.lock import LOCK, library_lock
 from measured_materials.addon.library.outcome import BAKED, FAILED, KEPT, Outcome
 from measured_materials.addon.library.plan import LibraryJob
 from measured_materials.addon.library.run import finished, recipe_of_request, run_task
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
+from measured_materials.bake.bundle.recipe import recipe_of
+from measured_materials.bake.errors import BakeError
 from measured_materials.bake.rights import Rights
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.half_vector_warp import HalfVectorWarp
@@ -144,6 +146,33 @@ def test_a_recipe_is_what_decides_what_is_baked(folder: str, tmp_path: Path) -> 
     assert len(formulas) == 3
 
 
+@dataclass(frozen=True)
+class _Alias:
+    cells: int
+    file: Path | None = None
+
+
+@dataclass(frozen=True)
+class _Warp:
+    cells: int
+    file: Path | None = None
+
+
+def test_a_recipe_tells_kinds_and_contents_apart(tmp_path: Path) -> None:
+    """Of two settings with equal numbers, and of files by what is in them, wherever they lie."""
+    recipes = {recipe_of(one, {"name": "a"}) for one in (_Alias(3), _Warp(3), _Alias(4))} | {recipe_of(_Alias(3), {})}
+    assert len(recipes) == 4
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "lights.csv").write_text("x")
+    first, second = (recipe_of(_Alias(3, tmp_path / folder / "lights.csv"), {}) for folder in "ab")
+    assert first == second
+    (tmp_path / "b" / "lights.csv").write_text("y")
+    assert recipe_of(_Alias(3, tmp_path / "b" / "lights.csv"), {}) != first
+    with pytest.raises(BakeError, match="cannot be read"):
+        recipe_of(_Alias(3, tmp_path / "none.csv"), {})
+
+
 def pooled(jobs: list[LibraryJob], out: Path, watch: pool.Watch, count: int = 2) -> dict[str, Outcome]:
     found = pool.bake_by_processes(jobs, out, count, hosts(jobs[0].request, ""), watch)
     return {told.name: told for told in found}
@@ -220,6 +249,17 @@ def test_a_library_is_baked_by_one_at_a_time_but_by_many_tasks(tmp_path: Path) -
         assert code == 0 and states(told) == {"grey": "baked"} and not (out / "library.json").exists()
     code, told = bake(out, cloth, "--name", "grey", "--jobs", "0")
     assert code == 0 and states(told) == {"grey": "kept"}
+
+
+def test_a_lock_that_is_a_link_leads_nowhere(tmp_path: Path) -> None:
+    """Somebody has put it there: what it points to is not written to, and the library is baked all the same."""
+    (tmp_path / "L").mkdir()
+    (tmp_path / "diary.txt").write_text("nobody's business")
+    (tmp_path / "L" / LOCK).symlink_to(tmp_path / "diary.txt")
+    with library_lock(tmp_path / "L"):
+        assert not (tmp_path / "L" / LOCK).is_symlink()
+        assert (tmp_path / "L" / LOCK).read_text().startswith(f"process {os.getpid()} on ")
+    assert (tmp_path / "diary.txt").read_text() == "nobody's business"
 
 
 def test_a_program_that_starts_no_worker_is_passed_over(tmp_path: Path) -> None:

@@ -100,7 +100,8 @@ def test_every_option_comes_back_from_its_words(tmp_path: Path) -> None:
     """The words that a farm runs make the same settings, whatever was given."""
     given = (
         "--quality fine --resolution 24 --basis normal --parameterization bezier --alpha 0.5,0.25 --storage log "
-        "--filter bspline --spline fitted --sampler 32 --sampler-kind warp --no-envelope --illuminant A --merl nodes "
+        "--table-bytes 4096 --filter bspline --spline fitted --sampler 32 --sampler-kind warp --no-envelope "
+        "--illuminant A --merl nodes "
         "--reciprocity mean --side back --utia sRGB --author=-me- --license CC0 --source-url x --replace --size 256 "
         "--decode gamma:2.2 --azimuth -30 --spread 10 --sides both --crop 1,2,30,40 --corners 0,0 9,0 9,9 0,9 "
         "--white-reflectance 0.8 --albedo 0.3 --align off --slices 9 --map-storage byte --compression power --rank 3 "

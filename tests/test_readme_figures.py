@@ -73,6 +73,7 @@ BENCHES = (
     "bases",
     "tables",
     "bytes",
+    "within",
     "anisotropic",
     "formats",
     "readings",

@@ -30,6 +30,8 @@ def library_lock(out: Path, shared: bool = False) -> Iterator[None]:
     """
     file = out / LOCK
     try:
+        if file.is_symlink():  # ours never is: it leads out of the library
+            file.unlink()
         handle = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     except OSError as error:
         cause = f"cannot be written ({error.strerror})"

@@ -177,7 +177,7 @@ def hostile(folder: Path, edit: Callable[[Path, Path], None]) -> Damage:
     found = scene.damage()
     found.lost = sum(not scene.has(name) for name in NAMES[1:])
     # What nobody can read is the attacker's; what the bake has written is whole.
-    found.half_written = sum(not _is_whole(scene.library / f"{name}.mmat") for name in NAMES[1:])
+    found.half_written = sum(scene.has(name) and not _is_whole(scene.library / f"{name}.mmat") for name in NAMES[1:])
     return found
 
 
