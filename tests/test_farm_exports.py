@@ -64,7 +64,7 @@ def test_a_job_gives_each_material_a_task_and_a_table_behind_them(tmp_path: Path
     assert set(job["settings"]) <= {one["key"] for one in kind.facts["settings"]}
     assert {one["key"] for one in kind.facts["settings"] if one.get("required")} <= set(job["settings"])
     *materials, table = kind.compiled(job)
-    assert [task.name for task in materials] == ["spoiled _1", "lambert", "lambert-diffuse-0.3"]
+    assert [task.name for task in materials] == ["spoiled #1", "lambert", "lambert-diffuse-0.3"]
     assert table.name == "table" and table.waits_for == tuple(task.name for task in materials)
     assert not any(task.waits_for for task in materials) and table.priority > max(task.priority for task in materials)
     assert {task.type for task in (*materials, table)} == {"blender"}
@@ -82,7 +82,7 @@ def test_tasks_hold_as_many_materials_as_are_asked_for(tmp_path: Path, sources: 
     job = exported(tmp_path, sources, "--assets", str(tmp_path / "assets"), "--farm-program", PYTHON)
     job["settings"]["chunk_size"] = 2
     first, second, table = JobType(SCRIPT).compiled(job)
-    assert [first.name, second.name] == ["spoiled _1 to lambert", "lambert-diffuse-0.3"]
+    assert [first.name, second.name] == ["spoiled #1 to lambert", "lambert-diffuse-0.3"]
     assert [len(task.commands) for task in (first, second, table)] == [2, 1, 1]
     assert all(words[:4] == [sys.executable, "-P", "-m", "measured_materials"] for words in words_of(first))
     assert words_of(table)[0][-2:] == ["--assets", str(tmp_path / "assets")]

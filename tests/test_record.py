@@ -294,7 +294,7 @@ WRONG: list[tuple[str, Change, str]] = [
     ("shading map", lambda d: d["errors"].update(held_out=3), "'held_out' is not a list"),
     ("shading map", lambda d: d.update(tiling={"seams": 1}), "'seams' is not an object"),
     ("shading map", lambda d: d.update(lobe_fit={"lobe": 3}), "'lobe' is not an object"),
-    ("shading map", lambda d: d["render"].update(sigma=-1), "sigma: cannot be -1.0"),
+    ("shading map", lambda d: d["render"].update(sigma=-1), "'sigma' cannot be -1.0"),
     ("shading map", lambda d: d["render"].update(lobe={"name": "ggx", "alpha": 7}), "'alpha' is 7.0, above 1"),
     ("shading map", lambda d: d["render"].update(tiling="fold"), "'tiling' is 'fold'"),
     ("shading map", lambda d: d["albedo"].pop("sigma"), "'sigma' is missing"),

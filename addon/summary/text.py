@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]+")
+from ...bake.errors import CONTROL
 
 
 def one_line(text: str) -> str:
     """The text without line breaks and other control characters, which a file's name may hold."""
-    return _CONTROL.sub(" ", text).strip()
+    return CONTROL.sub(" ", text).strip()
 
 
 def capital(text: str) -> str:

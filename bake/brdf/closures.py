@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..bundle.checked_json import Fields
+from ..bundle.checked_json import Fields, settings_in
 from ..envelope.anisotropic_lobes import LARGEST_RATIO, WIDEST, AnisotropicLobe
 from ..envelope.closures import NARROWEST, check_basis
 from ..errors import BakeError
@@ -34,7 +34,8 @@ def anisotropic_lobe_of(fields: Fields) -> AnisotropicLobe:
 def closures_of(fields: Fields, most: int = MOST_CLOSURES) -> tuple[Lobe, ...]:
     """The entry "closures" of an isotropic fit: each native to Cycles, none twice. Raises BakeError."""
     closures = tuple(lobe_of(entry) for entry in fields.parts("closures", 1, most))
-    check_basis(closures)
+    with settings_in(fields.where):
+        check_basis(closures)
     return closures
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from ..bundle.bundle import MATERIAL, Bundle, Kind
-from ..bundle.checked_json import Fields
+from ..bundle.checked_json import Fields, settings_in
 from ..errors import BakeError
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..rights import RIGHTS, Rights
@@ -51,10 +51,8 @@ def rights_of(fields: Fields) -> Rights:
     if not fields.has("rights"):
         return Rights()
     told = fields.part("rights")
-    try:
+    with settings_in(fields.where):
         return Rights(**{name: told.text(name) for name in RIGHTS if told.has(name)})
-    except BakeError as error:
-        raise BakeError(fields.where, f"'{error.file}' {error.cause}", "bake it again") from error
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from .. import xp_numpy
-from ..bundle.checked_json import Fields
+from ..bundle.checked_json import Fields, settings_in
 from ..envelope.anisotropic_lobes import AnisotropicLobe
 from ..envelope.viewers import MOST_EACH_WAY, MOST_NODES, Elevations, ViewerGrid
 from ..errors import BakeError
@@ -51,14 +51,12 @@ def settings_of(fields: Fields) -> BakeSettings:
         given["viewers"] = fields.wholes("viewers", (2, 2))
     if fields.has("table_bytes"):
         given["table_bytes"] = fields.whole("table_bytes")
-    try:
+    with settings_in(fields.where):
         if fields.has("reading"):
             told = fields.part("reading")
             chosen: dict[str, Any] = {name: told.text(name) for name in READING_NAMES if told.has(name)}
             given["reading"] = Reading(**chosen)
         return BakeSettings(**given)
-    except BakeError as error:
-        raise BakeError(fields.where, f"'{error.file}' {error.cause}", "bake it again") from error
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -216,6 +217,17 @@ class Fields:
         listed = require(self.entries, key, list, self.where, *count)
         each = (Fields({key: row}, self.where) for row in listed)
         return tuple(row.numbers(key, (columns, columns), least, most) for row in each)
+
+
+@contextlib.contextmanager
+def settings_in(where: str | Path) -> Iterator[None]:
+    """Inside, settings are made of what a document says: a BakeError of one names document and setting."""
+    try:
+        yield
+    except BakeError as error:
+        if error.file == str(where):
+            raise
+        raise BakeError(where, f"'{error.file}' {error.cause}", _REMEDY) from error
 
 
 def _shown(value: Any) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from ..brdf.closures import lobe_of
 from ..brdf.common import AlbedoRecord
 from ..brdf.modes import MODES
-from ..bundle.checked_json import Fields
+from ..bundle.checked_json import Fields, settings_in
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
 from .render_settings import TECHNIQUES, TILINGS, RenderSettings
@@ -103,17 +103,18 @@ def render_settings_of(fields: Fields) -> RenderSettings:
     technique: Any = fields.text("technique", choices=TECHNIQUES)
     mode: Any = fields.text("mode", choices=MODES)
     tiling: Any = fields.text("tiling", choices=TILINGS)
-    return RenderSettings(
-        None if measured else lobe_of(fields.part("lobe")),
-        fields.number("sigma") if fields.has("sigma") else None,
-        above,
-        technique,
-        mode,
-        tiling,
-        fields.number("a_max") if fields.has("a_max") else None,
-        lobe_of(fields.part("transmission")) if fields.has("transmission") else Lobe("lambert"),
-        fields.number("transmission_sigma") if fields.has("transmission_sigma") else None,
-    )
+    with settings_in(fields.where):
+        return RenderSettings(
+            None if measured else lobe_of(fields.part("lobe")),
+            fields.number("sigma") if fields.has("sigma") else None,
+            above,
+            technique,
+            mode,
+            tiling,
+            fields.number("a_max") if fields.has("a_max") else None,
+            lobe_of(fields.part("transmission")) if fields.has("transmission") else Lobe("lambert"),
+            fields.number("transmission_sigma") if fields.has("transmission_sigma") else None,
+        )
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
-"""Spoil measurements' files and read them: `./run fuzz`, by chance, or `./run fuzz --guided NAME`, led by coverage.
+"""Spoil measurements' files and bundles, and read them: `./run fuzz` by chance, `./run fuzz --guided NAME` by coverage.
 
 By chance, each format in turn is read so many times by several processes, and what became of them is printed: tried,
-clean errors, the slowest, memory. MERL is not among them, of 34 MB each. `--record` keeps what was printed, of the most
-files of each format, and `--table` prints all that is kept. Guided (needs the package atheris, which
-`./run fuzz --guided` installs), libFuzzer mutates one format's small file towards code that no file has reached before.
+clean errors, the slowest, memory. MERL is not among them, of 34 MB each. Bundles are spoiled too: documents, images
+with checksums made right, and folders with links that lead out. `--record` keeps what was printed, of the most files of
+each, and `--table` prints all that is kept. Guided (needs the package atheris, which `./run fuzz --guided` installs),
+libFuzzer mutates one format's small file towards code that no file has reached before.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 def main() -> None:
     """Read the arguments and run."""
     parser = argparse.ArgumentParser(prog="run fuzz", description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help="formats, or parts of their names (default: all)")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="formats or bundles, or parts of their names (default: all)"
+    )
     parser.add_argument("--count", type=int, default=100_000, help="files of each format (%(default)s)")
     parser.add_argument("--processes", type=int, default=2, help="(%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="other files with another (%(default)s)")
@@ -37,14 +40,18 @@ def main() -> None:
 
         guided.run(_chosen(options.names, guided.fuzz.NAMES), options.count, options.seed)
         return
-    from support import fuzz
+    from support import bundle_fuzz, fuzz
 
-    names = _chosen(options.names, fuzz.NAMES)
+    names = _chosen(options.names, (*fuzz.NAMES, *bundle_fuzz.KINDS))
     with fuzz.fast_folder() as folder:
-        small = fuzz.small_files(folder)
+        small = fuzz.small_files(folder) if set(names) & set(fuzz.NAMES) else {}
+        small |= {name: bundle_fuzz.small_bundle(name, folder) for name in names if name in bundle_fuzz.KINDS}
         for name in names:
             started = time.perf_counter()
-            tally = fuzz.try_in_parts(name, small[name], folder, options.count, options.processes, seed=options.seed)
+            more = {"one_part": bundle_fuzz.one_part} if name in bundle_fuzz.KINDS else {}
+            tally = fuzz.try_in_parts(
+                name, small[name], folder, options.count, options.processes, seed=options.seed, **more
+            )
             print(f"{name:26s} {tally.told}; {time.perf_counter() - started:.0f} s", flush=True)
             if options.record:
                 tried.keep(name, tally)

@@ -18,7 +18,9 @@ PICTURES = {
     "formats": "formats.jpg: a sphere of each format, on formats.md",
     "store": "store/icon.png, store/featured.jpg: what is uploaded beside the zip",
     "window": "window_*.jpg: a real Blender at work; only with --window",
+    "assets": "asset_library.jpg: an asset library in a real Blender; only with --window",
 }
+_IN_A_WINDOW = ("window", "assets")
 DOCS = Path(__file__).resolve().parents[2] / "addon" / "docs"
 
 
@@ -36,9 +38,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=DOCS, help="folder (default: addon/docs)")
     parser.add_argument("--work", type=Path, metavar="DIR", help="keep what is baked here, and take what is there")
     options = parser.parse_args()
-    names = options.names or [name for name in PICTURES if name != "window" or options.window]
-    if "window" in names and not options.window:
-        parser.error("window needs --window BLENDER")
+    names = options.names or [name for name in PICTURES if name not in _IN_A_WINDOW or options.window]
+    for name in (name for name in _IN_A_WINDOW if name in names and not options.window):
+        parser.error(f"{name} needs --window BLENDER")
     options.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
         # What one bakes the others take.
@@ -46,7 +48,7 @@ def main() -> int:
         folder.mkdir(parents=True, exist_ok=True)
         for name in names:
             began = time.perf_counter()
-            more = [options.window] if name == "window" else []
+            more = [options.window] if name in _IN_A_WINDOW else []
             importlib.import_module(name).make(options.out.resolve(), folder.resolve(), *more)
             print(f"docs {name}: {time.perf_counter() - began:.0f} s", flush=True)
     return 0

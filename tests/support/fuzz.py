@@ -11,7 +11,7 @@ import tempfile
 import time
 import tracemalloc
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -216,20 +216,37 @@ def beside(original: Path, folder: Path) -> Path:
 
 def try_many(name: str, original: Path, folder: Path, count: int, seed: int = 0) -> Tally:
     """Read so many spoiled copies. The one that raises anything else than BakeError is kept, and named."""
-    data, rng = original.read_bytes(), np.random.default_rng((len(name), seed))
+    data = original.read_bytes()
     path = beside(original, folder)
-    read, slowest, peak, settled = 0, 0.0, 0, 0
-    for number in range(count):
+
+    def spoil(rng: np.random.Generator) -> None:
         path.write_bytes(spoiled(data, rng))
+
+    return tallied(name, path, spoil, lambda: read_and_look(path), count, seed)
+
+
+def tallied(
+    name: str,
+    path: Path,
+    spoil: Callable[[np.random.Generator], None],
+    read: Callable[[], bool],
+    count: int,
+    seed: int,
+) -> Tally:
+    """Call `spoil`, which leaves another copy at `path`, and `read`, so many times; a copy that raises is kept."""
+    rng = np.random.default_rng((len(name), seed))
+    found, slowest, peak, settled = 0, 0.0, 0, 0
+    for number in range(count):
+        spoil(rng)
         traced = number % TRACED == 0
         if traced:
             tracemalloc.start()
         started = time.process_time()
         try:
-            read += read_and_look(path)
+            found += read()
         except BaseException:
-            kept = folder / f"spoiled_{seed}_{number}{path.suffix}"
-            kept.write_bytes(path.read_bytes())
+            kept = path.with_name(f"spoiled_{seed}_{number}{path.suffix}")
+            path.rename(kept)
             print(f"{name}: {kept}", file=sys.stderr)
             raise
         slowest = max(slowest, time.process_time() - started)
@@ -238,7 +255,7 @@ def try_many(name: str, original: Path, folder: Path, count: int, seed: int = 0)
             tracemalloc.stop()
         if number == count // 10:
             settled = _resident()
-    tally = Tally(count, read, slowest, peak, max(_resident() - settled, 0))
+    tally = Tally(count, found, slowest, peak, max(_resident() - settled, 0))
     assert slowest < MOST_SECONDS and peak < MOST_BYTES, (name, seed, tally.told)
     return tally
 
@@ -259,7 +276,14 @@ def _part(task: tuple[str, Path, Path, int, int]) -> Tally:
 
 
 def try_in_parts(
-    name: str, original: Path, folder: Path, count: int, processes: int, part: int = 12_500, seed: int = 0
+    name: str,
+    original: Path,
+    folder: Path,
+    count: int,
+    processes: int,
+    part: int = 12_500,
+    seed: int = 0,
+    one_part: Callable[[tuple[str, Path, Path, int, int]], Tally] = _part,
 ) -> Tally:
     """`try_many` in parts of a seed each, by so many processes; each part in a process of its own start."""
     sizes = [min(part, count - start) for start in range(0, count, part)]
@@ -267,7 +291,7 @@ def try_in_parts(
     context = multiprocessing.get_context("spawn")
     total = Tally(0, 0, 0.0, 0, 0)
     with context.Pool(processes) as pool:
-        for tally in pool.imap_unordered(_part, tasks):
+        for tally in pool.imap_unordered(one_part, tasks):
             total += tally
     return total
 

@@ -106,7 +106,8 @@ def set_random_tiling(material: bpy.types.Material, on: bool) -> None:
     source = socket.links[0].from_socket
     made = tree.nodes.new("ShaderNodeGroup")
     made.node_tree = random_tiling_group()
-    made.location, made.parent = (socket.node.location.x - 220, socket.node.location.y - 380), socket.node.parent
+    # Below the Mapping node, which is the highest of those before the group.
+    made.location, made.parent = (socket.node.location.x - 220, socket.node.location.y - 660), socket.node.parent
     tree.links.new(source, made.inputs["UV"])
     tree.links.new(made.outputs["UV"], socket)
 
