@@ -43,16 +43,19 @@ def _commit() -> str:
 def table() -> str:
     """One line for each format, and what all of them come to.
 
-    A file that raises anything else, takes more than `MOST_SECONDS` of processor or more than `MOST_BYTES` ends the run
-    and is kept: those counted here did not.
+    A hang is a file that takes more than `MOST_SECONDS` of processor, a leak a process that grows by more than
+    `MOST_GROWTH`; a file that raises anything but a clean error ends its run, of which nothing is kept.
     """
-    head = ("", "tried", "clean errors", "read", "hangs", "slowest, s", "peak, MiB", "growth, MiB", "commit")
+    from support.fuzz import MOST_GROWTH, MOST_SECONDS
+
+    head = ("", "tried", "clean errors", "read", "hangs", "leaks", "slowest, s", "peak, MiB", "growth, MiB", "commit")
     lines = ["".join(f"{word:>14s}" if k else f"{word:26s}" for k, word in enumerate(head))]
     for name, one in kept().items():
-        numbers = [one["tried"], one["tried"] - one["read"], one["read"], 0]
+        failed = [int(one["slowest"] > MOST_SECONDS), int(one["growth"] > MOST_GROWTH)]
+        numbers = [one["tried"], one["tried"] - one["read"], one["read"], *failed]
         memory = [one["peak"] / 2**20, one["growth"] / 2**20]
         cells = [*map(str, numbers), f"{one['slowest']:.2f}", *(f"{value:.1f}" for value in memory), one["commit"]]
         lines.append(f"{name:26s}" + "".join(f"{cell:>14s}" for cell in cells))
     found = list(kept().values())
-    total = sum(one["tried"] for one in found), sum(one["tried"] - one["read"] for one in found)
-    return "\n".join([*lines, f"{len(found)} formats: {total[0]} tried, {total[1]} clean errors, no hang, no leak"])
+    tried, refused = sum(one["tried"] for one in found), sum(one["tried"] - one["read"] for one in found)
+    return "\n".join([*lines, f"{len(found)} formats: {tried} tried, {refused} clean errors"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy_format
@@ -12,6 +13,8 @@ from numpy.lib import format as npy_format
 from ...errors import BakeError
 from ...source import Array
 from .text_file import widened
+
+_LONGEST_HEAD = 1 << 14
 
 
 def load_npy(path: Path, most: int, remedy: str) -> Array:
@@ -44,10 +47,15 @@ def load_npy(path: Path, most: int, remedy: str) -> Array:
     return widened(values) if dtype.kind == "f" else values
 
 
-def _head(path: Path, stream: object, remedy: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+def _head(path: Path, stream: BinaryIO, remedy: str) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape, order and kind of the numbers. Numpy parses a text of Python here, and raises what that leads it to."""
     try:
         version = npy_format.read_magic(stream)
+        # Numpy reads as many bytes as the head claims to have, of up to 4 GiB, before it looks at their number.
+        start = stream.tell()
+        if int.from_bytes(stream.read(2 if version == (1, 0) else 4), "little") > _LONGEST_HEAD:
+            raise ValueError
+        stream.seek(start)
         read = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
         shape, fortran, dtype = read(stream)
     except Exception as error:
