@@ -71,7 +71,7 @@ def test_isotropic() -> None:
 
 def test_albedo() -> None:
     found = brdf_record(albedo={**ALBEDO, "directional": [[1.5, -1, 0.3], [0.6, 0.5, 0.4]], "above_one_deg": [0]})
-    assert found.albedo.theta_o_deg == (0, 45) and found.albedo.normal == (1, 0, 0.3)
+    assert found.albedo.theta_o_deg == (0, 45) and found.albedo.directional[0] == (1.5, -1, 0.3)
     assert found.albedo.white_sky == (0.5, 0.4, 0.3) and found.albedo.above_one_deg == (0,)
     assert found.table_albedo is not None and found.table_albedo.largest == 0.6
 
