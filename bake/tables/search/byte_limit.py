@@ -63,12 +63,12 @@ def grid_within(source: BrdfSource, grid: Any, most_bytes: float, pairs: Directi
             measured[trial] = file_bytes(kept), float(np.mean(kept.table.log.ranges))
         return measured[trial]
 
-    most_texels = most_bytes * _TEXELS_OF_BYTE
+    best = least = least_grid(grid)
+    most_texels = max(most_bytes * _TEXELS_OF_BYTE, np.prod(least.shape))
     widest = MAX_SAMPLES / _LEAST
-    while not _is_held(_scaled(grid, widest), most_texels):
+    while not _is_held(largest := _scaled(grid, widest), most_texels):
         widest /= _STEP
-    least, largest = least_grid(grid), _scaled(grid, widest)
-    scale, best = min(1.0, widest), least
+    scale = min(1.0, widest)
     trial = _scaled(grid, scale)
     for _ in range(_TRIES):
         size, _range = measure(trial)
