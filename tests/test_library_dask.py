@@ -35,7 +35,8 @@ def test_a_worker_killed_half_way_costs_nothing(tmp_path: Path) -> None:
     swatches, out = tmp_path / "swatches", tmp_path / "L"
     for k in range(COUNT):
         write_stack(swatches / f"cloth{k:02}")
-    (tmp_path / "lights.csv").write_text("".join(f"el{k:02}.png,{k},0\n" for k in ELEVATIONS))
+    lights = [f"el{k:02}.png,{k},0" for k in ELEVATIONS]
+    (tmp_path / "lights.csv").write_text("\n".join(["file,elevation,azimuth", *lights]))
     with cluster(tmp_path / "cluster", 2) as dask:
         words, pipes = asked(swatches, out, dask.address), {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         process = subprocess.Popen(words, cwd=tmp_path, **pipes)
