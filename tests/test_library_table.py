@@ -71,11 +71,13 @@ def test_a_part_of_the_sources_does_not_make_the_others_names_forgotten(tmp_path
     """Nor does a task of a farm, which gives the name."""
     out, first = tmp_path / "L", write_stack(tmp_path / "a" / "cloth")
     assert baked(out, first) == {"cloth": "baked"}
-    second = write_stack(tmp_path / "b" / "cloth", (20, 50, 80))
+    second = write_stack(tmp_path / "b" / "cloth", (20, 40, 60, 80))
     assert baked(out, second, first) == {"b-cloth": "baked", "cloth": "kept"}
     assert baked(out, first, "--name=cloth") == {"cloth": "kept"}
+    assert baked(out, second) == {"b-cloth": "kept"}, "though no other is called so this time"
+    (second / "el80.png").unlink()
+    assert baked(out, second, "--name=b-cloth") == {"b-cloth": "baked"}
     assert baked(out, second, first) == {"b-cloth": "kept", "cloth": "kept"}
-    assert baked(out, second, "--slices", "5", "--name=b-cloth") == {"b-cloth": "baked"}
 
 
 def test_a_source_that_comes_twice_is_told_apart_by_the_names_given(tmp_path: Path) -> None:

@@ -235,7 +235,7 @@ def _with_whole_paths(options: argparse.Namespace, folder: Path) -> argparse.Nam
     for name in _FILES:
         if (path := getattr(options, name)) is not None:
             setattr(found, name, Path(os.path.abspath(folder / path)))
-    if options.lobe and options.lobe[0].lower().endswith(SUFFIX):  # a baked BRDF
+    if options.lobe and Path(options.lobe[0]).suffix.lower() == SUFFIX:  # a baked BRDF
         found.lobe = [os.path.abspath(folder / options.lobe[0]), *options.lobe[1:]]
     return found
 
