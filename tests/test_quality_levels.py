@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import bpy
 import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.summary import quality_levels as levels
-from measured_materials.addon.ui.properties.bake import settings_of
+from measured_materials.addon.ui.properties.bake import _draw_table, settings_of
 from measured_materials.addon.ui.properties.photographs import arc_settings_of
 from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.shading_maps.bake import ArcSettings
+from measured_materials.bake.tables.search.byte_limit import LEAST_BYTES, MOST_BYTES
 from support.coarse_bakes import coarse  # noqa: F401
 from support.stacks import write_stack
 
@@ -65,6 +67,54 @@ def test_finer_takes_longer_and_more() -> None:
     # Five measured materials of 64 samples take from 4.2 to 5.6 megabytes.
     assert 4 < levels.expected_megabytes(BakeSettings()) < 6
     assert levels.expected_megabytes(BakeSettings(envelope=False)) < 2.5
+
+
+def test_bytes_of_a_table_are_expected_instead_of_its_resolution() -> None:
+    fine = BakeSettings(storage=Storage.LOG, **levels.BRDF_LEVELS["fine"])
+    small, large = (replace(fine, table_bytes=most) for most in (2700, 1 << 18))
+    for expected in (levels.expected_seconds, levels.expected_megabytes):
+        assert expected(small) == expected(replace(small, resolution=32)) < expected(large)
+    tables = [levels.expected_megabytes(one) for one in (large, small)]
+    assert tables[0] - tables[1] == pytest.approx(2 * ((1 << 18) - 2700) / 1e6)
+    assert levels.expected_megabytes(small) < levels.expected_megabytes(fine)
+
+
+class Column:
+    """A layout that notes which properties are offered, and whether they can be set."""
+
+    def __init__(self, noted: dict[str, bool]) -> None:
+        self.noted, self.enabled = noted, True
+
+    def row(self) -> Column:
+        return Column(self.noted)
+
+    def prop(self, properties: Any, name: str) -> None:
+        self.noted[name] = self.enabled
+
+
+def test_the_panel_offers_a_resolution_or_bytes(material: Any) -> None:
+    bake = material.measured_materials
+
+    def can_set_resolution() -> bool:
+        noted: dict[str, bool] = {}
+        _draw_table(cast(Any, Column(noted)), bake)
+        return noted["resolution"]
+
+    bake.table_bytes = 4096
+    assert can_set_resolution() and settings_of(bake).table_bytes is None  # of the usual storage
+    bake.storage = "log"
+    assert not can_set_resolution() and settings_of(bake).table_bytes == 4096
+    bake.table_bytes = 0
+    assert can_set_resolution() and settings_of(bake).table_bytes is None
+
+
+@pytest.mark.parametrize(
+    ("typed", "kept"), [(1, LEAST_BYTES), (1023, LEAST_BYTES), (1025, 1025), (1 << 30, MOST_BYTES)]
+)
+def test_bytes_that_no_bake_takes_cannot_be_typed(typed: int, kept: int, material: Any) -> None:
+    bake = material.measured_materials
+    bake.storage, bake.table_bytes = "log", typed
+    assert bake.table_bytes == kept == settings_of(bake).table_bytes
 
 
 def test_bakes_here_teach_how_long_they_take(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from ...bake.reading import Reading
 from ...bake.sources import chosen_material, known_formats, title_of
 from ...bake.sources.analytic import ANALYTIC, by_name
 from ...bake.tables.grids.parameterization import PARAMETERIZATIONS
+from ...bake.tables.search.byte_limit import LEAST_BYTES, MOST_BYTES
 from ...bake.tables.search.grid_search import BASES
 from ..summary.bake_stages import bake_stages
 from ..summary.brdf_rows import bake_summary
@@ -114,8 +115,9 @@ def add_settings(parser: Any) -> None:
         "--table-bytes",
         type=int,
         metavar="BYTES",
-        help="with --storage log: as many samples as the table's file holds within so many bytes, whatever the "
-        "resolution, of an isotropic measurement",
+        help="with --storage log: as many samples as the file of each table holds within so many bytes "
+        f"({LEAST_BYTES} to {MOST_BYTES}), whatever the resolution, of an isotropic measurement; with Cycles' own "
+        "shaders a bundle has two tables, that of a sheet up to eight",
     )
     parser.add_argument(
         "--filter",

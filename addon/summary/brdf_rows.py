@@ -41,7 +41,13 @@ def table_rows(record: BrdfRecord) -> Rows:
             rows += [_alpha_row(grid), *_search_rows(record)]
         elif grid.parameterization == "bezier":
             rows.append(("Alpha", f"theta_d, theta_h, phi_d {_plain(grid.alphas)}"))
-    return rows + _choice_rows(record)
+    return rows + _limit_rows(record) + _choice_rows(record)
+
+
+def _limit_rows(record: BrdfRecord) -> Rows:
+    """The bytes that the table's file was to keep within."""
+    most = record.settings.table_bytes
+    return [("Table limit", f"{most:,} bytes of each table's file")] if most else []
 
 
 def _alpha_row(grid: NormalVectorGrid | AnisotropicNormalGrid) -> tuple[str, str]:

@@ -71,9 +71,12 @@ def expected_megabytes(settings: BakeSettings | ArcSettings) -> float:
         texels = side * side * _ASPECT
         numbers = {"none": settings.slices - 1, "power": 2, "basis": settings.rank}[settings.compression] + 1
         return texels * numbers * 3 * _COMPRESSED * _BYTES[settings.storage] / 1e6
-    table = _TABLES * (settings.resolution / 64) ** 3 * _BYTES[settings.storage]
     parts = 1.0 if settings.envelope else 0.4
-    return parts * (table + _SAMPLERS[kind_of_layout(settings.sampler)])
+    if settings.table_bytes is None:
+        tables = parts * _TABLES * (settings.resolution / 64) ** 3 * _BYTES[settings.storage]
+    else:
+        tables = (1 + settings.envelope) * settings.table_bytes / 1e6
+    return tables + parts * _SAMPLERS[kind_of_layout(settings.sampler)]
 
 
 def learn_pace(settings: BakeSettings | ArcSettings, seconds: float) -> None:

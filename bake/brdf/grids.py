@@ -10,13 +10,10 @@ from ..errors import BakeError
 from ..patches import KLEMS
 from ..tables.grids.anisotropic_grids import NORMAL_KINDS, AnisotropicHalfGrid, AnisotropicNormalGrid
 from ..tables.grids.grid import HORIZON_SHARES, Grid
-from ..tables.grids.half_vector_grid import HalfVectorGrid
+from ..tables.grids.half_vector_grid import MAX_SAMPLES, HalfVectorGrid
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION, NormalVectorGrid
 from ..tables.grids.parameterization import NARROWEST_END, PARAMETERIZATIONS, WIDEST_END, LogWarp
 from ..tables.grids.patch_grid import PatchGrid
-
-# Along one axis of a table in the half-vector basis, which has four times as many elevations of h.
-_MAX_SAMPLES = 4 * MAX_RESOLUTION
 
 AnisotropicGrid = AnisotropicNormalGrid | AnisotropicHalfGrid | PatchGrid
 
@@ -40,7 +37,7 @@ def _isotropic(fields: Fields) -> NormalVectorGrid | HalfVectorGrid:
         n = fields.whole("n", 4, MAX_RESOLUTION)
         grid = NormalVectorGrid(n, kind, fields.number("alpha_theta", 0, 1), fields.number("alpha_phi", 0, 1), horizon)
         return replace(grid, warps=warps) if warps else grid
-    sizes: Any = fields.wholes("sizes", (3, 3), 4, _MAX_SAMPLES)
+    sizes: Any = fields.wholes("sizes", (3, 3), 4, MAX_SAMPLES)
     power = fields.whole("cosine_power", 0, 2) if fields.has("cosine_power") else 0
     reciprocal = fields.flag("reciprocal")
     half = HalfVectorGrid(sizes, kind, reciprocal=reciprocal, horizon_share=horizon, cosine_power=power)

@@ -19,7 +19,7 @@ from ..tables.code_fit import can_be_fitted
 from ..tables.filter_choice import LEAST_GAIN, LEAST_GAIN_OF_CODES, FilterChoice, unweighed, weighed
 from ..tables.grids.grid import Grid
 from ..tables.grids.patch_grid import PatchGrid
-from ..tables.search.byte_limit import file_bytes, grid_within, resolution_for
+from ..tables.search.byte_limit import file_bytes, grid_within, least_grid
 from ..tables.search.coded_grid import coded_grid
 from ..tables.search.grid_search import GridChoice, best_horizon, choose_grid
 from ..tables.sheet import sheet_views
@@ -50,7 +50,7 @@ class BakedPart:
 class _Tabulated:
     """A table as it will come back from its file.
 
-    spline : what its values are: "plain" or "fitted" coefficients, or "none"
+    spline : what its values are: "plain" or "fitted" coefficients, or "none"; "none" of a residual
     total_intensity : of the table as tabulated
     """
 
@@ -81,7 +81,7 @@ class PartBake:
                 raise BakeError(
                     source.name, "is anisotropic: its table cannot be fitted to bytes", "state a resolution"
                 )
-            self.settings = replace(settings, resolution=resolution_for(settings.table_bytes))
+            self.settings = replace(settings, resolution=settings.usual_resolution)
         if self.black:
             if not _has_other_sides(source, self.pairs):
                 raise BakeError(source.name, "reflects nothing", "check the file")
@@ -154,17 +154,26 @@ class PartBake:
 
         Raises BakeError where the storage cannot hold them.
         """
+        return self._within_bytes(self.source, self.truth, grid, self._tabulated)
+
+    def _within_bytes(
+        self, source: BrdfSource, truth: Array, grid: Grid, make: Callable[[Grid], _Tabulated]
+    ) -> _Tabulated:
+        """What is made of the source, `truth` at the pairs, on this grid or a size of it that `table_bytes` allows."""
         most = self.settings.table_bytes
         if most is None:
-            return self._tabulated(grid)
+            return make(grid)
         room = most / _FITTED
         for _ in range(_REFITS):
-            grid = grid_within(self.source, grid, room, self.pairs, self.truth)
-            made = self._tabulated(grid)
+            grid = grid_within(source, grid, room, self.pairs, truth)
+            made = make(grid)
             if (size := file_bytes(made.kept)) <= most:
                 return made
             room *= 0.99 * most / size
-        raise BakeError(self.source.name, f"has no table within {most} bytes: {size} are needed", "allow more")
+        made = make(least_grid(grid))
+        if (size := file_bytes(made.kept)) > most:
+            raise BakeError(source.name, f"has no table within {most} bytes: the smallest takes {size}", "allow more")
+        return made
 
     def _tabulated(self, grid: Grid) -> _Tabulated:
         table = tabulate(self.source, grid, lambda share: self.say("tabulating", share))
@@ -274,9 +283,15 @@ class PartBake:
         grid = table.grid
         if not self.black:
             grid = reflection.residual_grid(source, grid, lambda share: self.say("envelope", 0.4 + 0.2 * share))
-        residual_table = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
+        truth = source.evaluate(self.pairs.wi, self.pairs.wo)
+
+        def left(grid: Grid) -> _Tabulated:
+            made = tabulate(source, grid, lambda share: self.say("envelope", 0.6 + 0.1 * share))
+            return _Tabulated(self._stored(made, truth, source), "none", made.total_intensity)
+
+        kept = self._within_bytes(source, truth, grid, left).kept
+        grid = kept.table.grid
         self.say("envelope", 0.7)
-        kept = self._stored(residual_table, source.evaluate(self.pairs.wi, self.pairs.wo), source)
         # Drawn and compared with the lamps' light linearly, whatever the filter.
         residual = replace(kept.table, filter="trilinear")
         sampler, layout = reflection.sampler(residual, lambda share: self.say("envelope", 0.7 + 0.2 * share))

@@ -15,7 +15,7 @@ from ..sampling.half_vector_warp import HalfVectorWarp
 from ..sampling.inverse_tables import MOST_CELLS
 from ..tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ..tables.grids.parameterization import PARAMETERIZATIONS, Parameterization
-from ..tables.search.byte_limit import LEAST_BYTES
+from ..tables.search.byte_limit import LEAST_BYTES, MOST_BYTES, resolution_for
 from ..tables.search.grid_search import BASES, Basis
 from ..tables.table import FILTERS, Filter
 from .samplers import IsotropicLayout
@@ -48,8 +48,8 @@ class BakeSettings:
     basis : "normal" (theta_o, theta_i, phi_delta), "half" (theta_d, theta_h, phi_d), or "auto": of least error
     reading : how what the file leaves open is read; of no matter to a formula
     rights : author, licence and source, which the bundle keeps
-    table_bytes : the table's file, and with `envelope` about the residual's too, may take so many: as many samples as
-        fit, whatever the resolution; of storage "log" and isotropic sources
+    table_bytes : the file of each table may take so many, with `envelope` also the residual's, and of a sheet those of
+        every part: as many samples as fit, whatever the resolution; of storage "log" and isotropic sources
     viewers : nodes of an anisotropic envelope's weights in elevation, and in half a turn of the azimuth
     """
 
@@ -82,8 +82,8 @@ class BakeSettings:
         object.__setattr__(self, "storage", Storage(self.storage))
         if self.table_bytes is not None:
             check_setting("table_bytes", self.storage is Storage.LOG, "of storage log", f"storage {self.storage}")
-            enough = self.table_bytes >= LEAST_BYTES
-            check_setting("table_bytes", enough, f"at least {LEAST_BYTES}", self.table_bytes)
+            possible = LEAST_BYTES <= self.table_bytes <= MOST_BYTES
+            check_setting("table_bytes", possible, f"from {LEAST_BYTES} to {MOST_BYTES}", self.table_bytes)
         if isinstance(self.sampler, HalfVectorWarp):
             cells = max(self.sampler.n_h, self.sampler.n_phi)
             check_setting("sampler", cells <= MOST_CELLS, f"of at most {MOST_CELLS} rows and columns", cells)
@@ -97,6 +97,11 @@ class BakeSettings:
             check_setting(
                 "alpha", self.basis != "half", "alpha error, or basis normal", f"{self.alpha} in the half basis"
             )
+
+    @property
+    def usual_resolution(self) -> int:
+        """The resolution, or with `table_bytes` about that of a table of so many."""
+        return self.resolution if self.table_bytes is None else resolution_for(self.table_bytes)
 
     @property
     def tries_spline(self) -> bool:

@@ -35,12 +35,18 @@ class AtlasLayout:
         """Layout of a grid's atlas. Raises BakeError where the texture would be larger than Blender, a GPU or memory
         takes."""
         layout = cls(grid.shape)
-        width, height = layout.size
-        if max(width, height) > MAX_TEXTURE or width * height > MOST_TEXELS:
+        if not layout.is_texture:
+            width, height = layout.size
             cause = f"would need a texture of {width} x {height} texels, more than {MOST_TEXELS >> 20} million"
             kind = "table" if len(grid.shape) == 3 else "anisotropic table"
             raise BakeError(kind, cause, "choose a lower resolution")
         return layout
+
+    @property
+    def is_texture(self) -> bool:
+        """Whether Blender, a GPU and memory take a texture of this size."""
+        width, height = self.size
+        return max(width, height) <= MAX_TEXTURE and width * height <= MOST_TEXELS
 
     @property
     def run(self) -> int:

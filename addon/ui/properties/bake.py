@@ -10,7 +10,7 @@ from ....bake.brdf.settings import FILTER_CHOICES, AlphaChoice, BakeSettings, Sp
 from ....bake.images.storage import TABLE_STORAGES, Storage
 from ....bake.tables.grids.normal_vector_grid import MAX_RESOLUTION
 from ....bake.tables.grids.parameterization import Parameterization
-from ....bake.tables.search.byte_limit import LEAST_BYTES
+from ....bake.tables.search.byte_limit import LEAST_BYTES, MOST_BYTES
 from ....bake.tables.search.grid_search import BASES
 from ...summary.quality_levels import BRDF_LEVELS
 from .enum_items import enum
@@ -93,14 +93,24 @@ _ALPHA_PHI = bpy.props.FloatProperty(
     max=1,
 )
 _STORAGE = _enum("Storage", "Format of the table's texels", TABLE_STORAGES, _USUAL.storage)
+
+
+def _no_fewer_bytes(properties: Any, context: bpy.types.Context) -> None:
+    """A property has one range, and this one a gap: below the least there is only 0."""
+    if 0 < properties.table_bytes < LEAST_BYTES:
+        properties.table_bytes = LEAST_BYTES
+
+
 _TABLE_BYTES = bpy.props.IntProperty(
     name="Table Bytes",
-    description="As many samples as the table's file holds within so many bytes, whatever the resolution. With 0 the "
-    "resolution counts",
+    description="As many samples as the file of each table holds within so many bytes, whatever the resolution. With "
+    f"Cycles' own shaders there are two tables. With 0 the resolution counts; otherwise at least {LEAST_BYTES}",
     default=0,
     min=0,
+    max=MOST_BYTES,
     soft_min=LEAST_BYTES,
     soft_max=1 << 17,
+    update=_no_fewer_bytes,
 )
 _FILTER = _enum(
     "Filter",
@@ -175,7 +185,7 @@ def settings_of(properties: Any) -> BakeSettings:
         storage=Storage(properties.storage),
         filter=properties.filter,
         spline=properties.spline,
-        table_bytes=properties.table_bytes or None if properties.storage == Storage.LOG else None,
+        table_bytes=_table_bytes(properties),
         sampler=isotropic_layout(properties.sampler),
         envelope=properties.envelope,
         reading=reading_of(properties),
@@ -186,6 +196,11 @@ def settings_of(properties: Any) -> BakeSettings:
 def _has_alpha(properties: Any) -> bool:
     """The shape of a Bezier table in the normal-vector basis can be had in other ways than by error."""
     return properties.parameterization == "bezier" and properties.basis == "normal"
+
+
+def _table_bytes(properties: Any) -> int | None:
+    """Bytes that each table is to keep within; None where the resolution counts."""
+    return properties.table_bytes or None if properties.storage == Storage.LOG else None
 
 
 def show_settings(properties: Any, settings: BakeSettings) -> None:
@@ -214,7 +229,9 @@ def draw_settings(layout: bpy.types.UILayout, properties: Any) -> None:
 
 
 def _draw_table(column: bpy.types.UILayout, properties: Any) -> None:
-    column.prop(properties, "resolution")
+    row = column.row()
+    row.enabled = _table_bytes(properties) is None
+    row.prop(properties, "resolution")
     column.prop(properties, "basis")
     column.prop(properties, "parameterization")
     if _has_alpha(properties):

@@ -21,7 +21,7 @@ import numpy as np
 from ... import xp_numpy
 from ...source import Array, Facts
 from .grid import HORIZON_SHARES, Boundary, IsotropicGrid, half_vector_factor
-from .normal_vector_grid import lookup_constants
+from .normal_vector_grid import MAX_RESOLUTION, lookup_constants
 from .parameterization import (
     LogWarp,
     Parameterization,
@@ -32,6 +32,8 @@ from .parameterization import (
     theta_nodes,
 )
 
+# Along one axis: there are up to four times as many elevations of h as of a viewer.
+MAX_SAMPLES = 4 * MAX_RESOLUTION
 # At theta_h = 0 and theta_d = 0 themselves no phi_d is left; the samples there are taken this chord beside.
 _POLE_CHORD = 1e-9
 # In the shader's words, by `cosine_power`.

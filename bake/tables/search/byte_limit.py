@@ -16,14 +16,19 @@ from ...images.png import png_bytes
 from ...images.storage import Storage
 from ...source import Array, BrdfSource
 from ..accuracy import DirectionPairs
-from ..grids.half_vector_grid import HalfVectorGrid
+from ..atlas import AtlasLayout
+from ..grids.half_vector_grid import MAX_SAMPLES, HalfVectorGrid
 from ..grids.normal_vector_grid import MAX_RESOLUTION
 from ..stored_table import StoredTable, store_table
 from ..table import tabulate
 from .coded_grid import CodedErrors
 
-LEAST_BYTES = 1024
+# Well below the second, half floats err less at the same size: codes of 8 bits are rounded (`./run bench bytes`).
+LEAST_BYTES, MOST_BYTES = 1024, 1 << 20
 _LEAST = 4  # samples of an axis
+# What does not vary is compressed without end, and more samples of it serve nothing. (GGX of alpha 0.15 has five texels
+# in each byte of 390 kB.)
+_TEXELS_OF_BYTE = 16
 # A file of N = 8 takes about so many bytes. An axis grows with this power of them, where warps stay as they are; N, of
 # tables that each have their own, with the other.
 _BYTES_OF_8, _POWER, _POWER_OF_N = 2700, 0.36, 0.43
@@ -41,7 +46,7 @@ def file_bytes(kept: StoredTable) -> int:
 
 
 def grid_within(source: BrdfSource, grid: Any, most_bytes: float, pairs: DirectionPairs, truth: Array) -> Any:
-    """An isotropic grid with as many samples as fit, in about the same proportions.
+    """An isotropic grid with as many samples as fit, in about the same proportions; `least_grid` where none does.
 
     Parameters
     ----------
@@ -58,17 +63,24 @@ def grid_within(source: BrdfSource, grid: Any, most_bytes: float, pairs: Directi
             measured[trial] = file_bytes(kept), float(np.mean(kept.table.log.ranges))
         return measured[trial]
 
-    scale, best = 1.0, _scaled(grid, 0.0)
-    trial = grid
+    best = least = least_grid(grid)
+    most_texels = max(most_bytes * _TEXELS_OF_BYTE, np.prod(least.shape))
+    widest = MAX_SAMPLES / _LEAST
+    while not _is_held(largest := _scaled(grid, widest), most_texels):
+        widest /= _STEP
+    scale = min(1.0, widest)
+    trial = _scaled(grid, scale)
     for _ in range(_TRIES):
         size, _range = measure(trial)
         if size <= most_bytes and np.prod(trial.shape) >= np.prod(best.shape):
             best = trial
         ratio = (most_bytes / size) ** _POWER
-        scale *= ratio
+        if trial == (largest if ratio > 1 else least):
+            break
+        scale = min(scale * ratio, widest)
         # Small sizes are rounded to the same ones again.
         while (following := _scaled(grid, scale)) == trial:
-            scale *= _STEP if ratio > 1 else 1 / _STEP
+            scale = min(scale * _STEP, widest) if ratio > 1 else scale / _STEP
         if following in measured:
             break
         trial = following
@@ -76,7 +88,8 @@ def grid_within(source: BrdfSource, grid: Any, most_bytes: float, pairs: Directi
         return best
     errors = CodedErrors(source, pairs, truth, measure(best)[1])
     for _ in range(_SPENT):
-        grown = [trial for trial in map(_one_more(best), range(3)) if measure(trial)[0] <= most_bytes]
+        larger = [trial for trial in map(_one_more(best), range(3)) if _is_held(trial, most_texels)]
+        grown = [trial for trial in larger if measure(trial)[0] <= most_bytes]
         better = min(grown, key=errors, default=best)
         if errors(better) >= errors(best):
             break
@@ -84,11 +97,23 @@ def grid_within(source: BrdfSource, grid: Any, most_bytes: float, pairs: Directi
     return best
 
 
+def least_grid(grid: Any) -> Any:
+    """The same with as few samples as an axis may have."""
+    return _scaled(grid, 0.0)
+
+
+def _is_held(grid: Any, most_texels: float) -> bool:
+    """By a texture, and by a bundle, whose reader refuses longer axes."""
+    in_reach = max(grid.shape) <= MAX_SAMPLES and np.prod(grid.shape) <= most_texels
+    return bool(in_reach and AtlasLayout(grid.shape).is_texture)
+
+
 def _scaled(grid: Any, scale: float) -> Any:
-    """With each axis so many times as long."""
+    """With each axis so many times as long, within what it may have."""
     if not isinstance(grid, HalfVectorGrid):
         return replace(grid, n=int(np.clip(round(grid.n * scale), _LEAST, MAX_RESOLUTION)))
-    return replace(grid, sizes=tuple(max(round(n * scale), _LEAST) for n in grid.sizes))  # type: ignore[arg-type]
+    sizes = tuple(int(np.clip(round(n * scale), _LEAST, MAX_SAMPLES)) for n in grid.sizes)
+    return replace(grid, sizes=sizes)  # type: ignore[arg-type]
 
 
 def _one_more(grid: HalfVectorGrid) -> Any:
