@@ -79,6 +79,7 @@ BENCHES = (
     "readings",
     "behind",
     "maps",
+    "library",
 )
 
 

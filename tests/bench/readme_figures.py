@@ -172,6 +172,14 @@ STATED = (
         for label in ("single1, matte", "single3, some gloss", "single5, glossy", "multi2, several materials")
     ),
     Stated(
+        "library",
+        "{materials|0} measurements at draft quality take {seconds, one process|0} s by one process and "
+        "{seconds, two processes|0} s by two on two cores, {times as fast|2} times as fast; a process holds "
+        "{MB of a worker at most|0} MB at most. Done again with nothing changed it takes {seconds, nothing to do|1} s. "
+        "Through Dask with two workers, one of them killed half way, {seconds, Dask, one of two workers killed|0} s.",
+        "addon/docs/library.md",
+    ),
+    Stated(
         "behind",
         "beside a quadrature of their files: the RMS of the difference is {mecho shade, RMS|1%} and "
         "{2011-SA1, RMS|1%} % of the picture's, all of it noise; all light together is off by "
