@@ -35,7 +35,7 @@ def test_killed_at_a_random_moment(whom: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_full_disk_leaves_the_older_bundle(tmp_path: Path) -> None:
+def test_files_that_cannot_grow_leave_the_older_bundle(tmp_path: Path) -> None:
     assert spoiled(disk_full(tmp_path / "scene", 3000)) == NONE
 
 
