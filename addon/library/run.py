@@ -52,7 +52,7 @@ def run_task(
             move_bundle(result.path, target)
         return _told(job, read_bundle(target), BAKED, started)
     except BakeError as error:
-        return failure(job, error, started)
+        return failure(job, error, started, _is_of_machine(job, error))
     except MemoryError:
         error = BakeError(job.request.title, "ran out of memory", "choose a lower resolution or fewer --jobs")
         return failure(job, error, started)
@@ -96,10 +96,25 @@ def origin_of(request: BakeRequest) -> Origin:
     return file_origin(source, chosen_material(source, request.settings.reading))
 
 
-def failure(job: LibraryJob, error: BakeError, started: float | None = None) -> Outcome:
+def failure(job: LibraryJob, error: BakeError, started: float | None = None, of_machine: bool = True) -> Outcome:
     """A job that failed by this error; `started` by the clock of `time.perf_counter`, in this process."""
-    failed = Outcome(job.name, FAILED, job.request.title, file=error.file, cause=error.cause, remedy=error.remedy)
+    told = {"file": error.file, "cause": error.cause, "remedy": error.remedy, "of_machine": of_machine}
+    failed = Outcome(job.name, FAILED, job.request.title, **told)
     return failed if started is None else replace(failed, **_process(started))
+
+
+def _is_of_machine(job: LibraryJob, error: BaseException | None) -> bool:
+    """Whether an error goes back to what the system or this Python refuses, or the source is not there."""
+    source = job.request.source
+    files = () if isinstance(source, Model) else source if isinstance(source, tuple) else (source,)
+    if not all(map(os.path.exists, files)):
+        return True
+    while error is not None:
+        # Libraries raise OSError without a number for what a file holds.
+        if isinstance(error, MemoryError | ImportError) or (isinstance(error, OSError) and error.errno is not None):
+            return True
+        error = error.__cause__ if error.__suppress_context__ else error.__cause__ or error.__context__
+    return False
 
 
 def _told(job: LibraryJob, bundle: Bundle, state: State, started: float) -> Outcome:

@@ -21,7 +21,10 @@ from .plan import LibraryJob, Plan
 DOCUMENT, SHEET = "library.json", "library.csv"
 TABLE_SUFFIXES = ".json", ".csv"
 WAITING = "waiting"
-_COLUMNS = ("name", "state", "source", "format", "bytes", "error", "seconds", "peak_bytes", "attempts", "failure")
+_COLUMNS = (
+    *("name", "state", "source", "format", "bytes", "error", "seconds", "peak_bytes", "worker", "attempts"),
+    "failure",
+)
 _WIDEST = 40
 # Of a table to read: half a million materials.
 _MOST_BYTES = 256 << 20
@@ -102,7 +105,7 @@ def total_words(plan: Plan, outcomes: Mapping[str, Outcome], seconds: float) -> 
 
 def _row(job: LibraryJob, told: Outcome | None) -> dict[str, Any]:
     known = asdict(told or Outcome(job.name, FAILED, job.request.title))
-    failed = {key: known.pop(key) for key in ("file", "cause", "remedy")}
+    failed = {key: known.pop(key) for key in ("file", "cause", "remedy", "of_machine")}
     if told is None:
         known["state"], known["attempts"] = WAITING, 0
     failure = failed if told is not None and told.state == FAILED else None
