@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -22,7 +23,9 @@ from measured_materials.addon.library.plan import LibraryJob
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.shading_maps.bake import ArcSettings
 from support.flamenco_manager import KEYS, SUBTYPES, TYPES, VISIBLE, JobType, Task
+from support.stacks import write_stack
 
 SCRIPT = Path(flamenco.__file__).with_name(flamenco.SCRIPT)
 QUICK = ["--resolution=8", "--parameterization=bezier", "--basis=normal", "--alpha=0.5,0.5", "--no-envelope"]
@@ -172,6 +175,20 @@ def test_a_task_makes_no_library_and_misses_no_measurement(tmp_path: Path, capsy
     assert main(["bake", "library", str(tmp_path / "gold.binary"), *task[4:]]) == 1
     job = LibraryJob("gold", BakeRequest(tmp_path / "gold.binary", BakeSettings()))
     assert run.run_task(job, tmp_path / "LIB").of_machine, "it was there when the task began"
+
+
+def test_a_photograph_that_a_worker_may_not_read_is_its_own_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which a library of images tells in words alone, as of one that is damaged."""
+    cloth = write_stack(tmp_path / "cloth")
+    photograph = next(cloth.glob("*.png"))
+    photograph.write_bytes(b"junk")
+    job = LibraryJob("cloth", BakeRequest(cloth, ArcSettings()))
+    assert not run.run_task(job, tmp_path).of_machine
+    may = os.access
+    monkeypatch.setattr(run.os, "access", lambda path, how: path != photograph and may(path, how))
+    assert run.run_task(job, tmp_path).of_machine
 
 
 def test_without_blender_assets_are_refused_before_the_bake(

@@ -36,23 +36,23 @@ def run_task(
     """
     started = time.perf_counter()
     say_where = lies_in or (lambda folder: None)
-    target = job.target(out)
+    target, work = job.target(out), None
     try:
         kept = finished(job, out)
         if kept is not None:
             return _told(job, kept, KEPT, started)
         if not job.replace:
             refuse_another(target, lambda: origin_of(job.request))
-        with staging(target) as folder:
-            say_where(folder)
+        with staging(target) as work:
+            say_where(work)
             try:
-                result = run_request(job.request, folder / target.name, progress, blender_decoder())
+                result = run_request(job.request, work / target.name, progress, blender_decoder())
             finally:
                 say_where(None)
             move_bundle(result.path, target)
         return _told(job, read_bundle(target), BAKED, started)
     except BakeError as error:
-        return failure(job, error, started, _is_of_machine(job, error))
+        return failure(job, error, started, _is_of_machine(job, error, work))
     except MemoryError:
         error = BakeError(job.request.title, "ran out of memory", "choose a lower resolution or fewer --jobs")
         return failure(job, error, started)
@@ -103,18 +103,28 @@ def failure(job: LibraryJob, error: BakeError, started: float | None = None, of_
     return failed if started is None else replace(failed, **_process(started))
 
 
-def _is_of_machine(job: LibraryJob, error: BaseException | None) -> bool:
-    """Whether an error goes back to what the system or this Python refuses, or the source is not there."""
+def _is_of_machine(job: LibraryJob, error: BakeError, work: Path | None) -> bool:
+    """Whether the source may not be read here, or an error is of what is written to `work`, or goes back to something
+    that the system or this Python refuses."""
+    # Libraries of images tell of a full disk, and of a file that they may not open, in words alone.
+    if work is not None and work in Path(error.file).parents:
+        return True
     source = job.request.source
     files = () if isinstance(source, Model) else source if isinstance(source, tuple) else (source,)
-    if not all(map(os.path.exists, files)):
+    if not all(map(_may_be_read, files)):
         return True
-    while error is not None:
+    behind: BaseException | None = error
+    while behind is not None:
         # Libraries raise OSError without a number for what a file holds.
-        if isinstance(error, MemoryError | ImportError) or (isinstance(error, OSError) and error.errno is not None):
+        if isinstance(behind, MemoryError | ImportError) or (isinstance(behind, OSError) and behind.errno is not None):
             return True
-        error = error.__cause__ if error.__suppress_context__ else error.__cause__ or error.__context__
+        behind = behind.__cause__ if behind.__suppress_context__ else behind.__cause__ or behind.__context__
     return False
+
+
+def _may_be_read(path: Path) -> bool:
+    files = [path, *path.iterdir()] if path.is_dir() else [path]
+    return all(os.access(file, os.R_OK) for file in files)
 
 
 def _told(job: LibraryJob, bundle: Bundle, state: State, started: float) -> Outcome:

@@ -174,6 +174,21 @@ def disk_full(folder: Path, limit: int) -> Damage:
     return scene.damage() + scene.repaired()
 
 
+def task_where_files_cannot_grow(folder: Path, limit: int) -> tuple[int, str]:
+    """The exit code and the words of a farm's task under such a limit."""
+    import resource
+
+    words = command("bake", "library", write_stack(folder / "cloth"), "--out", folder, "--task", "--exit-zero")
+    done = subprocess.run(
+        words,
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    return done.returncode, done.stderr
+
+
 def raced(folder: Path) -> Damage:
     """Two bakes of the library and one of a bundle in it at once: one library waits for no other and says so.
 
