@@ -25,6 +25,10 @@ class BakeError(Exception):
         self.file, self.cause, self.remedy = str(file), _shown(cause), remedy
         super().__init__(f"{self.file}: {self.cause}; {remedy}")
 
+    def __reduce__(self) -> tuple[type[BakeError], tuple[str, str, str]]:
+        """It travels between processes."""
+        return BakeError, (self.file, self.cause, self.remedy)
+
 
 def check_setting(name: str, ok: bool, wanted: str, given: object) -> None:
     """Raise BakeError where what was given for a setting is not what is wanted, in words."""

@@ -50,8 +50,9 @@ class PatchBasis:
             beyond = z < math.cos(math.radians(bound))
             first = beyond * float(count) + first
             number = beyond * float(following - count) + number if following != count else number
+        # From -n / 2 to n / 2, of which the ends are one azimuth; about the normal both lie in the only patch.
         turn = xp.floor(xp.arctan2(y, x) * (0.5 / math.pi) * number + 0.5)
-        return first + xp.where(turn < -0.5, turn + number, turn)
+        return first + xp.where(number < 1.5, 0.0, xp.where(turn < -0.5, turn + number, turn))
 
     def centres(self) -> Array:
         """Unit vectors (count, 3) in the middle of the patches; of the first ring the normal."""

@@ -130,7 +130,7 @@ def table_constants(
 ) -> dict[str, Any]:
     """Those of `measured_lookup.osl`. Raises BakeError."""
     table.bundle.load(table.part)
-    chosen = table.filter if filter is None else filter
+    chosen = table.read_by(filter)
     if chosen not in FILTERS:
         raise BakeError(table.bundle.path, f"filter cannot be {chosen[:40]!r}", f"choose from {', '.join(FILTERS)}")
     return {

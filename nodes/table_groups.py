@@ -12,7 +12,6 @@ from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
 from ..bake.brdf.samplers import Layout, kind_of_layout
 from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
-from ..bake.tables.grids.patch_grid import PatchGrid
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .checked_pixels import check_table
 from .data_image import Images
@@ -68,9 +67,7 @@ def table_groups(
     stored, grid = table.stored, table.stored.grid
     check_table(table)
     atlas, cells = images(table.part), images(table.sampler)
-    filter = table.filter if filter is None else filter
-    if isinstance(grid, PatchGrid):
-        filter = "nearest"
+    filter = table.read_by(filter)
     if is_anisotropic(grid):
         stochastic = stochastic or filter == "bspline" or isinstance(grid, AnisotropicNormalGrid)
     lookup = table_lookup_group(

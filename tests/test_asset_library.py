@@ -139,6 +139,31 @@ def test_what_somebody_else_has_saved_is_not_replaced(library: Path, tmp_path: P
     assert states(bundle, out, capsys, "--replace", *relative) == {"gold.blend": "written"}
 
 
+def test_a_librarys_replace_is_of_bundles_alone(tmp_path: Path) -> None:
+    """`bake library --replace --assets` leaves what a person has saved."""
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "assets" / "lambert.blend").write_bytes(b"mine")
+    words = ["--analytic", "lambert", "--resolution", "8", "--no-envelope", "--sampler", "16", "--jobs", "0"]
+    folders = ["--out", str(tmp_path / "L"), "--assets", str(tmp_path / "assets")]
+    assert main(["bake", "library", *words, *folders, "--replace"]) == 1
+    assert (tmp_path / "L" / "lambert.mmat").is_dir()
+    assert (tmp_path / "assets" / "lambert.blend").read_bytes() == b"mine"
+
+
+def test_what_was_not_noted_is_ours_all_the_same(
+    library: Path, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk is full, or the run is killed, when the .blend is in its place and the index is not: twice."""
+    out, bundle = tmp_path / "out", library / "gold.mmat"
+    with monkeypatch.context() as patched:
+        patched.setattr(asset_library.Written, "note", lambda *given: (_ for _ in ()).throw(OSError(28, "No space")))
+        for textures in ("packed", "relative"):
+            assert states(bundle, out, capsys, "--textures", textures, expect=1) == {"gold.blend": "failed"}
+            assert (out / "gold.blend").exists()
+    assert states(bundle, out, capsys) == {"gold.blend": "written"}
+    assert states(bundle, out, capsys) == {"gold.blend": "unchanged"}
+
+
 def test_relative_textures_move_with_the_folder(library: Path, tmp_path: Path, capsys: Any) -> None:
     before, after = tmp_path / "before", tmp_path / "after"
     shutil.copytree(library / "gold.mmat", before / "gold.mmat")

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from measured_materials.addon.baking.hosts import hosts
 from measured_materials.addon.baking.request import BakeRequest, Model
-from measured_materials.addon.library import pool
+from measured_materials.addon.library import pool, run
 from measured_materials.addon.library.lock import LOCK, library_lock
 from measured_materials.addon.library.outcome import BAKED, FAILED, KEPT, Outcome
 from measured_materials.addon.library.plan import LibraryJob
@@ -125,7 +125,21 @@ def test_settings_source_and_wholeness_decide_what_is_finished(tmp_path: Path) -
     told = json.loads((tmp_path / "a.mmat" / MATERIAL).read_text())
     (tmp_path / "a.mmat" / MATERIAL).write_text(json.dumps({**told, "recipe": "0" * 64}))
     assert finished(job, tmp_path) is None
+    (tmp_path / "a.mmat" / MATERIAL).write_text(json.dumps({**told, "errors": 5}))
+    assert finished(job, tmp_path) is None and run_task(job, tmp_path).state == BAKED
     assert run_task(model("a"), tmp_path).cause.endswith("is not replaced")
+
+
+def test_a_defect_is_one_materials_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a bake raises is told in one line, and whoever bakes the library goes on."""
+
+    def fails(*given: Any) -> None:
+        raise ZeroDivisionError("of\nzero")
+
+    monkeypatch.setattr(run, "run_request", fails)
+    told = run_task(swatch(tmp_path, "a"), tmp_path)
+    assert (told.state, told.cause) == (FAILED, "was not baked: ZeroDivisionError: of zero")
+    assert leftovers(tmp_path) == []
 
 
 @pytest.mark.parametrize("folder", ["rights", "settings", "source"])
@@ -279,6 +293,31 @@ def test_a_program_that_starts_no_worker_is_passed_over(tmp_path: Path) -> None:
     ]
     (told,) = pool.bake_by_processes([model("a")], tmp_path / "L", 1, commands, lambda *event: None)
     assert (told.state, told.attempts) == (BAKED, 1)
+
+
+def test_a_worker_that_does_not_start_costs_no_other_its_job(tmp_path: Path) -> None:
+    """Of one program, the first process that begins ends at once, and there is no other program."""
+    program = ["sh", "-c", f'mkdir "{tmp_path}/first" 2>/dev/null && exit 5; exec "$@"', "sh"]
+    commands = [[*program, *words] for words in hosts(swatch(tmp_path, "a").request, "")][:1]
+    (tmp_path / "L").mkdir()
+    jobs = [swatch(tmp_path, "a"), swatch(tmp_path, "b")]
+    found = list(pool.bake_by_processes(jobs, tmp_path / "L", 2, commands, lambda *event: None))
+    assert {told.name: (told.state, told.attempts) for told in found} == {"a": (BAKED, 1), "b": (BAKED, 1)}
+
+
+def test_a_program_that_has_worked_is_given_up_late() -> None:
+    """After three starts in a row that came to nothing; one that never worked after the first."""
+    programs = pool.Programs([["a"], ["b"]])
+    for fails in (2, 2, 3):
+        programs.works(["a"])
+        for _ in range(fails):
+            assert programs.current() == ["a"]
+            programs.failed(["a"])
+    assert programs.current() == ["b"]
+    programs.failed(["b"])
+    assert programs.current() == []
+    programs.works(["a"])
+    assert programs.current() == ["a"], "it works after all"
 
 
 def test_workers_share_the_cores_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,14 +19,15 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.shading_maps.bake import ArcSettings
 from support.clusters import cluster, command, wait_until
 from support.library_faults import leftovers, marks
-from support.stacks import write_stack
+from support.stacks import ELEVATIONS, write_stack
 
 pytest.importorskip("distributed", reason="dask.distributed is not installed")
 COUNT = 16
 
 
 def asked(swatches: Path, out: Path, address: str) -> list[str]:
-    return command("bake", "library", swatches, "--out", out, "--dask", address, "--json")
+    """Lights are named as they lie in the folder that this is called in, where no worker is."""
+    return command("bake", "library", swatches, "--out", out, "--lights", "lights.csv", "--dask", address, "--json")
 
 
 def test_a_worker_killed_half_way_costs_nothing(tmp_path: Path) -> None:
@@ -34,8 +35,11 @@ def test_a_worker_killed_half_way_costs_nothing(tmp_path: Path) -> None:
     swatches, out = tmp_path / "swatches", tmp_path / "L"
     for k in range(COUNT):
         write_stack(swatches / f"cloth{k:02}")
+    lights = [f"el{k:02}.png,{k},0" for k in ELEVATIONS]
+    (tmp_path / "lights.csv").write_text("\n".join(["file,elevation,azimuth", *lights]))
     with cluster(tmp_path / "cluster", 2) as dask:
-        process = subprocess.Popen(asked(swatches, out, dask.address), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        words, pipes = asked(swatches, out, dask.address), {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        process = subprocess.Popen(words, cwd=tmp_path, **pipes)
         wait_until(lambda: len(list(out.glob("*.mmat"))) >= COUNT // 2, 120)
         dask.workers[0].kill()
         before = marks(out)
@@ -49,7 +53,7 @@ def test_a_worker_killed_half_way_costs_nothing(tmp_path: Path) -> None:
         for bundle in out.glob("*.mmat"):
             read_bundle(bundle).check()
         assert leftovers(out) == []
-        again = subprocess.run(asked(swatches, out, dask.address), capture_output=True, text=True, timeout=120)
+        again = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120)
         assert json.loads(again.stdout)["counts"]["kept"] == COUNT
 
 
@@ -87,14 +91,14 @@ def true(function: Any, *arguments: Any) -> Any:
     ],
 )
 def test_a_worker_that_cannot_do_it_is_named(answers: tuple[Any, ...], words: str, tmp_path: Path) -> None:
-    (tmp_path / ".library.lock").write_text("process 5\n")
     with pytest.raises(BakeError, match=words):
         dask_cluster._check_workers(Asked(*answers), None, tmp_path, "tcp://here")
     dask_cluster._check_workers(Asked(true, true), None, tmp_path, "tcp://here")
+    assert list(tmp_path.iterdir()) == [], "the mark is gone"
 
 
 def test_a_probe_finds_what_is_missing(tmp_path: Path) -> None:
-    probe, file = dask_cluster._probe(), tmp_path / ".library.lock"
+    probe, file = dask_cluster._probe(), tmp_path / "mark"
     file.write_text("mark")
     assert probe("measured_materials", str(file), "mark") == f"version {VERSION}"
     assert probe("measured_materials", str(file), "another") == "folder"

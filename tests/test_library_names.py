@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import os
+import pickle
 from pathlib import Path
+from typing import Any
 
 import pytest
 from measured_materials.addon.baking.request import Model
 from measured_materials.addon.cli import library, main
 from measured_materials.addon.cli.console.option_words import words_of
-from measured_materials.addon.library.names import Wanted, unique_names
+from measured_materials.addon.library.names import Earlier, Wanted, unique_names
 from measured_materials.addon.library.plan import Plan
+from measured_materials.addon.library.run import run_task
 from measured_materials.bake.errors import BakeError
 from support.format_files import ABC_SET
 from support.stacks import write_stack
@@ -52,8 +56,8 @@ def test_digits_tell_apart_what_folders_do_not() -> None:
 def test_a_source_keeps_the_name_it_had() -> None:
     """However many others of its stem come later; what an attacker wrote there is no name."""
     first, second = wanted("gold", "a", "11111111"), wanted("gold", "b", "22222222")
-    assert unique_names([second, first], {"11111111": "gold"}) == ["b-gold", "gold"]
-    assert unique_names([first], {"11111111": "../../gold"}) == ["gold"]
+    assert unique_names([second, first], {"11111111": Earlier("gold", False)}) == ["b-gold", "gold"]
+    assert unique_names([first], {"11111111": Earlier("../../gold", True)}) == ["gold"]
 
 
 def test_names_that_were_asked_for_are_kept_or_refused() -> None:
@@ -72,7 +76,7 @@ def test_a_device_of_windows_is_no_name(name: str) -> None:
     assert unique_names([wanted(name), wanted("console"), wanted("com12")]) == [f"material-{name}", "console", "com12"]
     with pytest.raises(BakeError, match="no device of Windows"):
         unique_names([wanted("gold", given=name)])
-    assert unique_names([wanted("gold", digits="11")], {"11": name}) == ["gold"]
+    assert unique_names([wanted("gold", digits="11")], {"11": Earlier(name, True)}) == ["gold"]
 
 
 def test_two_formulas_of_one_model_have_two_names(tmp_path: Path) -> None:
@@ -101,8 +105,9 @@ def test_a_folder_is_searched_for_what_can_be_baked(tmp_path: Path) -> None:
     assert found["a-gold"].request.settings.reading.material == ""
     assert found["b-gold"].request.settings.reading.material == "gold"
     assert found["denim"].request.source == top / "swatches" / "denim"
-    with pytest.raises(BakeError, match="holds nothing to bake"):
-        planned(top / "pictures", out=tmp_path / "library")
+    jobs = planned(top / "pictures", top / "a", out=tmp_path / "library").jobs
+    told = [job.refused.cause if job.refused else "" for job in jobs]
+    assert [job.name for job in jobs] == ["pictures", "gold"] and told == ["holds nothing to bake", ""]
 
 
 def test_every_option_comes_back_from_its_words(tmp_path: Path) -> None:
@@ -151,6 +156,52 @@ def test_a_list_names_sources_with_options_of_their_own(tmp_path: Path) -> None:
     assert [job.name for job in jobs] == ["gold", "ggx", "C__steel"]
     assert jobs[0].request.source == folder / "my gold.binary"
     assert [job.request.settings.resolution for job in jobs] == [8, 16, 16]
+
+
+def test_files_of_options_are_named_by_whole_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of a list from its folder, all others from the current one: what bakes them may run in another."""
+    lists, here = tmp_path / "lists", tmp_path / "here"
+    here.mkdir()
+    write_stack(lists / "denim")
+    write_stack(lists / "wool")
+    monkeypatch.chdir(here)
+    (lists / "all.list").write_text("denim --lobe base/gold.mmat --flat-field white.png\nwool\n")
+    given = ["../lists/all.list", "--lights", "lights.csv", "--lobe", "steel.MMAT"]
+    denim, wool = planned(*given, out=tmp_path / "L").jobs
+    assert denim.request.settings.brdf == lists / "base" / "gold.mmat"
+    assert wool.request.settings.brdf == here / "steel.MMAT"
+    for job in (denim, wool):
+        assert job.request.settings.stack.lights == here / "lights.csv"
+    assert {str(lists / "base" / "gold.mmat"), f"--flat-field={lists / 'white.png'}"} < set(denim.arguments)
+    (single,) = planned("../lists/denim", "--through", "../lists/wool", out=tmp_path / "L").jobs
+    assert single.request.settings.through.source == lists / "wool"
+
+
+def test_a_folder_that_cannot_be_listed_is_a_row_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below or given; the others are baked."""
+    for name in ("a", "b", "c"):
+        (tmp_path / "scans" / name).mkdir(parents=True)
+        (tmp_path / "scans" / name / f"{name}.json").write_text(FIT)
+    scandir, listed = os.scandir, Path.iterdir
+
+    def refusing(path: str | Path) -> Any:
+        if Path(path).name == "b":
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    def closed(path: Path) -> Any:
+        if path.name == "c":
+            raise PermissionError(13, "Permission denied", str(path))
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    monkeypatch.setattr(Path, "iterdir", closed)
+    jobs = planned(tmp_path / "scans", out=tmp_path / "L").jobs
+    assert {job.name: bool(job.refused) for job in jobs} == {"a": False, "b": True, "c": True}
+    for job in jobs[1:]:
+        told = run_task(pickle.loads(pickle.dumps(job)), tmp_path)
+        assert told.state == "failed" and told.cause == "cannot be read (Permission denied)"
+        assert told.file == str(tmp_path / "scans" / job.name)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.material.scene_fit import plan_filter
 from measured_materials.addon.summary.brdf_rows import table_rows
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
@@ -30,6 +32,7 @@ from measured_materials.bake.tables.search.grid_search import BASES, choose_grid
 from measured_materials.bake.tables.sheet import sheet_views
 from measured_materials.bake.tables.table import Table
 from measured_materials.nodes.group import call
+from measured_materials.nodes.osl_material import table_constants
 from measured_materials.nodes.table_groups import table_groups
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 from support.cards import card, data_image
@@ -70,6 +73,13 @@ def test_patches_are_those_of_the_reader_in_every_frame_that_sheets_are_seen_in(
     bins = patches.bins(w)
     np.testing.assert_array_equal(patches.index(xp_numpy, w), bins)
     assert set(bins) == set(range(patches.count))
+    # Along the axes, the signs of zero included, and straight on.
+    theta = np.radians([0.0, 2.0, 20.0, 40.0])[:, None]
+    axes = np.array([(1.0, 0.0), (-1.0, 0.0), (-1.0, -0.0), (0.0, 1.0), (-0.0, -1.0)])
+    up = np.broadcast_to(np.cos(theta)[..., None], (4, 5, 1))
+    straight = np.concatenate([np.sin(theta)[..., None] * axes, up], -1)
+    straight = straight.reshape(-1, 3)
+    np.testing.assert_array_equal(patches.index(xp_numpy, straight), patches.bins(straight))
     np.testing.assert_array_equal(patches.bins(patches.centres()), np.arange(patches.count))
     for turn in ([-1.0, -1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
         turned = patches.bins(w * turn)
@@ -160,3 +170,12 @@ def test_a_material_looks_patches_up_unblended(shade: tuple[SheetSource, Bundle]
     groups = table_groups(table, "patches", images.__getitem__, "bspline", False, aimed=False)
     taps = [n for n in groups.lookup.nodes if n.bl_idname == "ShaderNodeTexImage"]
     assert [tap.interpolation for tap in taps] == ["Closest"]
+
+
+def test_no_shader_blends_patches(shade: tuple[SheetSource, Bundle]) -> None:
+    """Whatever is asked for: in OSL as in nodes, and the panel says so."""
+    record = BrdfRecord.of(shade[1])
+    assert table_constants(record.baked(), "bspline")["Filter"] == "nearest"
+    for filter in ("auto", "trilinear"):
+        name, effect = plan_filter(record, Choices(mode="exact", filter=filter))
+        assert name is None and not effect.kept and "nothing to blend" in effect.why

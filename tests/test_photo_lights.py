@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.photographs import Exposure, PhotoInfo, StackSettings, read_stack
 from measured_materials.bake.photographs.brackets import bracket_stem, find_exposures, group_by_light, merge, trust
 from measured_materials.bake.photographs.light_files.readers import direction_in_name, direction_of_angles, read_lights
-from measured_materials.bake.photographs.lights import Lights, choose_arc, find_lights
+from measured_materials.bake.photographs.lights import Lights, choose_arc, find_lights, light_files_beside
+from measured_materials.bake.shading_maps.bake import ArcSettings, arc_recipe
 from support.photo_files import encode_srgb, gray_frames, write_photo
 
 
@@ -80,8 +82,25 @@ def test_a_folder_of_diligent(tmp_path: Path) -> None:
     assert stack.names == ("001.png", "002.png", "003.png") and stack.directions is not None
     np.testing.assert_allclose(stack.directions, [[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8]])
     np.testing.assert_allclose(stack.images.mean((1, 2)), 0.2 * np.array([[1.0], [0.8], [0.8]]) * np.ones(3), rtol=0.02)
-    assert stack.facts["lights"]["intensities"] == "light_intensities.txt"
+    assert stack.facts["strengths"] == "light_intensities.txt"
+    card = replace(settings, white_card=(0, 0, 4, 4))
+    # The card has seen the same light: all photographs are of one reflectance then.
+    assert "strengths" not in read_stack(tmp_path, card).facts
     assert any("mask.png" in warning for warning in stack.warnings)
+
+
+def test_what_is_read_with_directions_is_part_of_the_recipe(tmp_path: Path) -> None:
+    """A library must not keep a bundle whose lights were corrected since."""
+    folder = diligent(tmp_path)
+    names = {path.name for path in light_files_beside(folder)}
+    assert names == set(DILIGENT)
+    origin = {"name": "swatch"}
+    for settings in (ArcSettings(), ArcSettings(stack=StackSettings(lights=folder / "light_directions.txt"))):
+        before = arc_recipe(folder, settings, origin)
+        strengths = folder / "light_intensities.txt"
+        strengths.write_text(strengths.read_text().replace("2 1 0.5", "2 1 0.25"))
+        assert arc_recipe(folder, settings, origin) != before
+        strengths.write_text(DILIGENT["light_intensities.txt"])
 
 
 @pytest.mark.parametrize(
@@ -90,7 +109,10 @@ def test_a_folder_of_diligent(tmp_path: Path) -> None:
         ({"filenames": ""}, "names no photographs"),
         ({"filenames": "001.png\n002.png\n"}, "lists 2 photographs, but light_directions.txt has 3"),
         ({"light_intensities": "1 1 1\n1 1 1\n"}, "does not hold three numbers above 0 for each of the 3"),
-        ({"light_intensities": "1 1 1\n1 0 1\n1 1 1\n"}, "does not hold three numbers above 0"),
+        *(
+            ({"light_intensities": f"1 1 1\n1 {wrong} 1\n1 1 1\n"}, "does not hold three numbers above 0")
+            for wrong in ("0", "-1", "nan", "inf", "1e999")
+        ),
     ],
 )
 def test_half_a_folder_of_diligent(tmp_path: Path, changed: dict[str, str], cause: str) -> None:

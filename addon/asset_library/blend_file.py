@@ -52,6 +52,7 @@ def write_asset(
     library: Path,
     settings: AssetSettings,
     progress: Callable[[str, float], None] = lambda *_: None,
+    ready: Callable[[Path], None] = lambda _: None,
 ) -> str:
     """Write a bundle's material as an asset to the .blend `target`, or replace an older one by it in one step.
 
@@ -61,6 +62,7 @@ def write_asset(
     ----------
     library : folder in which Blender looks for the catalogues
     progress : called with "rendering" or "building" and the share of it that is done
+    ready : called with the file, whole, before it takes its place
 
     Returns
     -------
@@ -83,11 +85,11 @@ def write_asset(
         material.name = target.stem
         show_next_bake(material, settings.textures == "packed")
         told = mark(material, library=library, picture=picture)
-        _write(material, target)
+        _write(material, target, ready)
     return told
 
 
-def _write(material: bpy.types.Material, target: Path) -> None:
+def _write(material: bpy.types.Material, target: Path, ready: Callable[[Path], None]) -> None:
     """The material and what it uses, once it has been read again. Raises BakeError."""
     try:
         with replacing_file(target) as temporary:
@@ -97,6 +99,7 @@ def _write(material: bpy.types.Material, target: Path) -> None:
             with bpy.data.libraries.load(str(temporary), assets_only=True) as (there, _):
                 if there.materials != [material.name]:
                     raise OSError("what Blender wrote does not hold it")
+            ready(temporary)
     except (OSError, RuntimeError) as error:
         cause = getattr(error, "strerror", None) or one_line(str(error)).rsplit(": ", 1)[-1].rstrip(".")
         raise BakeError(target, f"cannot be written ({cause})", "check its folder and the free space") from error

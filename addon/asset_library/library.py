@@ -135,9 +135,9 @@ def _bring(
             return "unchanged", ""
         if not replace and not written.is_ours(file):
             cause = "was written or saved by somebody else and is not replaced"
-            raise BakeError(target, cause, "move it away, or --replace to replace it")
+            raise BakeError(target, cause, "move it away, or run `assets` with --replace to replace it")
         target.parent.mkdir(parents=True, exist_ok=True)
-        told = write_asset(bundle, target, library, settings, progress)
+        told = write_asset(bundle, target, library, settings, progress, lambda new: written.announce(file, new))
         written.note(file, origin)
         return "written", told
     except OSError as error:

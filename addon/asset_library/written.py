@@ -21,10 +21,13 @@ _MOST_BYTES = 256 << 20
 
 @dataclass
 class Written:
-    """Of each .blend of a library, by its path there: what it was written from, and its own content, as SHA-256."""
+    """Of each .blend of a library, by its path there: what it was written from, and its own content, as SHA-256.
+
+    While one is replaced it is said to be written from "", and has two contents: the older file's, and the new one's.
+    """
 
     folder: Path
-    entries: dict[str, tuple[str, str]] = field(default_factory=dict)
+    entries: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @staticmethod
     def read(folder: Path) -> Written:
@@ -37,12 +40,19 @@ class Written:
         if document.get("version") != _VERSION or not isinstance(listed, dict):
             return Written(folder)
         pairs = {name: tuple(pair) for name, pair in listed.items() if isinstance(pair, list)}
-        whole = {name: pair for name, pair in pairs.items() if len(pair) == 2 and all(map(_is_text, pair))}
+        whole = {name: pair for name, pair in pairs.items() if len(pair) > 1 and all(map(_is_text, pair))}
         return Written(folder, whole)
+
+    def announce(self, name: str, new: Path) -> None:
+        """The file `new` is about to take a .blend's place: ours it is either way. Raises OSError, BakeError."""
+        self._enter(name, "", *self.entries.get(name, ())[1:], content_of(new))
 
     def note(self, name: str, origin: str) -> None:
         """A .blend has just been written from what `origin` says. Raises OSError, BakeError."""
-        self.entries[name] = origin, content_of(self.folder / name)
+        self._enter(name, origin, content_of(self.folder / name))
+
+    def _enter(self, name: str, *entry: str) -> None:
+        self.entries[name] = entry
         text = dump_json({"version": _VERSION, "assets": self.entries}, self.folder / FILE, _MOST_BYTES)
         with replacing_file(self.folder / FILE) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -56,7 +66,7 @@ class Written:
         file = self.folder / name
         if not file.exists() and not file.is_symlink():
             return True
-        return file.is_file() and not file.is_symlink() and content_of(file) == self.entries.get(name, ("", ""))[1]
+        return file.is_file() and not file.is_symlink() and content_of(file) in self.entries.get(name, ())[1:]
 
 
 def origin_of(bundle: Path, settings: AssetSettings) -> str:

@@ -73,10 +73,12 @@ def run(options: argparse.Namespace) -> Result:
         raise BakeError(library, f"holds no bundle (a folder NAME{SUFFIX})", "bake some with --out there")
     out = options.out or (library.parent if bundles == [library] else library)
     given = {"textures": options.textures, "preview": options.preview, "samples": options.preview_samples}
-    return write_assets(bundles, library, out, options, **given)
+    return write_assets(bundles, library, out, options, replace=options.replace, **given)
 
 
-def write_assets(bundles: list[Path], root: Path, out: Path, options: argparse.Namespace, **given: str | int) -> Result:
+def write_assets(
+    bundles: list[Path], root: Path, out: Path, options: argparse.Namespace, *, replace: bool, **given: str | int
+) -> Result:
     """As `asset_library.library.write_library`, with its progress and a table; `given` are its settings.
 
     Raises BakeError.
@@ -87,7 +89,7 @@ def write_assets(bundles: list[Path], root: Path, out: Path, options: argparse.N
 
     settings = AssetSettings(**given)
     with Progress(STAGES, len(bundles)) as progress:
-        found = list(write_library(bundles, root, out, settings, progress, replace=options.replace))
+        found = list(write_library(bundles, root, out, settings, progress, replace=replace))
     document = {
         "command": options.command,
         "library": str(out),

@@ -66,7 +66,8 @@ def with_assets(result: Result, plan: Plan, options: argparse.Namespace) -> Resu
         return result
     bundles = [target for job in plan.jobs if (target := job.target(plan.out)).is_dir()]
     try:
-        made = write_assets(bundles, plan.out, options.assets, options)
+        # --replace is of bundles here: whoever has saved a .blend shall not lose it.
+        made = write_assets(bundles, plan.out, options.assets, options, replace=False)
     except BakeError as error:
         return Result(result.document, result.lines, [*result.errors, error])
     document = {**result.document, "asset_library": made.document["library"], "assets": made.document["assets"]}

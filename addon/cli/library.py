@@ -19,9 +19,9 @@ from ...bake.bundle.bundle import SUFFIX
 from ...bake.errors import BakeError
 from ..baking.hosts import hosts
 from ..baking.request import BakeRequest
-from ..library.inputs import LIST_SUFFIX, Source, formula, lines_of, sources_in
+from ..library.inputs import LIST_SUFFIX, Source, formula, lines_of, sources_in, wanted_of
 from ..library.lock import library_lock
-from ..library.names import unique_names
+from ..library.names import Earlier, unique_names
 from ..library.outcome import BAKED, Outcome
 from ..library.plan import LibraryJob, Plan
 from ..library.pool import Watch, bake_by_processes, usual_count
@@ -167,17 +167,17 @@ def run(options: argparse.Namespace) -> Result:
 def plan_of(options: argparse.Namespace) -> Plan:
     """What is to be baked, under which names. Raises BakeError or `argparse.ArgumentTypeError`."""
     out = Path(os.path.abspath(options.out))
-    found = list(_found(options, out))
+    found = list(_found(_with_whole_paths(options, Path()), out))
     if not found:
         raise argparse.ArgumentTypeError("nothing to bake: give files, folders, a list, or --analytic NAME")
-    wanted = [source.wanted(given.name) for source, given in found]
     before = names_kept(out)
+    wanted = wanted_of([(source, given.name) for source, given in found], before)
     jobs = []
     for (source, given), name, one in zip(found, unique_names(wanted, before), wanted):
         # What the library baked from this very source is its own to bake again when the source has changed.
-        given.replace = given.replace or before.get(one.identity) == name
+        given.replace = given.replace or before.get(one.identity) == Earlier(name, ours=True)
         jobs.append(_job(source, given, name, one.identity))
-    return Plan(out, tuple(jobs))
+    return Plan(out, tuple(jobs), before)
 
 
 def _found(options: argparse.Namespace, out: Path) -> Iterator[tuple[Source, argparse.Namespace]]:
@@ -221,9 +221,7 @@ def _of_line(
             raise argparse.ArgumentTypeError(f"--{other} is the whole library's: give it beside the list")
         if any(path.suffix.lower() == LIST_SUFFIX for path in options.sources):
             raise argparse.ArgumentTypeError("a list cannot name another list")
-        for name in _FILES:
-            if (path := getattr(options, name)) is not None and path != getattr(usual, name):
-                setattr(options, name, folder / path)
+        options = _with_whole_paths(options, folder)
         options.sources = [folder / path for path in options.sources]
         for source, given in _listed(options, out):
             _request(source, given)  # for what is wrong with its settings, while the line is known
@@ -232,9 +230,21 @@ def _of_line(
         raise argparse.ArgumentTypeError(f"{where}: {error}") from None
 
 
+def _with_whole_paths(options: argparse.Namespace, folder: Path) -> argparse.Namespace:
+    """Options whose files are named by absolute paths, as they are read by processes elsewhere; relative ones are
+    counted from `folder`."""
+    found = copy(options)
+    for name in _FILES:
+        if (path := getattr(options, name)) is not None:
+            setattr(found, name, Path(os.path.abspath(folder / path)))
+    if options.lobe and Path(options.lobe[0]).suffix.lower() == SUFFIX:  # a baked BRDF
+        found.lobe = [os.path.abspath(folder / options.lobe[0]), *options.lobe[1:]]
+    return found
+
+
 def _job(source: Source, options: argparse.Namespace, name: str, identity: str) -> LibraryJob:
     words = [*source.words, *words_of(_parser(), options, _OF_ALL), f"--name={name}"]
-    return LibraryJob(name, _request(source, options), tuple(words), options.replace, identity)
+    return LibraryJob(name, _request(source, options), tuple(words), options.replace, identity, source.refused)
 
 
 def _request(source: Source, options: argparse.Namespace) -> BakeRequest:

@@ -25,7 +25,7 @@ def add_to(kinds: Any) -> None:
         help="photographs lit from many sides, to normal, albedo, height and roughness maps",
         description="Write maps of a flat swatch that was photographed from straight above under eight lights or more, "
         "from all sides: photometric stereo that bears with shadow and gloss. Every folder of photographs becomes a "
-        "folder DIR/NAME of maps, with maps.json, which says what each of them holds.",
+        "folder DIR/NAME_maps, with maps.json, which says what each of them holds.",
     )
     parser.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders of photographs")
     parser.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="where to (default: here)")
@@ -42,6 +42,7 @@ def add_to(kinds: Any) -> None:
         help="EXR holds linear albedo, heights and F0 as they are (%(default)s)",
     )
     parser.add_argument("--no-level", action="store_true", help="leave the mean slope as it is: the swatch is not flat")
+    parser.add_argument("--replace", action="store_true", help="also maps of other photographs under that name")
     parser.add_argument("--repeats", action="store_true", help="the frame goes on at its opposite edge")
     add_quality(parser, {level: {"size": sizes["size"]} for level, sizes in MAP_LEVELS.items()})
     add_photographs(parser.add_argument_group("photographs"), arc=False)
@@ -64,7 +65,7 @@ def run(options: argparse.Namespace) -> Result:
         for source, target in zip(options.sources, _targets(options), strict=True):
             progress.start(target.name)
             try:
-                result = bake_maps(source, target, settings, progress, blender_decoder())
+                result = bake_maps(source, target, settings, progress, blender_decoder(), replace=options.replace)
             except BakeError as error:
                 errors.append(error)
                 continue
@@ -78,7 +79,8 @@ def run(options: argparse.Namespace) -> Result:
 
 def _targets(options: argparse.Namespace) -> list[Path]:
     """A folder for each stack. Raises `argparse.ArgumentTypeError` where two would be one."""
-    names = [source.resolve().name or "swatch" for source in options.sources]
+    # Not the name alone: beside the photographs that is their own folder.
+    names = [f"{source.resolve().name or 'swatch'}_maps" for source in options.sources]
     folded = [name.casefold() for name in names]
     if twice := next((name for name in names if folded.count(name.casefold()) > 1), None):
         raise argparse.ArgumentTypeError(f"two folders would become {options.out / twice}; give them one by one")

@@ -12,7 +12,6 @@ from typing import Any
 
 from ...bake import VERSION
 from ...bake.errors import BakeError
-from .lock import LOCK
 from .outcome import Outcome
 from .plan import LibraryJob
 from .run import failure, run_task
@@ -100,8 +99,8 @@ def _check_workers(client: Any, distributed: Any, out: Path, address: str) -> No
         client.wait_for_workers(1, timeout=_PATIENCE)
     except (TimeoutError, OSError) as error:
         raise BakeError(address, "has no worker", f"start one: dask worker {address} --nthreads 1") from error
-    mark = (out / LOCK).read_text(encoding="utf-8", errors="replace")
-    answers = client.run(_probe(), _PACKAGE, str(out / LOCK), mark, on_error="return")
+    with _marked(out) as (file, mark):
+        answers = client.run(_probe(), _PACKAGE, str(file), mark, on_error="return")
     for worker, answer in sorted(answers.items()):
         if isinstance(answer, BaseException) or not isinstance(answer, str):
             raise BakeError(worker, f"does not answer ({str(answer)[:200]})", "restart this worker")
@@ -114,6 +113,26 @@ def _check_workers(client: Any, distributed: Any, out: Path, address: str) -> No
             )
         if words != VERSION:
             raise BakeError(worker, f"has version {words} of {_PACKAGE}, here it is {VERSION}", _INSTALL)
+
+
+@contextlib.contextmanager
+def _marked(out: Path) -> Iterator[tuple[Path, str]]:
+    """A file in the library, closed as NFS shows it to others then, and what it says; gone after the block.
+
+    Should this process die, `sweep` removes it. Raises BakeError.
+    """
+    mark = uuid.uuid4().hex
+    file = out / f".{mark[:12]}.partial.json"
+    try:
+        try:
+            file.write_text(mark, encoding="utf-8")
+        except OSError as error:
+            cause = f"cannot be written ({error.strerror or error})"
+            raise BakeError(file, cause, "check the folder, its permissions and the free space") from error
+        yield file, mark
+    finally:
+        with contextlib.suppress(OSError):
+            file.unlink()
 
 
 def _probe() -> Callable[..., str]:

@@ -6,7 +6,8 @@ import hashlib
 import json
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,22 +37,24 @@ class Source:
     words : that name it on the command line, paths absolute
     photographs : whether it is a folder of photographs
     material : the one that is meant among several in the file
+    refused : why there is nothing to bake; None where there is
     """
 
     source: Path | Model
     words: tuple[str, ...]
     photographs: bool = False
     material: str = ""
+    refused: BakeError | None = None
 
-    def wanted(self, given: str = "") -> Wanted:
-        """What its bundle would be called."""
-        said = json.dumps([*self.words, self.material, given])
+    def wanted(self, given: str = "", apart: bool = False) -> Wanted:
+        """What its bundle would be called; `apart`: the name that is given tells it from others of the same source."""
+        said = json.dumps([*self.words, self.material, given if apart else ""])
         identity = hashlib.sha256(said.encode("utf-8", "surrogatepass")).hexdigest()[:32]
         if isinstance(self.source, Model):
             pairs = [_pair(key, value) for key, value in self.source.parameters.items()]
             stem = self.source.name.lower().replace("_", "-")
             return Wanted(stem, "-".join([stem, *pairs]), identity, given, self.source.name)
-        stem = self.source.name if self.photographs else self.source.stem
+        stem = self.source.name if self.photographs or self.refused else self.source.stem
         stem = file_name_of(self.material) or stem
         return Wanted(stem, f"{self.source.parent.name}-{stem}", identity, given, str(self.source))
 
@@ -61,20 +64,45 @@ def _pair(key: str, value: Any) -> str:
     return "-".join([key, *(f"{one:g}" if isinstance(one, float) else str(one) for one in numbers)])
 
 
+def wanted_of(given: Sequence[tuple[Source, str]], earlier: Collection[str]) -> list[Wanted]:
+    """What the bundles of sources, each with the name given to it or "", would be called.
+
+    A source is the same under whatever name, also alone in a farm's task, but where it comes twice with different
+    settings, or did in the library's last table, of whose identities `earlier` consists.
+    """
+    count = Counter(source.wanted().identity for source, _ in given)
+    found = []
+    for source, name in given:
+        apart = source.wanted(name, apart=True)
+        twice = count[source.wanted().identity] > 1 or apart.identity in earlier
+        found.append(apart if twice else source.wanted(name))
+    return found
+
+
 def sources_in(path: Path, reading: Reading, out: Path) -> list[Source]:
     """The sources that a path stands for: a file, or what lies in a folder and below it; `out` is left out.
 
-    A file that does not exist, or that nothing reads, is a source too: its bake says what is wrong with it. Raises
-    BakeError where a folder holds nothing to bake.
+    A file that does not exist, or that nothing reads, is a source too: its bake says what is wrong with it. So is a
+    folder that cannot be read, and one in which there is nothing to bake: it is refused.
     """
     path = Path(os.path.abspath(path))
     if not _is_folder(path):
         return _of_file(path, reading)
-    found = [source for folder in _folders(path, out) for source in _of_folder(folder, reading)]
+    unread: list[OSError] = []
+    found = [source for folder in _folders(path, out, unread) for source in _of_folder(folder, reading)]
+    found += [_unreadable(Path(error.filename or path), error) for error in unread]
     if not found:
         remedy = "give a folder with measurements, or with photographs of a swatch under at least three lights"
-        raise BakeError(path, "holds nothing to bake", remedy)
+        return [_refused(path, BakeError(path, "holds nothing to bake", remedy))]
     return found
+
+
+def _refused(folder: Path, error: BakeError) -> Source:
+    return Source(folder, (str(folder),), refused=error)
+
+
+def _unreadable(folder: Path, error: OSError) -> Source:
+    return _refused(folder, BakeError(folder, f"cannot be read ({error.strerror})", "check its permissions"))
 
 
 def formula(name: str, parameters: dict[str, Any], words: Sequence[str]) -> Source:
@@ -124,7 +152,7 @@ def _of_folder(folder: Path, reading: Reading) -> list[Source]:
     try:
         files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     except OSError as error:
-        raise BakeError(folder, f"cannot be read ({error.strerror})", "check its permissions") from error
+        return [_unreadable(folder, error)]
     measured = [source for path in files if is_measurement(path) for source in _of_file(path, reading)]
     if measured:
         return measured
@@ -132,9 +160,10 @@ def _of_folder(folder: Path, reading: Reading) -> list[Source]:
     return [Source(folder, (str(folder),), photographs=True)] if len(photographs) >= _FEWEST_PHOTOGRAPHS else []
 
 
-def _folders(top: Path, out: Path) -> Iterator[Path]:
-    """A folder and those below it, without bundles, hidden ones and the library itself."""
-    for place, names, _ in os.walk(top):
+def _folders(top: Path, out: Path, unread: list[OSError]) -> Iterator[Path]:
+    """A folder and those below it, without bundles, hidden ones and the library itself; errors of those that cannot be
+    listed go to `unread`."""
+    for place, names, _ in os.walk(top, onerror=unread.append):
         folder = Path(place)
         yield folder
         names[:] = sorted(name for name in names if not name.startswith(".") and not _is_ours(folder / name, out))

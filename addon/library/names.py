@@ -40,12 +40,33 @@ class Wanted:
     title: str = ""
 
 
+@dataclass(frozen=True)
+class Earlier:
+    """A name that a source had before.
+
+    Parameters
+    ----------
+    ours : whether the library has baked the bundle of that name from this very source, so that it is the library's own
+        to bake again
+    """
+
+    name: str
+    ours: bool
+
+
 def name_key(name: str) -> str:
     """What two names share that are one to some file system: case, or a letter and its accent in a row."""
     return unicodedata.normalize("NFC", name).casefold()
 
 
-def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, str] | None = None) -> list[str]:
+def still_theirs(earlier: Mapping[str, Earlier], now: Mapping[str, Earlier]) -> dict[str, Earlier]:
+    """Names of earlier sources that are not among those of now, but for what has become another source's own."""
+    passed = {name_key(one.name) for one in now.values() if one.ours}
+    left = {identity: one for identity, one in earlier.items() if identity not in now}
+    return {identity: one for identity, one in left.items() if name_key(one.name) not in passed}
+
+
+def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, Earlier] | None = None) -> list[str]:
     """A name for each, all different, the same whatever their order.
 
     Where several want one stem, each takes its longer name, or where that is not its own either, digits of its
@@ -63,7 +84,7 @@ def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, str] | None = None
             raise BakeError(one.title or one.stem, "is given twice with different settings", "give each its own --name")
     taken = {name_key(name) for name in chosen if name}
     for k, one in enumerate(wanted):
-        before = (kept or {}).get(one.identity, "")
+        before = kept[one.identity].name if kept and one.identity in kept else ""
         if not chosen[k] and _is_plain(before) and name_key(before) not in taken:
             chosen[k] = before
             taken.add(name_key(before))

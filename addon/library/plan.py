@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...bake.bundle.bundle import SUFFIX
+from ...bake.errors import BakeError
 from ..baking.request import BakeRequest
+from .names import Earlier
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,7 @@ class LibraryJob:
     arguments : words behind `bake library` that make this very job again, paths absolute; all but `--out`
     replace : also a bundle of that name that was baked from another source
     identity : hexadecimal digits of which source it is, by its path or its formula
+    refused : why it is not baked at all; None where it is
     """
 
     name: str
@@ -27,6 +31,7 @@ class LibraryJob:
     arguments: tuple[str, ...] = ()
     replace: bool = False
     identity: str = ""
+    refused: BakeError | None = None
 
     def target(self, out: Path) -> Path:
         """The bundle's folder."""
@@ -35,10 +40,17 @@ class LibraryJob:
 
 @dataclass(frozen=True)
 class Plan:
-    """All jobs of a library in the folder `out`, an absolute path."""
+    """All jobs of a library.
+
+    Parameters
+    ----------
+    out : its folder, an absolute path
+    earlier : names that sources had in its last table, by their identities
+    """
 
     out: Path
     jobs: tuple[LibraryJob, ...]
+    earlier: Mapping[str, Earlier] = field(default_factory=dict)
 
     def command(self, job: LibraryJob) -> tuple[str, ...]:
         """Words by which a farm runs one job, behind `python -m measured_materials` or behind

@@ -28,6 +28,8 @@ Watch = Callable[[LibraryJob, str, float], None]
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR")}
 _WORKER = "addon.library.worker"
 _ATTEMPTS = 2
+# Workers in a row that end before they can be asked, of a program that has worked before.
+_STARTS = 3
 _PAUSE = 0.005  # seconds between two looks at the workers
 # Memory that a bake takes at most, where nothing is known of it: `./run bench library` measures it.
 USUAL_BYTES = 700 << 20
@@ -58,12 +60,15 @@ def bake_by_processes(
     """
     waiting = deque((job, 1) for job in jobs)
     workers: list[_Worker] = []
-    programs = [list(command) for command in commands]
+    programs = Programs(commands)
     try:
         while waiting or any(worker.job for worker in workers):
             # Unused processes take memory and time to start: no more than there is work for.
-            while waiting and len(workers) < count:
-                workers.append(_Worker(_program(programs)))
+            while waiting and len(workers) < count and (command := programs.current()):
+                workers.append(_Worker(command))
+            if not workers:
+                remedy = "use --jobs 0, which bakes in this one"
+                raise BakeError("bake library", "cannot start a process that bakes", remedy)
             for worker in workers:
                 if worker.job is None and waiting:
                     worker.ask(*waiting.popleft(), out)
@@ -71,6 +76,8 @@ def bake_by_processes(
             for worker in list(workers):
                 for event in worker.events():
                     idle = False
+                    if event["event"] == "ready":
+                        programs.works(worker.command)
                     if (told := worker.taken(event, watch)) is not None:
                         yield told
                 if worker.is_over():
@@ -84,18 +91,41 @@ def bake_by_processes(
             worker.end(out)
 
 
-def _program(programs: list[list[str]]) -> list[str]:
-    if not programs:
-        raise BakeError("bake library", "cannot start a process that bakes", "use --jobs 0, which bakes in this one")
-    return programs[0]
+class Programs:
+    """Programs that can run a worker, the one to be tried first in front."""
+
+    def __init__(self, commands: Sequence[Sequence[str]]) -> None:
+        self._left = [list(command) for command in commands]
+        self._working: list[list[str]] = []
+        self._failed = 0
+
+    def current(self) -> list[str]:
+        """The program of the next worker; empty where none is left."""
+        return self._left[0] if self._left else []
+
+    def works(self, command: list[str]) -> None:
+        """A worker of this program can be asked, whatever became of another."""
+        if command not in self._working:
+            self._working.append(command)
+        self._failed = 0
+        if command not in self._left:
+            self._left.insert(0, command)
+
+    def failed(self, command: list[str]) -> None:
+        """A worker of this program ended before it could be asked: the next may do, unless this one has worked."""
+        if command != self.current():
+            return
+        self._failed += 1
+        if command not in self._working or self._failed >= _STARTS:
+            self._left.pop(0)
+            self._failed = 0
 
 
-def _lost(worker: _Worker, waiting: deque[tuple[LibraryJob, int]], programs: list[list[str]]) -> Iterator[Outcome]:
+def _lost(worker: _Worker, waiting: deque[tuple[LibraryJob, int]], programs: Programs) -> Iterator[Outcome]:
     """Put the job of a process that ended by itself back in front, or give it up."""
     if not worker.ready:
-        # It never ran: nothing is the job's fault. The next program may do.
-        if programs and programs[0] == worker.command:
-            programs.pop(0)
+        # It never ran: nothing is the job's fault.
+        programs.failed(worker.command)
         if worker.job is not None:
             waiting.appendleft((worker.job, worker.attempt))
     elif worker.job is not None and worker.attempt < _ATTEMPTS:

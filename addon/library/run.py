@@ -21,6 +21,7 @@ from ...bake.sources import chosen_material
 from ...bake.sources.analytic import by_name
 from ..baking.request import BakeRequest, Model, run_request
 from ..photographs.find_decoder import blender_decoder
+from ..summary.text import one_line
 from .memory import peak_bytes, resident_bytes
 from .outcome import BAKED, FAILED, KEPT, Outcome, State
 from .plan import LibraryJob
@@ -38,6 +39,8 @@ def run_task(
     say_where = lies_in or (lambda folder: None)
     target, work = job.target(out), None
     try:
+        if job.refused is not None:
+            raise job.refused
         kept = finished(job, out)
         if kept is not None:
             return _told(job, kept, KEPT, started)
@@ -60,6 +63,11 @@ def run_task(
         cause = error.strerror or str(error)
         told = BakeError(error.filename or job.request.title, cause, "check the path, its permissions and free space")
         return failure(job, told, started)
+    except Exception as error:
+        # A defect, of ours or of a library: this material's alone.
+        cause = f"was not baked: {type(error).__name__}: {one_line(str(error))}"
+        told = BakeError(job.request.title, cause, "report it, with this source: the rest is baked")
+        return failure(job, told, started)
 
 
 def finished(job: LibraryJob, out: Path) -> Bundle | None:
@@ -69,6 +77,7 @@ def finished(job: LibraryJob, out: Path) -> Bundle | None:
         if bundle.material.get(RECIPE) != recipe_of_request(job.request):
             return None
         bundle.check()
+        read_record(bundle)
     except (BakeError, OSError, ValueError):
         return None
     return bundle
@@ -123,7 +132,10 @@ def _is_of_machine(job: LibraryJob, error: BakeError, work: Path | None) -> bool
 
 
 def _may_be_read(path: Path) -> bool:
-    files = [path, *path.iterdir()] if path.is_dir() else [path]
+    try:
+        files = [path, *path.iterdir()] if path.is_dir() else [path]
+    except OSError:
+        return False
     return all(os.access(file, os.R_OK) for file in files)
 
 

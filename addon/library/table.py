@@ -15,7 +15,8 @@ from ...bake.atomic_write import replacing_file
 from ...bake.errors import BakeError
 from ..summary.progress_estimate import readable_time
 from ..summary.text import one_line
-from .outcome import FAILED, Outcome
+from .names import Earlier, name_key, still_theirs
+from .outcome import BAKED, FAILED, KEPT, Outcome
 from .plan import LibraryJob, Plan
 
 DOCUMENT, SHEET = "library.json", "library.csv"
@@ -32,18 +33,24 @@ _MOST_BYTES = 256 << 20
 
 def library_document(plan: Plan, outcomes: Mapping[str, Outcome]) -> dict[str, Any]:
     """The table, JSON-ready: a row for each job, in the plan's order; of those that have not ended yet too."""
-    rows = [_row(job, outcomes.get(job.name)) for job in plan.jobs]
+    rows = [_row(job, outcomes.get(job.name), plan.earlier.get(job.identity)) for job in plan.jobs]
     states = [row["state"] for row in rows]
     return {
         "generator": f"measured_materials {VERSION}",
         "materials": rows,
-        "counts": {state: states.count(state) for state in ("baked", "kept", FAILED, WAITING)},
+        "counts": {state: states.count(state) for state in (BAKED, KEPT, FAILED, WAITING)},
     }
 
 
 def write_table(plan: Plan, outcomes: Mapping[str, Outcome]) -> None:
-    """Write both files into the library, each in one step. Raises BakeError."""
+    """Write both files into the library, each in one step. Raises BakeError.
+
+    library.json also holds the names that sources had before which are not baked this time.
+    """
     document = library_document(plan, outcomes)
+    now = {row["identity"]: Earlier(row["name"], row["ours"]) for row in document["materials"]}
+    left = still_theirs(plan.earlier, now)
+    document["earlier"] = [{"identity": identity, **asdict(one)} for identity, one in left.items()]
     try:
         text = json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n"
         with replacing_file(plan.out / DOCUMENT) as file:
@@ -55,23 +62,27 @@ def write_table(plan: Plan, outcomes: Mapping[str, Outcome]) -> None:
             rows = csv.DictWriter(stream, _COLUMNS, extrasaction="ignore")
             rows.writeheader()
             rows.writerows({**row, "failure": _words(row["failure"])} for row in document["materials"])
-    except OSError as error:
-        cause = f"cannot be written ({error.strerror or error})"
+    except (OSError, ValueError) as error:
+        cause = f"cannot be written ({getattr(error, 'strerror', None) or error})"
         raise BakeError(plan.out / DOCUMENT, cause, "check the folder, its permissions and the free space") from error
 
 
-def names_kept(out: Path) -> dict[str, str]:
-    """Names that sources had in the library's last table, by their identities; none where it cannot be read."""
-    found: dict[str, str] = {}
+def names_kept(out: Path) -> dict[str, Earlier]:
+    """Names that sources had in the library's last table, by their identities; none where it cannot be read.
+
+    One that is another source's own is nobody else's.
+    """
+    found: dict[str, Earlier] = {}
     with contextlib.suppress(OSError, ValueError, RecursionError):
         if (out / DOCUMENT).stat().st_size > _MOST_BYTES:
             return found
         document = json.loads((out / DOCUMENT).read_bytes())
-        materials = document.get("materials") if isinstance(document, dict) else None
-        for row in materials if isinstance(materials, list) else []:
+        listed = [document.get(key) for key in ("earlier", "materials")] if isinstance(document, dict) else []
+        for row in (row for rows in listed if isinstance(rows, list) for row in rows):
             if isinstance(row, dict) and isinstance(row.get("identity"), str) and isinstance(row.get("name"), str):
-                found[row["identity"]] = row["name"]
-    return found
+                found[row["identity"]] = Earlier(row["name"], row.get("ours") is True)
+    owned = {name_key(one.name) for one in found.values() if one.ours}
+    return {key: one for key, one in found.items() if one.ours or name_key(one.name) not in owned}
 
 
 def table_lines(plan: Plan, outcomes: Mapping[str, Outcome], seconds: float) -> list[str]:
@@ -103,13 +114,21 @@ def total_words(plan: Plan, outcomes: Mapping[str, Outcome], seconds: float) -> 
     return f"{plan.out}: {many}, {', '.join(told)}, in {readable_time(seconds)}"
 
 
-def _row(job: LibraryJob, told: Outcome | None) -> dict[str, Any]:
+def _row(job: LibraryJob, told: Outcome | None, before: Earlier | None) -> dict[str, Any]:
     known = asdict(told or Outcome(job.name, FAILED, job.request.title))
+    # A name of a file may be no text.
+    known |= {key: _text(value) for key, value in known.items() if isinstance(value, str)}
     failed = {key: known.pop(key) for key in ("file", "cause", "remedy", "of_machine")}
     if told is None:
         known["state"], known["attempts"] = WAITING, 0
     failure = failed if told is not None and told.state == FAILED else None
-    return {**known, "failure": failure, "identity": job.identity}
+    ours = before == Earlier(job.name, True) or (told is not None and told.state in (BAKED, KEPT))
+    return {**known, "failure": failure, "identity": job.identity, "ours": ours}
+
+
+def _text(words: str) -> str:
+    """Words with escapes in the place of what UTF-8 cannot hold."""
+    return words.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _words(failure: Mapping[str, str] | None) -> str:

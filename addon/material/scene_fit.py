@@ -13,6 +13,7 @@ from typing import Any
 from ...bake.brdf.record import BrdfRecord
 from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
+from ...bake.tables.grids.patch_grid import PatchGrid
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
@@ -237,6 +238,8 @@ def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str | None, Effec
     Raises BakeError where another one was chosen that would misread a table.
     """
     name, tables = "Interpolation", record.tables
+    if any(isinstance(table.table.grid, PatchGrid) for table in tables):
+        return None, Effect(name, False, "patches of the file, between which there is nothing to blend")
     if choices.filter != AUTO:
         record.check_filter(choices.filter, choices.mode)
         return choices.filter, Effect(name, choices.filter != "nearest", f"{choices.filter}, as asked for")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..bundle.bundle import Bundle
 from ..tables.atlas import unpack
+from ..tables.grids.patch_grid import PatchGrid
 from ..tables.table import Filter, Table
 from .parts import StoredTableRecord
 from .samplers import Layout, Sampler, checked_sampler
@@ -41,6 +42,15 @@ class BakedTable:
     def sampler(self) -> str:
         """Name of the image of its sampler."""
         return SAMPLERS[self.part]
+
+    def read_by(self, filter: Filter | None) -> Filter:
+        """The filter that shaders read it by, where this one is asked for, or None for its own.
+
+        Between the patches of a matrix there is nothing to blend.
+        """
+        if isinstance(self.stored.grid, PatchGrid):
+            return "nearest"
+        return filter or self.filter
 
     def load(self) -> Table:
         """The stored values. Raises BakeError."""

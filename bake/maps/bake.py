@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ from numpy.typing import NDArray
 from .. import VERSION
 from ..atomic_write import replacing_folder
 from ..bundle.checked_json import dump_json, load_json
+from ..bundle.origin import Origin, photographs_origin
 from ..errors import BakeError, check_choice
 from ..photographs.photograph import Decoder
-from ..photographs.stack import PhotoStack, StackSettings, read_stack
+from ..photographs.stack import PhotoStack, StackSettings, plan_stack, read_planned
 from .height import height_of, slopes, unfollowed
 from .normals import Surface, check_directions
 from .surface import surface_of
-from .write import FILE_KINDS, NORMAL_CONVENTIONS, FileKind, Maps, NormalConvention, write_maps
+from .write import FILE_KINDS, FULL_SPECULAR, NORMAL_CONVENTIONS, FileKind, Maps, NormalConvention, write_maps
 
 DOCUMENT = "maps.json"
 _PROGRAM = "measured_materials maps"
@@ -30,6 +32,7 @@ _BRIGHTEST, _BRIGHT_SHARE = 0.8, 99.5
 # A misfit beyond this share of what is seen says that lights or their directions are not what they are said to be.
 _DOUBTFUL = 0.2
 _FEW_LIGHTS = 8
+_WORTH_TELLING = 0.01
 
 
 @dataclass(frozen=True)
@@ -77,10 +80,13 @@ def bake_maps(
     settings: MapSettings | None = None,
     progress: Callable[[str, float], None] | None = None,
     decoder: Decoder | None = None,
+    *,
+    replace: bool = False,
 ) -> MapsResult:
     """Write normal, albedo, height, roughness and specular maps of a stack of photographs into a folder of its own.
 
-    The folder appears when everything is in it, and replaces one of maps only.
+    The folder appears when everything is in it, and replaces maps of the same photographs only, or with `replace` of
+    any.
 
     Raises
     ------
@@ -89,9 +95,15 @@ def bake_maps(
     started = time.monotonic()
     settings, say = settings or MapSettings(), progress or (lambda stage, share: None)
     _refuse_foreign(folder)
-    stack = read_stack(source, all_around(settings.stack), say, decoder)
-    origin = _name_of(source)
-    maps, facts, warnings = maps_of(stack, settings, origin, lambda share: say("fitting", share))
+    planned = plan_stack(source, all_around(settings.stack), decoder)
+    name = _name_of(source)
+    _check(planned.plan.directions, name)
+    origin = photographs_origin(source if isinstance(source, str | Path) else [Path(path) for path in source])
+    if not replace:
+        _refuse_another(folder, name, origin)
+    stack = read_planned(planned, say, decoder)
+    maps, facts, warnings = maps_of(stack, settings, name, lambda share: say("fitting", share))
+    facts["origin"] = origin
     say("writing", 0.0)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -106,7 +118,7 @@ def bake_maps(
 
 def all_around(stack: StackSettings) -> StackSettings:
     """The same reading of photographs, with lights of every azimuth."""
-    return replace(stack, azimuth=None, spread=90.0, sides="both")
+    return dataclasses.replace(stack, azimuth=None, spread=90.0, sides="both")
 
 
 def maps_of(
@@ -119,18 +131,15 @@ def maps_of(
     BakeError : as `photometric_stereo`, naming the `origin`
     """
     warnings = list(stack.warnings)
-    try:
-        check_directions(stack.directions)
-    except BakeError as error:
-        raise BakeError(origin, f"{error.file} {error.cause}", error.remedy) from None
+    _check(stack.directions, origin)
     assert stack.directions is not None
     surface, gloss = surface_of(stack.images, stack.directions, progress)
     scale = 1.0
     if not stack.calibrated:
         scale = _BRIGHTEST / max(float(np.percentile(surface.albedo, _BRIGHT_SHARE)), 1e-12)
         warnings.append(
-            f"brightness is not calibrated: albedo is scaled so that its brightest texels are {_BRIGHTEST:g}; give "
-            "--albedo or --white-card"
+            f"brightness is not calibrated: albedo and specular are scaled so that the brightest albedo is "
+            f"{_BRIGHTEST:g}; give --albedo or --white-card"
         )
     misfit = float(np.median(surface.misfit))
     if misfit > _DOUBTFUL:
@@ -139,6 +148,12 @@ def maps_of(
         )
     if len(stack.images) < _FEW_LIGHTS:
         warnings.append(f"{len(stack.images)} lights tell shadow and gloss from slope badly: {_FEW_LIGHTS} or more do")
+    strong = float((gloss.strength * scale > FULL_SPECULAR).mean())
+    if settings.files != "exr" and strong > _WORTH_TELLING:
+        warnings.append(
+            f"{strong:.0%} of the texels reflect more than PNG's specular holds, an F0 of {FULL_SPECULAR:g}: give "
+            "--files exr"
+        )
     normal, tilt = _levelled(surface) if settings.level else (surface.normals, 0.0)
     height = height_of(normal, repeats=settings.repeats)
     albedo = surface.albedo * np.float32(scale)
@@ -153,9 +168,10 @@ def maps_of(
         "misfit": round(misfit, 4),
         "levelled_deg": round(tilt, 3),
         "slopes_without_height": round(unfollowed(normal, height), 4),
-        "gloss_told_share": round(gloss.told, 4),
+        "gloss_told_share": round(float(gloss.told.mean()), 4),
         "mean_albedo": np.round(albedo.mean((0, 1)), 4).tolist(),
         "albedo_above_one_share": round(beyond, 6),
+        "specular_above_png_share": round(strong, 6),
         "reading": stack.facts,
         "warnings": warnings,
     }
@@ -178,6 +194,23 @@ def _levelled(surface: Surface) -> tuple[NDArray[np.float32], float]:
     normal = np.dstack([bowl[..., 0] - p, bowl[..., 1] - q, np.ones_like(p)])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return normal.astype(np.float32), float(np.degrees(np.arctan(np.sqrt((bowl**2).sum(-1).mean()))))
+
+
+def _check(directions: NDArray[np.float64] | None, origin: str) -> None:
+    try:
+        check_directions(directions)
+    except BakeError as error:
+        raise BakeError(origin, f"{error.file} {error.cause}", error.remedy) from None
+
+
+def _refuse_another(folder: Path, name: str, origin: Origin) -> None:
+    """Raise BakeError where the folder holds maps of other photographs."""
+    if not (folder / DOCUMENT).is_file():
+        return
+    document = load_json(folder / DOCUMENT)
+    if document.get("origin") != origin or document.get("source") != name:
+        what = f"holds maps of other photographs ({str(document.get('source'))[:60]!r})"
+        raise BakeError(folder, what, "give another --out, or --replace")
 
 
 def _name_of(source: Path | str | Sequence[Path | str]) -> str:

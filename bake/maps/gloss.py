@@ -18,7 +18,7 @@ from .normals import Surface
 
 _CHUNK = 1 << 13
 # Roughness as Principled BSDF has it, alpha its square.
-_ROUGHNESSES = np.linspace(0.1, 1.0, 19)
+_ROUGHNESSES: NDArray[np.float64] = np.linspace(0.1, 1.0, 19)
 # A lobe is told by a light whose half vector leans from the normal by less than so many widths of the lobe, and that is
 # brighter than the matte part by this share.
 _SEEN, _STANDS_OUT = 1.5, 0.25
@@ -32,12 +32,12 @@ class Gloss:
 
     roughness : (H, W) as of Principled BSDF, in [0, 1]
     strength : (H, W), about F0, on the scale of the photographs; 0 where none is seen anywhere
-    told : share of the texels that tell their own roughness
+    told : (H, W), whether the texel tells its own
     """
 
     roughness: NDArray[np.float32]
     strength: NDArray[np.float32]
-    told: float
+    told: NDArray[np.bool_]
 
     def shown(self, directions: NDArray[np.float64], normals: NDArray[np.floating]) -> NDArray[np.float32]:
         """What it adds to the photographs (n, H, W) of a surface with these normals (H, W, 3)."""
@@ -80,7 +80,7 @@ def fit_gloss(images: NDArray[np.float32], directions: NDArray[np.float64], surf
         np.where(told, x, value).reshape(shape).astype(np.float32)
         for x, value in zip((roughness, strength), usual, strict=True)
     )
-    return Gloss(rough, strong, float(told.mean()))
+    return Gloss(rough, strong, told.reshape(shape))
 
 
 def _best(
@@ -90,19 +90,38 @@ def _best(
     facing: NDArray[np.float64],
     counted: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Roughness, strength, half width in radians (T,), and whether the lobe explains more than half of the rest."""
-    size = rest.shape[1]
-    least = np.full(size, np.inf)
-    found, strength = np.ones(size), np.zeros(size)
+    """Roughness, strength, half width in radians (T,), and whether the lobe explains more than half of the rest.
+
+    The least of the errors lies on a parabola through the best of the candidates and its neighbours.
+    """
+    errors = np.empty((len(_ROUGHNESSES), rest.shape[1]))
+    for k, roughness in enumerate(_ROUGHNESSES):
+        _, errors[k] = _strength(float(roughness) ** 2, rest, lit, tilt, facing, counted)
+    best = errors.argmin(0)
+    middle = np.clip(best, 1, len(_ROUGHNESSES) - 2)
+    below, there, above = (np.take_along_axis(errors, (middle + step)[None], 0)[0] for step in (-1, 0, 1))
+    bend = below - 2 * there + above
+    shift = np.where(bend > 0, 0.5 * (below - above) / np.where(bend > 0, bend, 1.0), 0.0)
+    between = _ROUGHNESSES[middle] + np.clip(shift, -1, 1) * (_ROUGHNESSES[1] - _ROUGHNESSES[0])
+    # At the ends of the candidates the parabola is another candidate's.
+    found: NDArray[np.float64] = np.where(best == middle, between, _ROUGHNESSES[best]).astype(np.float64)
+    strength, least = _strength(found**2, rest, lit, tilt, facing, counted)
     whole = np.maximum((counted * rest**2).sum(0), 1e-30)
-    for roughness in _ROUGHNESSES:
-        lobe = ggx_lobe(roughness**2, lit, tilt, facing) * counted
-        k = np.maximum((lobe * rest).sum(0) / np.maximum((lobe**2).sum(0), 1e-30), 0)
-        left = (counted * (rest - k * lobe) ** 2).sum(0)
-        better = left < least
-        least = np.where(better, left, least)
-        found, strength = np.where(better, roughness, found), np.where(better, k, strength)
     return found, strength, np.arctan(found**2), least < 0.5 * whole
+
+
+def _strength(
+    alpha: float | NDArray[np.float64],
+    rest: NDArray[np.float64],
+    lit: NDArray[np.float64],
+    tilt: NDArray[np.float64],
+    facing: NDArray[np.float64],
+    counted: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Strength of a lobe of this alpha by least squares, and the sum of squares that it leaves, (T,) each."""
+    lobe = ggx_lobe(alpha, lit, tilt, facing) * counted
+    k = np.maximum((lobe * rest).sum(0) / np.maximum((lobe**2).sum(0), 1e-30), 0)
+    return k, (counted * (rest - k * lobe) ** 2).sum(0)
 
 
 def half_vectors(directions: NDArray[np.float64]) -> NDArray[np.float64]:

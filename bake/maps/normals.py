@@ -10,7 +10,6 @@ leaves, narrower above the law than below it, for gloss is common and deep shado
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,13 +37,11 @@ class Surface:
 
     normals : (H, W, 3) unit vectors, x right, y up, z to the camera
     albedo : (H, W, 3), linear Rec.709, on the scale of the photographs times pi
-    weights : (n, H, W) in [0, 1]: how far each photograph was believed
-    misfit : (H, W), RMS of what the law leaves of the photographs believed, as a share of their mean
+    misfit : (H, W), RMS of what the law leaves, in parts of the mean, photographs counting as far as they are believed
     """
 
     normals: NDArray[np.float32]
     albedo: NDArray[np.float32]
-    weights: NDArray[np.float32]
     misfit: NDArray[np.float32]
 
 
@@ -53,7 +50,6 @@ def photometric_stereo(
     directions: NDArray[np.float64],
     *,
     robust: bool = True,
-    progress: Callable[[float], None] | None = None,
 ) -> Surface:
     """Normals and albedo of texels from photographs.
 
@@ -73,7 +69,6 @@ def photometric_stereo(
     pixels = images.reshape(count, -1, 3)
     normals = np.empty((height * width, 3), np.float32)
     albedo = np.empty_like(normals)
-    weights = np.empty((count, height * width), np.float32)
     misfit = np.empty(height * width, np.float32)
     for start in range(0, height * width, _CHUNK):
         part = slice(start, start + _CHUNK)
@@ -90,14 +85,10 @@ def photometric_stereo(
         off = seen - lit * luminance(scale)
         believed = np.maximum(weight.sum(0), 1e-12)
         mean = np.maximum((weight * seen).sum(0) / believed, 1e-12)
-        normals[part], albedo[part], weights[:, part] = unit, np.pi * scale, weight
+        normals[part], albedo[part] = unit, np.pi * scale
         misfit[part] = np.sqrt((weight * off**2).sum(0) / believed) / mean
-        if progress:
-            progress(min(1.0, (start + _CHUNK) / (height * width)))
     shape = (height, width)
-    return Surface(
-        normals.reshape(*shape, 3), albedo.reshape(*shape, 3), weights.reshape(count, *shape), misfit.reshape(shape)
-    )
+    return Surface(normals.reshape(*shape, 3), albedo.reshape(*shape, 3), misfit.reshape(shape))
 
 
 def check_directions(directions: NDArray[np.float64] | None) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,12 @@ from .gloss import Gloss, fit_gloss
 from .normals import Surface, photometric_stereo
 
 _ROUNDS = 3
-# Gloss that adds less than this share to what is seen changes nothing that is worth another turn.
-_FAINT = 0.01
+# Texels that are fitted at a time.
+_CHUNK = 1 << 16
 # A turn serves a texel if it explains the photographs by so much better, without turning the normal by more degrees, or
 # leaving less of the albedo: a dark varnish can be all gloss of any normal.
 _BETTER, _MOST_TURNED, _LEAST_ALBEDO = 0.9, 12.0, 0.4
+Part = TypeVar("Part", Surface, Gloss)
 
 
 def surface_of(
@@ -38,48 +41,73 @@ def surface_of(
     BakeError : as `photometric_stereo`
     """
     say = progress or (lambda share: None)
-    seen = luminance(images)
-    surface = first = photometric_stereo(images, directions, progress=lambda share: say(0.4 * share))
-    gloss = fit_gloss(images, directions, surface)
-    shown = gloss.shown(directions, surface.normals)
-    error = _unexplained(seen, directions, surface, shown)
+    rows = max(1, _CHUNK // images.shape[2])
+    parts = [slice(start, start + rows) for start in range(0, images.shape[1], rows)]
+    surface = _by_parts(lambda part: photometric_stereo(images[:, part], directions), parts, lambda x: say(0.4 * x))
+    first, gloss = surface, fit_gloss(images, directions, surface)
     say(0.5)
     for turn in range(_ROUNDS - 1):
-        if shown.mean() < _FAINT * images.mean():
+        if not gloss.strength.any():
             break
-        other = photometric_stereo(np.maximum(images - shown[..., None], 0), directions)
+        matte = partial(_matte, images, directions, surface, gloss)
+        other = _by_parts(matte, parts)
         lobe = fit_gloss(images, directions, other)
-        added = lobe.shown(directions, other.normals)
-        left = _unexplained(seen, directions, other, added)
         turned = (other.normals * first.normals).sum(-1) < np.cos(np.radians(_MOST_TURNED))
         dark = luminance(other.albedo) < _LEAST_ALBEDO * luminance(first.albedo)
-        better = (left < _BETTER * error) & ~turned & ~dark
-        surface = _chosen(better, other, surface)
-        gloss = replace(
-            gloss,
-            roughness=np.where(better, lobe.roughness, gloss.roughness),
-            strength=np.where(better, lobe.strength, gloss.strength),
+        before, after = (
+            np.concatenate([_unexplained(images[:, part], directions, *_cut(part, *pair)) for part in parts])
+            for pair in ((surface, gloss), (other, lobe))
         )
-        shown, error = np.where(better, added, shown), np.where(better, left, error)
+        better = (after < _BETTER * before) & ~turned & ~dark
+        if not better.any():
+            break
+        surface, gloss = _chosen(better, other, surface), _chosen(better, lobe, gloss)
         say(0.5 + 0.5 * (turn + 1) / (_ROUNDS - 1))
     say(1.0)
     return surface, gloss
 
 
+def _matte(
+    images: NDArray[np.float32], directions: NDArray[np.float64], surface: Surface, gloss: Gloss, part: slice
+) -> Surface:
+    """Rows of a surface of what the gloss leaves."""
+    known, lobes = _cut(part, surface, gloss)
+    shown = lobes.shown(directions, known.normals)
+    return photometric_stereo(np.maximum(images[:, part] - shown[..., None], 0), directions)
+
+
+def _by_parts(
+    made: Callable[[slice], Surface], parts: Sequence[slice], progress: Callable[[float], None] | None = None
+) -> Surface:
+    """A surface made by rows, which takes the memory of few."""
+    found = []
+    for done, part in enumerate(parts, 1):
+        found.append(made(part))
+        if progress:
+            progress(done / len(parts))
+    return Surface(*(np.concatenate([getattr(one, f.name) for one in found]) for f in fields(Surface)))
+
+
+def _cut(part: slice, surface: Surface, gloss: Gloss) -> tuple[Surface, Gloss]:
+    """Rows of both."""
+    return (
+        Surface(*(getattr(surface, f.name)[part] for f in fields(Surface))),
+        Gloss(*(getattr(gloss, f.name)[part] for f in fields(Gloss))),
+    )
+
+
 def _unexplained(
-    seen: NDArray[np.float32], directions: NDArray[np.float64], surface: Surface, shown: NDArray[np.float32]
+    images: NDArray[np.float32], directions: NDArray[np.float64], surface: Surface, gloss: Gloss
 ) -> NDArray[np.float64]:
     """Mean absolute difference (H, W) of the photographs to matte part and gloss together."""
     lit = np.maximum(np.einsum("ni,hwi->nhw", directions, surface.normals), 0)
-    error: NDArray[np.float64] = np.abs(seen - lit * luminance(surface.albedo) / np.pi - shown).mean(0)
+    explained = lit * luminance(surface.albedo) / np.pi + gloss.shown(directions, surface.normals)
+    error: NDArray[np.float64] = np.abs(luminance(images) - explained).mean(0)
     return error
 
 
-def _chosen(where: NDArray[np.bool_], a: Surface, b: Surface) -> Surface:
+def _chosen(where: NDArray[np.bool_], a: Part, b: Part) -> Part:
     """Texels of `a` where that is so, of `b` elsewhere."""
-    return Surface(
-        np.where(where[..., None], a.normals, b.normals),
-        np.where(where[..., None], a.albedo, b.albedo),
-        np.where(where, a.weights, b.weights),
-        np.where(where, a.misfit, b.misfit),
-    )
+    arrays = [(f.name, getattr(a, f.name), getattr(b, f.name)) for f in fields(a)]
+    picked = {name: np.where(where[..., None] if x.ndim == 3 else where, x, y) for name, x, y in arrays}
+    return replace(b, **picked)

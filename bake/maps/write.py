@@ -21,7 +21,7 @@ NORMAL_CONVENTIONS: tuple[str, ...] = get_args(NormalConvention)
 FileKind = Literal["png8", "png16", "exr"]
 FILE_KINDS: tuple[str, ...] = get_args(FileKind)
 # F0 of Principled BSDF's IOR Level, or Specular, of 1.
-_FULL_SPECULAR = 0.08
+FULL_SPECULAR = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def write_maps(folder: Path, maps: Maps, convention: NormalConvention, kind: Fil
     exact = kind == "exr"
     span = max(high - low, 1e-12)
     height = maps.height if exact else (maps.height - low) / span
-    specular = maps.reflectance if exact else np.clip(maps.reflectance / _FULL_SPECULAR, 0, 1)
+    specular = maps.reflectance if exact else np.clip(maps.reflectance / FULL_SPECULAR, 0, 1)
     planes: Mapping[str, tuple[NDArray[np.float32], Facts]] = {
         "normal": (normal, {"green": "up" if convention == "opengl" else "down", "color_space": "Non-Color"}),
         "albedo": (
@@ -67,13 +67,14 @@ def write_maps(folder: Path, maps: Maps, convention: NormalConvention, kind: Fil
                 "color_space": "Non-Color",
                 "lowest": 0.0 if exact else low,
                 "scale": 1.0 if exact else span,
+                "midlevel": 0.0 if exact else -low / span,
                 "unit": "width of the picture",
             },
         ),
         "roughness": (maps.roughness[..., None], {"color_space": "Non-Color"}),
         "specular": (
             specular[..., None],
-            {"color_space": "Non-Color", "unit": "F0" if exact else f"F0 / {_FULL_SPECULAR}"},
+            {"color_space": "Non-Color", "unit": "F0" if exact else f"F0 / {FULL_SPECULAR}"},
         ),
     }
     facts: dict[str, Facts] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -14,7 +15,7 @@ from ..errors import BakeError
 from .brackets import bracket_stem
 from .folder import list_names
 from .light_files.entry import LightEntry, Vector, direction_in_name, name_key
-from .light_files.readers import numbers_of_lines, read_lights
+from .light_files.readers import FILENAMES, numbers_of_lines, read_lights
 
 _HORIZON = 1e-6
 """Sine of the elevation up to which a light lies in the plane of the swatch."""
@@ -22,7 +23,7 @@ _SAME = 1e-4
 """Directions closer than this (rad) are one light."""
 _TABLE_NAMES = ("lights.csv",), ("lights.txt", "lights.tsv")
 # Of DiLiGenT: directions, and beside them how strong each light was, by channel.
-_DIRECTIONS, _INTENSITIES = "light_directions.txt", "light_intensities.txt"
+_DIRECTIONS, STRENGTHS = "light_directions.txt", "light_intensities.txt"
 _TABLE_SUFFIXES = {".csv", ".txt", ".tsv"}
 _CANDIDATES = range(0, 360, 10)
 # A light that leans less than this beyond the zenith counts as overhead, on either side.
@@ -73,7 +74,6 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
         lights.intensities = np.array(
             [strengths[key] for key in (_entry_key(path, strengths) for path in lights.paths)]
         )
-        lights.facts["intensities"] = _INTENSITIES
     return lights
 
 
@@ -81,11 +81,11 @@ def _intensities_beside(file: Path, entries: list[LightEntry]) -> dict[str, list
     """How strong the light of each photograph was, by the keys of their names. Raises BakeError."""
     if file.name.casefold() != _DIRECTIONS:
         return None
-    beside = next((path for path in file.parent.iterdir() if path.name.casefold() == _INTENSITIES), None)
-    if beside is None:
+    beside = file.with_name(STRENGTHS)
+    if not beside.is_file():
         return None
     numbers = numbers_of_lines(beside)
-    if numbers is None or len(numbers) != len(entries) or not all(min(line) > 0 for line in numbers):
+    if numbers is None or len(numbers) != len(entries) or not all(0 < x < math.inf for line in numbers for x in line):
         cause = f"does not hold three numbers above 0 for each of the {len(entries)} lights"
         raise BakeError(beside, cause, "write red, green and blue a line, or take it away")
     return {_key(entry.file): line for entry, line in zip(entries, numbers, strict=True)}
@@ -124,8 +124,19 @@ def _in_folder(paths: list[Path]) -> Path | None:
 
 
 def light_files_beside(folder: Path) -> list[Path]:
-    """Files that may say where the lights of photographs in this folder were: in it, and in the one that it lies in."""
-    return [file for place in (folder, folder.absolute().parent) for file in light_files(place)]
+    """Files that may say where the lights of photographs in this folder were: in it, and in the one that it lies in.
+
+    With those that are read with them.
+    """
+    files = [file for place in (folder, folder.absolute().parent) for file in light_files(place)]
+    return [*files, *(beside for file in files for beside in read_with(file))]
+
+
+def read_with(file: Path) -> list[Path]:
+    """Files beside one of lights that are read with it: names and strengths of DiLiGenT's."""
+    if file.name.casefold() != _DIRECTIONS:
+        return []
+    return [path for path in (file.with_name(FILENAMES), file.with_name(STRENGTHS)) if path.is_file()]
 
 
 def light_files(folder: Path) -> list[Path]:

@@ -22,7 +22,7 @@ from .development import Counts, Development
 from .flat_field import FlatField
 from .folder import find_photographs
 from .frame import Placement
-from .lights import choose_arc, find_lights
+from .lights import STRENGTHS, choose_arc, find_lights
 from .photograph import Decoder, read_info, read_photograph
 from .plan import Plan, plan_reading
 from .settings import StackSettings
@@ -157,7 +157,14 @@ def read_planned(planned: PlannedStack, progress: Progress | None = None, decode
         "alignment": aligned,
         "calibration": calibration,
     }
+    if _divides(plan, settings):
+        facts["strengths"] = STRENGTHS
     return PhotoStack(images, tuple(names), directions, bool(calibration["by"]), tuple(warnings), facts)
+
+
+def _divides(plan: Plan, settings: StackSettings) -> bool:
+    """Whether photographs are divided by how strong their lights were: a white card or a flat field has seen those."""
+    return plan.intensities is not None and settings.white_card is None and settings.flat_field is None
 
 
 def _read_images(
@@ -184,8 +191,7 @@ def _read_images(
         if len({plan.exposures.relative[i] for i in group}) < len(group):
             view.check_repeats(placement.region)
         images[k] = view.swatch(placement)
-        # A white card or a flat field has seen the same light.
-        if plan.intensities is not None and card is None and flat is None:
+        if plan.intensities is not None and _divides(plan, settings):
             images[k] /= plan.intensities[k].astype(np.float32)
         if card is not None:
             cards[k], clipped = view.mean(card)

@@ -20,7 +20,7 @@ from ..bundle.recipe import RECIPE, recipe_of
 from ..bundle.result import BakeResult
 from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
-from ..photographs.lights import light_files_beside
+from ..photographs.lights import light_files_beside, read_with
 from ..photographs.stack import FORMAT, PhotoStack, StackSettings, read_stack
 from ..rights import Rights
 from ..source import BrdfSource, Facts, Json
@@ -130,7 +130,9 @@ def arc_recipe(source: Path | Sequence[Path], settings: ArcSettings, origin: Ori
     folder = source if isinstance(source, Path) else Path(*source[:1]).parent
     if settings.through is not None:
         settings = replace(settings, through=settings.through.found(folder))
-    return recipe_of(settings, origin, light_files_beside(folder))
+    given = settings.stack.lights
+    files = light_files_beside(folder) if given is None else read_with(Path(given))
+    return recipe_of(settings, origin, files)
 
 
 def _paths(source: str | Path | Sequence[Path]) -> Path | Sequence[Path]:

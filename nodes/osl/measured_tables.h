@@ -154,7 +154,7 @@ float mm_patch(string patches, vector w)
       number = azimuths[k + 1];
     }
   float turn = floor(atan2(w[1], w[0]) * (0.5 / M_PI) * number + 0.5);
-  return first + (turn < -0.5 ? turn + number : turn);
+  return first + (number < 1.5 ? 0 : (turn < -0.5 ? turn + number : turn));
 }
 
 // bake/tables/grids/patch_grid.py: PatchGrid.coordinates

@@ -23,7 +23,7 @@ def run(out: Path, quick: bool) -> int | None:
     if not PLATES.is_dir():
         print("not here: stacks/rendered_plate of the shared data")
         return 1
-    table = Table("plate", "plain least squares", "bake maps", "leveled too", "s", title="mean error of the normals")
+    table = Table("plate", "plain least squares", "--no-level", "bake maps", "s", title="mean error of the normals")
     for name in _NAMES[::2] if quick else _NAMES:
         dome = PLATES / name / "Dome"
         settings = StackSettings(lights=dome / "dirs.lp", align="off")

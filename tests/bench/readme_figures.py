@@ -165,7 +165,8 @@ STATED = (
     *(
         Stated(
             "maps",
-            f"| {label} | {{{label.partition(',')[0]}, least squares|2}}° | {{{label.partition(',')[0]}, maps|2}}° |",
+            f"| {label} | {{{label.partition(',')[0]}, least squares|2}}° | {{{label.partition(',')[0]}, maps|2}}° | "
+            f"{{{label.partition(',')[0]}, level|2}}° |",
             "addon/docs/maps.md",
         )
         for label in ("single1, matte", "single3, some gloss", "single5, glossy", "multi2, several materials")

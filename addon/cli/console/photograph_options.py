@@ -30,8 +30,8 @@ def add_photographs(group: Any, *, arc: bool = True) -> None:
         "--lights",
         type=Path,
         metavar="FILE",
-        help="lights.csv, .lp or a list 'file x y z' of the lights' directions (default: found in the folder, or "
-        "angles in the file names)",
+        help="directions of the lights: lights.csv, .lp, a list 'file x y z' or DiLiGenT's light_directions.txt "
+        "(default: found in the folder, or angles in the file names)",
     )
     if arc:
         _add_arc(group, usual)
