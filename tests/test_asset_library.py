@@ -17,12 +17,14 @@ import pytest
 from measured_materials.addon.asset_library import library as asset_library
 from measured_materials.addon.asset_library.blend_file import AssetSettings
 from measured_materials.addon.asset_library.written import FILE as INDEX
+from measured_materials.addon.asset_library.written import Written
 from measured_materials.addon.assets.catalogue import FILE as CATALOGUES
 from measured_materials.addon.assets.catalogue import catalogue_id
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.library.lock import LOCK
 from measured_materials.addon.material.facts import record_of
 from measured_materials.bake.bundle.bundle import MATERIAL, PREVIEW
+from measured_materials.bake.bundle.checked_json import MAX_JSON_BYTES
 from measured_materials.bake.images.image_io import read_image
 from support.imports import datablocks
 
@@ -194,13 +196,18 @@ def test_a_full_disk_leaves_the_older_file(library: Path, tmp_path: Path, capsys
 
 
 def test_what_a_killed_run_left_goes_and_nothing_else(library: Path, tmp_path: Path, capsys: Any) -> None:
-    out = tmp_path / "out"
-    (out / "below").mkdir(parents=True)
-    left = [out / ".0123456789ab.partial.blend", out / "below" / ".0123456789ab.partial.blend"]
-    others = [out / ".mine.partial.blend", out / "notes.partial.txt"]
+    """Also where it writes below, but not in a library below, which has a lock of its own."""
+    out, shelf, name = tmp_path / "out", tmp_path / "shelf", ".0123456789ab.partial.blend"
+    for place in ("cloth", "own", "elsewhere"):
+        (out / place).mkdir(parents=True)
+    (out / "own" / LOCK).touch()
+    for place in ("cloth", "own"):
+        shutil.copytree(library / "gold.mmat", shelf / place / "gold.mmat")
+    left = [out / name, out / "cloth" / name]
+    others = [out / ".mine.partial.blend", out / "notes.partial.txt", out / "own" / name, out / "elsewhere" / name]
     for file in (*left, *others):
         file.write_bytes(b"half")
-    states(library / "gold.mmat", out, capsys)
+    states(shelf, out, capsys)
     assert not any(file.exists() for file in left) and all(file.exists() for file in others)
 
 
@@ -230,6 +237,15 @@ def test_a_defect_is_of_one_material_alone(
     monkeypatch.setattr(asset_library, "write_asset", failing)
     found = states(shelf, tmp_path / "out", capsys, expect=1)
     assert found == {"cloth/felt.blend": "failed", "gold.blend": "written", "spoiled.blend": "failed"}
+
+
+def test_an_index_of_many_assets_is_written_and_read(tmp_path: Path) -> None:
+    """Of more than a bundle's document may hold: otherwise every later run would write all of them again."""
+    many = {f"{k:06}{'x' * 60}.blend": ("a" * 64, "b" * 64) for k in range(20_000)}
+    (tmp_path / "gold.blend").write_bytes(b"gold")
+    Written(tmp_path, dict(many)).note("gold.blend", "c" * 64)
+    assert (tmp_path / INDEX).stat().st_size > MAX_JSON_BYTES
+    assert Written.read(tmp_path).entries.keys() == {*many, "gold.blend"}
 
 
 def test_links_are_not_followed(library: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -15,7 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_materials.addon.cli.main import main
+from measured_materials.addon.cli.console.result import Result
+from measured_materials.addon.cli.main import _tell, main
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.sources.merl import DIMENSIONS
 from support.coarse_bakes import coarse  # noqa: F401
@@ -301,6 +303,13 @@ def test_output_is_json_and_nothing_else(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["bundles"][0]["path"] == "lambert.mmat"
     assert "python" in done.stderr and "library" in done.stderr
+
+
+def test_json_of_a_large_library_is_printed() -> None:
+    """Of more than a bundle's document may hold."""
+    stream = io.StringIO()
+    assert _tell(Result({"materials": ["x" * 1000] * 5000}, []), True, stream) == 0
+    assert len(json.loads(stream.getvalue())["materials"]) == 5000
 
 
 BLOCK_BPY = "import sys; sys.modules['bpy'] = None"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -11,12 +13,19 @@ from typing import Any
 
 import pytest
 import quickjs
+from measured_materials.addon.baking.request import BakeRequest
 from measured_materials.addon.cli.main import main, parser
 from measured_materials.addon.exports import flamenco
 from measured_materials.addon.exports.library_list import NAME, common_root
 from measured_materials.addon.exports.opencue import COMMANDS
+from measured_materials.addon.library import run
+from measured_materials.addon.library.plan import LibraryJob
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.errors import BakeError
+from measured_materials.bake.shading_maps.bake import ArcSettings
 from support.flamenco_manager import KEYS, SUBTYPES, TYPES, VISIBLE, JobType, Task
+from support.stacks import write_stack
 
 SCRIPT = Path(flamenco.__file__).with_name(flamenco.SCRIPT)
 QUICK = ["--resolution=8", "--parameterization=bezier", "--basis=normal", "--alpha=0.5,0.5", "--no-envelope"]
@@ -128,6 +137,70 @@ def test_the_tasks_bake_the_library(tmp_path: Path, sources: list[str], capsys: 
     assert (tmp_path / "LIB" / "library.json").exists()
 
 
+@pytest.mark.parametrize(
+    "raised",
+    [
+        MemoryError(),
+        OSError(errno.ENOSPC, "No space left on device"),
+        PermissionError(errno.EACCES, "Permission denied"),
+        ModuleNotFoundError("No module named 'OpenImageIO'"),
+    ],
+)
+def test_a_workers_own_fault_fails_its_task(raised: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it comes as it is or as a line for people: another worker is to do it."""
+    call = ["bake", "library", "--analytic", "lambert", "--out", str(tmp_path), "--task", "--exit-zero"]
+
+    def bare(*given: object) -> None:
+        raise raised
+
+    def in_words(*given: object) -> None:
+        try:
+            raise raised
+        except Exception as error:
+            raise BakeError("lambert", "cannot be baked", "wait") from error
+
+    for fault in (bare, in_words) if not isinstance(raised, ImportError) else (in_words,):
+        monkeypatch.setattr(run, "run_request", fault)
+        assert main(call) == 1
+    monkeypatch.setattr(run, "run_request", lambda *given: (_ for _ in ()).throw(BakeError("a", "is damaged", "b")))
+    assert main(call) == 0
+
+
+def test_a_task_makes_no_library_and_misses_no_measurement(tmp_path: Path, capsys: Any) -> None:
+    """A worker without the shared folder would otherwise bake into one of its own, or complete whatever it is given."""
+    task = ["bake", "library", "--analytic", "lambert", "--out", str(tmp_path / "LIB"), "--task", "--exit-zero"]
+    assert main(task) == 1 and not (tmp_path / "LIB").exists()
+    assert "is no folder that this machine sees" in capsys.readouterr().err
+    (tmp_path / "LIB").mkdir()
+    assert main(["bake", "library", str(tmp_path / "gold.binary"), *task[4:]]) == 1
+    job = LibraryJob("gold", BakeRequest(tmp_path / "gold.binary", BakeSettings()))
+    assert run.run_task(job, tmp_path / "LIB").of_machine, "it was there when the task began"
+
+
+def test_a_photograph_that_a_worker_may_not_read_is_its_own_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which a library of images tells in words alone, as of one that is damaged."""
+    cloth = write_stack(tmp_path / "cloth")
+    photograph = next(cloth.glob("*.png"))
+    photograph.write_bytes(b"junk")
+    job = LibraryJob("cloth", BakeRequest(cloth, ArcSettings()))
+    assert not run.run_task(job, tmp_path).of_machine
+    may = os.access
+    monkeypatch.setattr(run.os, "access", lambda path, how: path != photograph and may(path, how))
+    assert run.run_task(job, tmp_path).of_machine
+
+
+def test_without_blender_assets_are_refused_before_the_bake(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    call = ["bake", "library", "--analytic", "lambert", *QUICK, "--out", str(tmp_path / "LIB"), "--assets", "A"]
+    assert main(call) == 1 and not (tmp_path / "LIB").exists()
+    assert "needs Blender" in capsys.readouterr().err
+    assert main([*call, "--export", "flamenco"]) == 0, "which another machine has"
+
+
 def test_cuecmd_gets_lines_that_a_shell_runs(tmp_path: Path, sources: list[str]) -> None:
     out = tmp_path / "LI'B"
     call = ["bake", "library", *sources, "--out", str(out), "--export", "opencue", "--farm-program", PYTHON]
@@ -145,6 +218,7 @@ def test_what_does_not_go_together_is_wrong_usage(tmp_path: Path) -> None:
     assert main([*call, "--export", "flamenco", "--task"]) == 2
     assert main([*call, "--export", "opencue", "--assets", "A"]) == 2
     assert main([*call, "--farm-program", "x"]) == 2
+    assert main([*call, "--dask", "tcp://127.0.0.1:1", "--jobs", "2"]) == 2
     assert not (tmp_path / "LIB").exists()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import runpy
 import shutil
+import time
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,7 +36,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_spoiled_files_end_in_a_clean_error_or_a_source(name: str, small: dict[str, Path], tmp_path: Path) -> None:
     tally = fuzz.try_many(name, small[name], tmp_path, FEW)
     # Else the changes are too weak, or the original is refused too.
-    assert tally.tried - tally.read > FEW // 10 and tally.tried == FEW
+    assert tally.tried - tally.read > FEW // 10 and tally.tried == FEW and not tally.hangs
     path = tmp_path / small[name].name
     path.write_bytes(small[name].read_bytes())
     assert read_and_look(path)
@@ -49,7 +50,7 @@ def test_a_hundred_thousand_spoiled_files(name: str, small: dict[str, Path]) -> 
         tally = fuzz.try_in_parts(name, small[name], folder, MANY, PROCESSES)
     print(f"{name}: {tally.told}")
     assert tally.tried == MANY and 0 < tally.read < MANY
-    assert tally.growth < fuzz.MOST_GROWTH
+    assert tally.growth < fuzz.MOST_GROWTH and not tally.hangs
     shutil.rmtree(folder)  # not where a spoiled file is kept there
 
 
@@ -173,6 +174,27 @@ def test_a_mistyped_format_is_refused_before_any_file_is_made(monkeypatch: pytes
     assert not made
 
 
+def test_a_file_that_hangs_is_counted_and_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the run goes on."""
+    monkeypatch.setattr(fuzz, "MOST_SECONDS", 0.05)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    path, numbers = tmp_path / "a.brdf", iter(range(4))
+
+    def spoil(rng: np.random.Generator) -> None:
+        path.write_text(str(next(numbers)))
+
+    def read() -> bool:
+        until = time.process_time() + (0.1 if path.read_text() == "2" else 0)
+        while time.process_time() < until:
+            pass
+        return True
+
+    tally = fuzz.tallied("a", path, spoil, read, 4, 7)
+    assert (tally.tried, tally.read, tally.hangs) == (4, 4, 1) and "1 hangs" in tally.told
+    (kept,) = tmp_path.glob("hang*/spoiled_7_2.brdf")
+    assert kept.read_text() == "2" and (tally + tally).hangs == 2
+
+
 def test_of_each_format_the_most_files_are_kept_and_all_are_one_table(tmp_path: Path) -> None:
     """A shorter run does not take the place of a longer one."""
     tried = runpy.run_path(str(Path(__file__).parent / "fuzz" / "tried.py"))
@@ -180,9 +202,9 @@ def test_of_each_format_the_most_files_are_kept_and_all_are_one_table(tmp_path: 
     tried["keep"].__globals__["FILE"] = kept
     tried["keep"]("UTIA", fuzz.Tally(1000, 100, 0.25, 3 << 20, 65 << 20))
     tried["keep"]("UTIA", fuzz.Tally(900, 200, 0.5, 3 << 20, 1 << 20))
-    tried["keep"]("ALTA", fuzz.Tally(500, 50, 0.125, 1 << 20, 0))
+    tried["keep"]("ALTA", fuzz.Tally(500, 50, 0.125, 1 << 20, 0, 2))
     assert [one["tried"] for one in tried["kept"]().values()] == [500, 1000]
     head, alta, utia, total = tried["table"]().splitlines()
-    assert alta.split()[:9] == ["ALTA", "500", "450", "50", "0", "0", "0.12", "1.0", "0.0"]
+    assert alta.split()[:9] == ["ALTA", "500", "450", "50", "2", "0", "0.12", "1.0", "0.0"]
     assert utia.split()[1:6] == ["1000", "900", "100", "0", "1"]
     assert head.split()[:2] == ["tried", "clean"] and total.startswith("2 formats: 1500 tried, 1350 clean errors")

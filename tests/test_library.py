@@ -91,6 +91,7 @@ def test_a_library_of_every_kind_goes_on_past_what_fails_and_is_kept(tmp_path: P
         rows = list(csv.DictReader(stream))
     assert [row["name"] for row in rows] == [row["name"] for row in told["materials"]]
     assert [row["failure"] != "" for row in rows] == [row["name"] in bad for row in rows]
+    assert [row["worker"] for row in rows] == [row["worker"] for row in told["materials"]] and rows[0]["worker"]
     assert leftovers(out) == []
 
     before = marks(out)
@@ -257,10 +258,17 @@ def test_a_library_is_baked_by_one_at_a_time_but_by_many_tasks(tmp_path: Path) -
             command("bake", "library", cloth, "--out", out), capture_output=True, text=True, timeout=60
         )
         assert done.returncode == 1
-        assert f"is being baked to by process {os.getpid()} on " in done.stderr and len(done.stderr.splitlines()) == 1
+        assert f"is in use by process {os.getpid()} on " in done.stderr and len(done.stderr.splitlines()) == 1
+    assert (out / LOCK).read_text() == "", "nobody holds it any more"
+    (out / LOCK).write_text("process 1 on a machine that was switched off\n")
     with library_lock(out, shared=True):
         code, told = bake(out, cloth, "--name", "grey", "--task")
         assert code == 0 and states(told) == {"grey": "baked"} and not (out / "library.json").exists()
+        with (
+            pytest.raises(BakeError, match="is in use by another bake, or by tasks of a farm; wait"),
+            library_lock(out),
+        ):
+            pass
     code, told = bake(out, cloth, "--name", "grey", "--jobs", "0")
     assert code == 0 and states(told) == {"grey": "kept"}
 

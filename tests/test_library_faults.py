@@ -16,7 +16,17 @@ from measured_materials.addon.library.table import TABLE_SUFFIXES
 from measured_materials.bake.atomic_write import staging_folder, sweep
 from measured_materials.bake.bundle.bundle import read_bundle
 from support.clusters import command
-from support.library_faults import EDITS, NAMES, Damage, contents, disk_full, hostile, killed, raced
+from support.library_faults import (
+    EDITS,
+    NAMES,
+    Damage,
+    contents,
+    disk_full,
+    hostile,
+    killed,
+    raced,
+    task_where_files_cannot_grow,
+)
 from support.stacks import write_stack
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
@@ -35,8 +45,14 @@ def test_killed_at_a_random_moment(whom: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_full_disk_leaves_the_older_bundle(tmp_path: Path) -> None:
+def test_files_that_cannot_grow_leave_the_older_bundle(tmp_path: Path) -> None:
     assert spoiled(disk_full(tmp_path / "scene", 3000)) == NONE
+
+
+def test_a_farms_task_fails_where_files_cannot_grow(tmp_path: Path) -> None:
+    """Another worker may have the space: what the library of images says of it in words is no fault of the source."""
+    code, told = task_where_files_cannot_grow(tmp_path, 1500)
+    assert code == 1 and "cannot be written" in told
 
 
 @pytest.mark.slow

@@ -70,6 +70,15 @@ def test_names_that_were_asked_for_are_kept_or_refused() -> None:
         unique_names([wanted("gold", digits="11"), wanted("gold", digits="11")])
 
 
+@pytest.mark.parametrize("name", ["CON", "nul", "Aux.v2", "com1", "lpt²", "prn .old"])
+def test_a_device_of_windows_is_no_name(name: str) -> None:
+    """Whatever stands behind its dot; a file of that name is baked under another."""
+    assert unique_names([wanted(name), wanted("console"), wanted("com12")]) == [f"material-{name}", "console", "com12"]
+    with pytest.raises(BakeError, match="no device of Windows"):
+        unique_names([wanted("gold", given=name)])
+    assert unique_names([wanted("gold", digits="11")], {"11": Earlier(name, True)}) == ["gold"]
+
+
 def test_two_formulas_of_one_model_have_two_names(tmp_path: Path) -> None:
     """They would have replaced each other; the same one twice is baked once."""
     formulas = ["ggx alpha=0.1 f0=0.9,0.6,0.3", "ggx alpha=0.2", "lambert", "ggx alpha=0.1 f0=0.9,0.6,0.3"]

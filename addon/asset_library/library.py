@@ -6,7 +6,7 @@ import contextlib
 import os
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
@@ -16,7 +16,7 @@ import bpy
 from ...bake.bundle.bundle import SUFFIX, is_bundle
 from ...bake.errors import BakeError
 from ..assets.mark import library_folder
-from ..library.lock import library_lock
+from ..library.lock import LOCK, library_lock
 from ..material.together import built_together
 from ..summary.text import one_line
 from .blend_file import AssetSettings, write_asset
@@ -104,11 +104,11 @@ def write_library(
     except OSError as error:
         raise BakeError(out, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
     with library_lock(out), built_together():
-        _remove_leftovers(out)
+        files = [(one.relative_to(root) if one != root else Path(root.name)).with_suffix(".blend") for one in bundles]
+        _remove_leftovers(out, {(out / file).parent for file in files})
         written = Written.read(out)
         library = library_folder(out / FILE) or out
-        for bundle in bundles:
-            file = bundle.relative_to(root).with_suffix(".blend").as_posix() if bundle != root else f"{root.stem}.blend"
+        for bundle, file in zip(bundles, map(Path.as_posix, files)):
             progress.start(bundle.stem)
             started = time.perf_counter()
             try:
@@ -159,9 +159,14 @@ def _require_registered() -> None:
         register()
 
 
-def _remove_leftovers(out: Path) -> None:
-    """What a killed run was writing; `bake.atomic_write.replacing_file` names it."""
-    for file in list(out.rglob(".*.partial.*")):
-        if _LEFTOVER.fullmatch(file.name) and not file.is_symlink():
-            with contextlib.suppress(OSError):
-                file.unlink()
+def _remove_leftovers(out: Path, below: Collection[Path]) -> None:
+    """What a killed run was writing here or in folders `below`; `bake.atomic_write.replacing_file` names it.
+
+    A folder below that has a lock of its own is a library that somebody may just be writing to.
+    """
+    ours = [folder for folder in below if not folder.is_symlink() and not (folder / LOCK).exists()]
+    for folder in {out, *ours}:
+        for file in list(folder.glob(".*.partial.*")):
+            if _LEFTOVER.fullmatch(file.name) and not file.is_symlink():
+                with contextlib.suppress(OSError):
+                    file.unlink()

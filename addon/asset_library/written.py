@@ -15,6 +15,8 @@ from .blend_file import AssetSettings
 FILE = "measured_assets.json"
 # Changes where the same bundle is to become another .blend than before.
 _VERSION = 1
+# Of the file: a million assets.
+_MOST_BYTES = 256 << 20
 
 
 @dataclass
@@ -31,7 +33,7 @@ class Written:
     def read(folder: Path) -> Written:
         """What is noted in this folder; nothing where that is not to be read, or was written by another version."""
         try:
-            document = load_json(folder / FILE)
+            document = load_json(folder / FILE, _MOST_BYTES)
         except (BakeError, ValueError):
             return Written(folder)
         listed = document.get("assets")
@@ -51,7 +53,7 @@ class Written:
 
     def _enter(self, name: str, *entry: str) -> None:
         self.entries[name] = entry
-        text = dump_json({"version": _VERSION, "assets": self.entries}, self.folder / FILE)
+        text = dump_json({"version": _VERSION, "assets": self.entries}, self.folder / FILE, _MOST_BYTES)
         with replacing_file(self.folder / FILE) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
 

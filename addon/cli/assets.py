@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
 
 
 def add_asset_options(parser: Any) -> None:
-    """Add the options that `given_settings` reads, and --replace."""
+    """Add the options of how an asset is made, and --replace."""
     parser.add_argument(
         "--textures",
         choices=("packed", "relative"),

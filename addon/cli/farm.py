@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import shlex
 from typing import Any
 
@@ -13,13 +14,15 @@ from ..library.lock import library_lock
 from ..library.plan import Plan
 from .assets import write_assets
 from .bake_jobs import made_folder
+from .console.need_blender import need_blender
 from .console.result import Result
 
 FLAMENCO, OPENCUE = FARMS = ("flamenco", "opencue")
 
 
 def check(options: argparse.Namespace) -> None:
-    """Raise `argparse.ArgumentTypeError` where options of these do not go together."""
+    """Before anything is baked: raise `argparse.ArgumentTypeError` where options of these do not go together, BakeError
+    where there is no Blender for --assets."""
     if options.exit_zero and not options.task:
         raise argparse.ArgumentTypeError("--exit-zero is for a --task")
     if options.farm_program and not options.export:
@@ -30,6 +33,18 @@ def check(options: argparse.Namespace) -> None:
         raise argparse.ArgumentTypeError("commands of cuecmd wait for none: run `assets LIB` when they have ended")
     if options.task and options.assets:
         raise argparse.ArgumentTypeError("--assets is for the whole library: leave out --task")
+    if options.assets and not options.export:
+        need_blender("bake library --assets")
+
+
+def folder_of(plan: Plan, options: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
+    """The library's folder for the block, made unless a task is to find it there. Raises BakeError."""
+    if not options.task:
+        return made_folder(plan.out)
+    if not plan.out.is_dir():
+        remedy = "see that this machine has the shared folder; --export makes the library's, or make it by hand"
+        raise BakeError(plan.out, "is no folder that this machine sees", remedy)
+    return contextlib.nullcontext()
 
 
 def export(plan: Plan, options: argparse.Namespace) -> Result:
@@ -60,6 +75,6 @@ def with_assets(result: Result, plan: Plan, options: argparse.Namespace) -> Resu
 
 
 def told(result: Result) -> Result:
-    """A result whose errors are words: the exit code is 0."""
+    """A result whose errors, of what a source holds, are words: the exit code is 0."""
     document: dict[str, Any] = {**result.document, "told": [str(error) for error in result.errors]}
     return Result(document, [*result.lines, *map(str, result.errors)])

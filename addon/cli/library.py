@@ -30,7 +30,7 @@ from ..library.table import TABLE_SUFFIXES, errors_of, library_document, names_k
 from ..summary.bake_stages import bake_stages
 from ..summary.quality_levels import LEVELS, STANDARD
 from . import bake_brdf, bake_photographs, farm
-from .bake_jobs import add_replace, add_rights, made_folder
+from .bake_jobs import add_replace, add_rights
 from .console.library_progress import LibraryProgress
 from .console.option_words import words_of
 from .console.photograph_options import add_photographs
@@ -96,7 +96,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--exit-zero",
         action="store_true",
-        help="with --task: tell of a material that cannot be baked, but do not fail by it",
+        help="with --task: tell of a material that no machine could bake, but do not fail by it",
     )
     where.add_argument(
         "--export",
@@ -153,11 +153,13 @@ def run(options: argparse.Namespace) -> Result:
         raise argparse.ArgumentTypeError("give the folder of the library by --out LIB")
     if options.out.suffix.lower() == SUFFIX:
         raise argparse.ArgumentTypeError(f"--out {options.out} names one bundle; give a folder")
+    if options.dask and options.jobs is not None:
+        raise argparse.ArgumentTypeError("--jobs is of this machine's processes: leave it out beside --dask")
     farm.check(options)
     plan = plan_of(options)
     if options.export:
         return farm.export(plan, options)
-    with made_folder(plan.out), library_lock(plan.out, shared=options.task):
+    with farm.folder_of(plan, options), library_lock(plan.out, shared=options.task):
         result = _run_one(plan, options) if options.task else _run_all(plan, options)
     return farm.with_assets(result, plan, options)
 
@@ -261,7 +263,7 @@ def _run_one(plan: Plan, options: argparse.Namespace) -> Result:
     with LibraryProgress(1) as progress:
         outcome = run_task(job, plan.out, partial(progress.at, job.name, bake_stages(job.request.settings)))
     result = _result(plan, {job.name: outcome}, outcome.seconds, options, [])
-    return farm.told(result) if options.exit_zero else result
+    return farm.told(result) if options.exit_zero and not outcome.of_machine else result
 
 
 def _run_all(plan: Plan, options: argparse.Namespace) -> Result:

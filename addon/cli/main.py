@@ -66,7 +66,7 @@ def _tell(result: Result, as_json: bool, stream: TextIO) -> int:
     try:
         if as_json:
             errors = [vars(error) for error in result.errors]
-            stream.write(dump_json({**result.document, "errors": errors}, PROGRAM))
+            stream.write(dump_json({**result.document, "errors": errors}, PROGRAM, limit=None))
         else:
             stream.writelines(f"{line}\n" for line in result.lines)
         stream.flush()

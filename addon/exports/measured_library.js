@@ -29,7 +29,7 @@ const JOB_TYPE = {
     ]
 };
 
-// The table is written while others still wait for their first task: somebody waits for it.
+// Above the usual 50: a library that is baked gets its table before the tasks of other jobs, and of its own others.
 const TABLE_PRIORITY = 75;
 
 function compileJob(job) {
@@ -46,7 +46,8 @@ function compileJob(job) {
         const chunk = materials.slice(first, first + chunkSize);
         const task = author.Task(nameOf(chunk), "blender");
         for (const material of chunk) {
-            // A file that cannot be read is no fault of a worker, which would be blocked for it: the table tells of it.
+            // What no worker could bake is no fault of this one, which would be blocked for it: the table tells of it. No
+            // memory, no disk or no share is its own, and fails the task.
             task.addCommand(command(settings, ["bake", "library", ...material.arguments,
                 "--out", settings.library, "--task", "--exit-zero"]));
         }

@@ -38,13 +38,23 @@ def library_lock(out: Path, shared: bool = False) -> Iterator[None]:
         raise BakeError(out, cause, "choose a folder you may write to, and check the free space") from error
     try:
         _claim(handle, out, shared)
-        if not shared:
-            with contextlib.suppress(OSError):
-                os.ftruncate(handle, 0)
-                os.write(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
-        yield
+        # Of one that was killed its words are still there.
+        _say(handle, "" if shared else f"process {os.getpid()} on {socket.gethostname()}\n")
+        try:
+            yield
+        finally:
+            if not shared:
+                _say(handle, "")
     finally:
         os.close(handle)
+
+
+def _say(handle: int, holder: str) -> None:
+    """Have the lock's file name its holder."""
+    with contextlib.suppress(OSError):
+        os.ftruncate(handle, 0)
+        os.lseek(handle, 0, os.SEEK_SET)
+        os.write(handle, holder.encode())
 
 
 def _claim(handle: int, out: Path, shared: bool) -> None:
@@ -54,8 +64,8 @@ def _claim(handle: int, out: Path, shared: bool) -> None:
         fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError as error:
         holder = os.read(handle, 200).decode(errors="replace").strip()
-        by = f" by {holder}" if holder and holder.isprintable() else ""
+        by = holder if holder and holder.isprintable() else "another bake, or by tasks of a farm"
         remedy = "wait until that has ended, or give another --out"
-        raise BakeError(out, f"is being baked to{by} already", remedy) from error
+        raise BakeError(out, f"is in use by {by}", remedy) from error
     except OSError:  # some network file systems know no locks
         pass

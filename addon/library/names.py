@@ -15,6 +15,9 @@ from ...bake.sources.lookup.text_file import file_name_of
 _LONGEST = 80
 _DIGITS = 6
 _REFUSED = frozenset('/\\:*?"<>|')
+# Devices on Windows, whatever stands behind a dot.
+_PORTS = frozenset(f"{port}{digit}" for port in ("com", "lpt") for digit in "0123456789¹²³")
+_DEVICES = _PORTS | {"con", "prn", "aux", "nul", "conin$", "conout$"}
 
 
 @dataclass(frozen=True)
@@ -97,9 +100,9 @@ def unique_names(wanted: Sequence[Wanted], kept: Mapping[str, Earlier] | None = 
 
 def _in_turn(wanted: Sequence[Wanted]) -> Iterable[list[str]]:
     """Names of all, the shortest first."""
-    stems = [one.stem if _is_plain(one.stem) else file_name_of(one.stem) or "material" for one in wanted]
+    stems = [_made_plain(one.stem) for one in wanted]
     yield stems
-    longer = [one.qualified if _is_plain(one.qualified) else file_name_of(one.qualified) for one in wanted]
+    longer = [_made_plain(one.qualified) for one in wanted]
     # One that is cut may be another's.
     yield [name[:_LONGEST].rstrip(" .") or stem for name, stem in zip(longer, stems)]
     for digits in range(_DIGITS, max((len(one.identity) for one in wanted), default=0) + 1):
@@ -110,13 +113,23 @@ def _given(one: Wanted) -> str:
     name = one.given[: -len(SUFFIX)] if one.given.lower().endswith(SUFFIX) else one.given
     if one.given and not _is_plain(name):
         cause = f"cannot be called {one.given[:60]!r}, which is no plain name of a file"
-        raise BakeError(one.title or one.stem, cause, 'give a name without any of / \\ : * ? " < > | in it')
+        remedy = 'give a name without any of / \\ : * ? " < > | in it, and no device of Windows, such as CON or NUL'
+        raise BakeError(one.title or one.stem, cause, remedy)
     return name
 
 
 def _is_plain(name: str) -> bool:
     """Whether this names a file on every system, and none that is hidden or lies elsewhere."""
-    return name == name.strip(" .") != "" and name.isprintable() and not _REFUSED & set(name)
+    return name == name.strip(" .") != "" and name.isprintable() and not _REFUSED & set(name) and not _is_device(name)
+
+
+def _is_device(name: str) -> bool:
+    return name.partition(".")[0].rstrip().casefold() in _DEVICES
+
+
+def _made_plain(name: str) -> str:
+    plain = name if _is_plain(name) else file_name_of(name) or "material"
+    return f"material-{plain}" if _is_device(plain) else plain
 
 
 def _refuse_twice(wanted: Sequence[Wanted], chosen: Sequence[str]) -> None:

@@ -30,6 +30,8 @@ class Outcome:
     worker, ended : which process it was, and when, in seconds since 1970
     attempts : how often it was begun
     file, cause, remedy : of a failure
+    of_machine : whether that comes of the machine, such as its memory, its disk or a file that it does not see, not of
+        what the source holds
     """
 
     name: str
@@ -47,6 +49,7 @@ class Outcome:
     file: str = ""
     cause: str = ""
     remedy: str = ""
+    of_machine: bool = False
 
     def as_event(self) -> dict[str, Any]:
         """JSON-ready."""

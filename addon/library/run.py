@@ -37,7 +37,7 @@ def run_task(
     """
     started = time.perf_counter()
     say_where = lies_in or (lambda folder: None)
-    target = job.target(out)
+    target, work = job.target(out), None
     try:
         if job.refused is not None:
             raise job.refused
@@ -46,16 +46,16 @@ def run_task(
             return _told(job, kept, KEPT, started)
         if not job.replace:
             refuse_another(target, lambda: origin_of(job.request))
-        with staging(target) as folder:
-            say_where(folder)
+        with staging(target) as work:
+            say_where(work)
             try:
-                result = run_request(job.request, folder / target.name, progress, blender_decoder())
+                result = run_request(job.request, work / target.name, progress, blender_decoder())
             finally:
                 say_where(None)
             move_bundle(result.path, target)
         return _told(job, read_bundle(target), BAKED, started)
     except BakeError as error:
-        return failure(job, error, started)
+        return failure(job, error, started, _is_of_machine(job, error, work))
     except MemoryError:
         error = BakeError(job.request.title, "ran out of memory", "choose a lower resolution or fewer --jobs")
         return failure(job, error, started)
@@ -105,10 +105,38 @@ def origin_of(request: BakeRequest) -> Origin:
     return file_origin(source, chosen_material(source, request.settings.reading))
 
 
-def failure(job: LibraryJob, error: BakeError, started: float | None = None) -> Outcome:
+def failure(job: LibraryJob, error: BakeError, started: float | None = None, of_machine: bool = True) -> Outcome:
     """A job that failed by this error; `started` by the clock of `time.perf_counter`, in this process."""
-    failed = Outcome(job.name, FAILED, job.request.title, file=error.file, cause=error.cause, remedy=error.remedy)
+    told = {"file": error.file, "cause": error.cause, "remedy": error.remedy, "of_machine": of_machine}
+    failed = Outcome(job.name, FAILED, job.request.title, **told)
     return failed if started is None else replace(failed, **_process(started))
+
+
+def _is_of_machine(job: LibraryJob, error: BakeError, work: Path | None) -> bool:
+    """Whether the source may not be read here, or an error is of what is written to `work`, or goes back to something
+    that the system or this Python refuses."""
+    # Libraries of images tell of a full disk, and of a file that they may not open, in words alone.
+    if work is not None and work in Path(error.file).parents:
+        return True
+    source = job.request.source
+    files = () if isinstance(source, Model) else source if isinstance(source, tuple) else (source,)
+    if not all(map(_may_be_read, files)):
+        return True
+    behind: BaseException | None = error
+    while behind is not None:
+        # Libraries raise OSError without a number for what a file holds.
+        if isinstance(behind, MemoryError | ImportError) or (isinstance(behind, OSError) and behind.errno is not None):
+            return True
+        behind = behind.__cause__ if behind.__suppress_context__ else behind.__cause__ or behind.__context__
+    return False
+
+
+def _may_be_read(path: Path) -> bool:
+    try:
+        files = [path, *path.iterdir()] if path.is_dir() else [path]
+    except OSError:
+        return False
+    return all(os.access(file, os.R_OK) for file in files)
 
 
 def _told(job: LibraryJob, bundle: Bundle, state: State, started: float) -> Outcome:

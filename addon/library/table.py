@@ -22,7 +22,10 @@ from .plan import LibraryJob, Plan
 DOCUMENT, SHEET = "library.json", "library.csv"
 TABLE_SUFFIXES = ".json", ".csv"
 WAITING = "waiting"
-_COLUMNS = ("name", "state", "source", "format", "bytes", "error", "seconds", "peak_bytes", "attempts", "failure")
+_COLUMNS = (
+    *("name", "state", "source", "format", "bytes", "error", "seconds", "peak_bytes", "worker", "attempts"),
+    "failure",
+)
 _WIDEST = 40
 # Of a table to read: half a million materials.
 _MOST_BYTES = 256 << 20
@@ -115,7 +118,7 @@ def _row(job: LibraryJob, told: Outcome | None, before: Earlier | None) -> dict[
     known = asdict(told or Outcome(job.name, FAILED, job.request.title))
     # A name of a file may be no text.
     known |= {key: _text(value) for key, value in known.items() if isinstance(value, str)}
-    failed = {key: known.pop(key) for key in ("file", "cause", "remedy")}
+    failed = {key: known.pop(key) for key in ("file", "cause", "remedy", "of_machine")}
     if told is None:
         known["state"], known["attempts"] = WAITING, 0
     failure = failed if told is not None and told.state == FAILED else None

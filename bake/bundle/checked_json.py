@@ -27,15 +27,15 @@ _NAMES = {
 T = TypeVar("T")
 
 
-def dump_json(document: Mapping[str, Any], file: str | Path) -> str:
+def dump_json(document: Mapping[str, Any], file: str | Path, limit: int | None = MAX_JSON_BYTES) -> str:
     """Sorted, indented JSON whose floats read back equal; numpy scalars and arrays become plain numbers.
 
     Raises BakeError for NaN, infinity, keys that are not texts, and anything JSON has no word for, naming
-    where it stands, and for more than `load_json` takes; `file` is the name shown.
+    where it stands, and for more than `limit` letters, by default what `load_json` takes; `file` is the name shown.
     """
     text = json.dumps(_plain(document, "", file), sort_keys=True, indent=2, allow_nan=False) + "\n"
-    if len(text) > MAX_JSON_BYTES:
-        raise BakeError(file, f"would exceed {MAX_JSON_BYTES >> 20} MiB", "keep fewer facts")
+    if limit is not None and len(text) > limit:
+        raise BakeError(file, f"would exceed {limit >> 20} MiB", "keep fewer facts")
     return text
 
 
@@ -56,8 +56,8 @@ def _plain(value: Any, where: str, file: str | Path) -> Any:
     return value
 
 
-def load_json(file: Path) -> dict[str, Any]:
-    """A JSON object of at most 4 MiB without NaN, infinity, overflowing numbers or repeated keys.
+def load_json(file: Path, limit: int = MAX_JSON_BYTES) -> dict[str, Any]:
+    """A JSON object of at most `limit` bytes without NaN, infinity, overflowing numbers or repeated keys.
 
     Raises BakeError, also where the file is not an ordinary one.
     """
@@ -65,11 +65,11 @@ def load_json(file: Path) -> dict[str, Any]:
         if file.is_symlink() or not file.is_file():
             raise BakeError(file, "is missing or not an ordinary file", _REMEDY)
         with open(file, "rb") as stream:
-            data = stream.read(MAX_JSON_BYTES + 1)
+            data = stream.read(limit + 1)
     except OSError as error:
         raise BakeError(file, f"cannot be read ({error.strerror})", "check its permissions") from error
-    if len(data) > MAX_JSON_BYTES:
-        raise BakeError(file, f"is larger than {MAX_JSON_BYTES >> 20} MiB", _REMEDY)
+    if len(data) > limit:
+        raise BakeError(file, f"is larger than {limit >> 20} MiB", _REMEDY)
     try:
         document = json.loads(
             data.decode("utf-8"),

@@ -34,7 +34,7 @@ def recipe_of(settings: Any, origin: Origin, beside: Iterable[Path] = ()) -> str
 
 
 def _plain(value: Any) -> Any:
-    """JSON-ready; two values of different types or contents differ."""
+    """JSON-ready: dataclasses differ by type and content, files by name and content; a tuple is as its list."""
     if dataclasses.is_dataclass(value):
         entries = {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"": type(value).__name__, **entries}

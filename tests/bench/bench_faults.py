@@ -1,7 +1,8 @@
-"""Kills, full disks, races, hostile bundles: what a library has lost, what is half-written, what outside was touched.
+"""Kills, files that cannot grow, races, hostile bundles: what a library has lost, what is half-written, what escaped.
 
 Every fault is done on purpose to a library of six swatches with an older bundle in it (`support.library_faults`), and
-the library is baked again afterwards: that counts too.
+the library is baked again afterwards: that counts too. As tried counts a fault that did happen, a kill only if it met a
+living process.
 """
 
 from __future__ import annotations
@@ -20,7 +21,13 @@ sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
 from support.library_faults import EDITS, Damage, all_of, disk_full, hostile, killed, raced
 
-_TIMES = {"client killed": 30, "worker killed": 30, "all killed at once": 30, "disk full": 20, "bakes at once": 15}
+_TIMES = {
+    "client killed": 30,
+    "worker killed": 30,
+    "all killed at once": 30,
+    "files cannot grow": 20,
+    "bakes at once": 15,
+}
 
 
 def run(out: Path, quick: bool) -> int:
@@ -30,7 +37,7 @@ def run(out: Path, quick: bool) -> int:
         "client killed": lambda folder, k: killed(folder, draw, "client"),
         "worker killed": lambda folder, k: killed(folder, draw, "worker"),
         "all killed at once": lambda folder, k: killed(folder, draw, "all"),
-        "disk full": lambda folder, k: disk_full(folder, draw.randrange(500, 9000)),
+        "files cannot grow": lambda folder, k: disk_full(folder, draw.randrange(500, 9000)),
         "bakes at once": lambda folder, k: raced(folder),
         "hostile bundles": lambda folder, k: hostile(folder, list(EDITS.values())[k]),
     }

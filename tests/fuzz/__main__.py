@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -53,6 +54,8 @@ def main() -> None:
                 name, small[name], folder, options.count, options.processes, seed=options.seed, **more
             )
             print(f"{name:26s} {tally.told}; {time.perf_counter() - started:.0f} s", flush=True)
+            if tally.hangs:
+                print(f"{name}: files that hang are kept in {tempfile.gettempdir()}/hang*", flush=True)
             if options.record:
                 tried.keep(name, tally)
 

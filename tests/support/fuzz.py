@@ -54,6 +54,7 @@ class Tally:
 
     peak : most that reading one of the traced files took
     growth : of the process from a tenth of the files to the end
+    hangs : files that took more than `MOST_SECONDS` of processor, which are kept
     """
 
     tried: int
@@ -61,6 +62,7 @@ class Tally:
     slowest: float
     peak: int
     growth: int
+    hangs: int = 0
 
     def __add__(self, other: Tally) -> Tally:
         return Tally(
@@ -69,13 +71,14 @@ class Tally:
             max(self.slowest, other.slowest),
             max(self.peak, other.peak),
             max(self.growth, other.growth),
+            self.hangs + other.hangs,
         )
 
     @property
     def told(self) -> str:
         """One line."""
         return (
-            f"{self.tried} tried, {self.tried - self.read} clean errors, {self.read} read, "
+            f"{self.tried} tried, {self.tried - self.read} clean errors, {self.read} read, {self.hangs} hangs, "
             f"slowest {self.slowest:.2f} s, peak {self.peak / 2**20:.1f} MiB, growth {self.growth / 2**20:.1f} MiB"
         )
 
@@ -233,9 +236,17 @@ def tallied(
     count: int,
     seed: int,
 ) -> Tally:
-    """Call `spoil`, which leaves another copy at `path`, and `read`, so many times; a copy that raises is kept."""
+    """Call `spoil`, which leaves another copy at `path`, and `read`, so many times.
+
+    A copy that raises is kept beside it, one that hangs in a new temporary folder `hang...`; both are named.
+    """
+
+    def keep(number: int, folder: str | Path) -> None:
+        kept = shutil.move(path, Path(folder, f"spoiled_{seed}_{number}{path.suffix}"))
+        print(f"{name}: {kept}", file=sys.stderr)
+
     rng = np.random.default_rng((len(name), seed))
-    found, slowest, peak, settled = 0, 0.0, 0, 0
+    found, slowest, peak, settled, hangs = 0, 0.0, 0, 0, 0
     for number in range(count):
         spoil(rng)
         traced = number % TRACED == 0
@@ -245,18 +256,20 @@ def tallied(
         try:
             found += read()
         except BaseException:
-            kept = path.with_name(f"spoiled_{seed}_{number}{path.suffix}")
-            path.rename(kept)
-            print(f"{name}: {kept}", file=sys.stderr)
+            keep(number, path.parent)
             raise
-        slowest = max(slowest, time.process_time() - started)
+        seconds = time.process_time() - started
+        slowest = max(slowest, seconds)
+        if seconds > MOST_SECONDS:
+            hangs += 1
+            keep(number, tempfile.mkdtemp(prefix="hang"))
         if traced:
             peak = max(peak, tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
         if number == count // 10:
             settled = _resident()
-    tally = Tally(count, found, slowest, peak, max(_resident() - settled, 0))
-    assert slowest < MOST_SECONDS and peak < MOST_BYTES, (name, seed, tally.told)
+    tally = Tally(count, found, slowest, peak, max(_resident() - settled, 0), hangs)
+    assert peak < MOST_BYTES, (name, seed, tally.told)
     return tally
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from measured_materials.addon.library.lock import LOCK
 from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
 from measured_materials.bake.errors import BakeError
 
@@ -29,11 +30,13 @@ NAMES = tuple(f"cloth{k}" for k in range(6))
 """Swatches of a library: photographs of a few texels, which are baked in a tenth of a second. The first is there."""
 OLDER = NAMES[0]
 _PATIENCE = 120.0
+# Until a kill has met somebody alive.
+_ATTEMPTS = 5
 
 
 @dataclass
 class Damage:
-    """Bundles that are gone, bundles that are not whole, and files outside the library that were touched."""
+    """Faults that did happen, bundles that are gone or not whole, and files outside the library that were touched."""
 
     tried: int = 0
     lost: int = 0
@@ -115,28 +118,43 @@ def marks(library: Path) -> dict[str, tuple[int, int]]:
 
 def leftovers(library: Path) -> list[str]:
     """What an interrupted bake has left beside the bundles."""
-    return [path.name for path in library.iterdir() if path.name.startswith(".") and path.name != ".library.lock"]
+    return [path.name for path in library.iterdir() if path.name.startswith(".") and path.name != LOCK]
 
 
 def killed(folder: Path, draw: random.Random, whom: str) -> Damage:
-    """Kill -9 at a random moment: "client", one "worker", or "all" at once as by a power cut."""
+    """Kill -9 at a random moment: "client", one "worker", or "all" at once as by a power cut.
+
+    Done again, in another folder, until it has met living ones: `tried` is 0 where it never has.
+    """
+    found = Damage()
+    for attempt in range(_ATTEMPTS):
+        found += _killed_once(folder / str(attempt), draw, whom)
+        if found.tried:
+            break
+    return found
+
+
+def _killed_once(folder: Path, draw: random.Random, whom: str) -> Damage:
     scene = Scene(folder)
     process = subprocess.Popen(
         scene.command("--jobs", "2"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    ended = draw.randrange(len(NAMES))
-    wait_until(lambda: _baked(scene) >= ended and children(process.pid), _PATIENCE, 0.002)
+    ended = draw.randrange(len(NAMES) - 1)
+    wait_until(
+        lambda: process.poll() is not None or (_baked(scene) >= ended and bool(children(process.pid))), _PATIENCE, 0.002
+    )
     time.sleep(draw.uniform(0, 0.3))
     workers = children(process.pid)
     chosen = {"client": [process.pid], "worker": workers[:1], "all": [process.pid, *workers]}[whom]
-    for pid in chosen:
-        kill(pid)
+    met = kill(*chosen)
     process.wait(_PATIENCE)
     until = time.monotonic() + _PATIENCE
     while any(is_alive(pid) for pid in workers):
         assert time.monotonic() < until, "workers outlive what they work for"
         time.sleep(0.05)
-    return scene.damage() + scene.repaired()
+    found = scene.damage()
+    found.tried = int(workers != [] and met == len(chosen))
+    return found + scene.repaired()
 
 
 def _baked(scene: Scene) -> int:
@@ -145,7 +163,7 @@ def _baked(scene: Scene) -> int:
 
 
 def disk_full(folder: Path, limit: int) -> Damage:
-    """No file may grow beyond so many bytes, as on a disk that is full."""
+    """No file may grow beyond so many bytes (RLIMIT_FSIZE): as on a full disk, writing fails in the middle."""
     import resource
 
     scene = Scene(folder)
@@ -156,29 +174,64 @@ def disk_full(folder: Path, limit: int) -> Damage:
     return scene.damage() + scene.repaired()
 
 
+def task_where_files_cannot_grow(folder: Path, limit: int) -> tuple[int, str]:
+    """The exit code and the words of a farm's task under such a limit."""
+    import resource
+
+    words = command("bake", "library", write_stack(folder / "cloth"), "--out", folder, "--task", "--exit-zero")
+    done = subprocess.run(
+        words,
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    return done.returncode, done.stderr
+
+
 def raced(folder: Path) -> Damage:
-    """Two bakes of the library and one of a bundle in it at once: one library waits for no other and says so."""
+    """Two bakes of the library and one of a bundle in it at once: one library waits for no other and says so.
+
+    The first holds still with its lock until the others have ended; its worker goes on.
+    """
     scene = Scene(folder)
+    lock = scene.library / LOCK
     single = command("bake", "photographs", folder / "swatches" / NAMES[1], "--out", scene.library)
-    both = [scene.command("--jobs", "1"), scene.command("--jobs", "1"), single]
-    running = [subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) for words in both]
-    told = [process.communicate(timeout=_PATIENCE)[1] for process in running]
-    codes = [process.returncode for process in running]
-    assert sorted(codes[:2]) in ([0, 1], [0, 0]) and codes[2] == 0, told
+    first = subprocess.Popen(scene.command("--jobs", "1"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: lock.is_file() and f"process {first.pid} on" in lock.read_text(), _PATIENCE, 0.002)
+    try:
+        assert _is_stopped(first.pid), "the first bake has ended before the others began"
+        other = subprocess.Popen(single, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        second = scene.run(*scene.command("--jobs", "1"))
+        told = other.communicate(timeout=_PATIENCE)[1]
+    finally:
+        first.send_signal(signal.SIGCONT)
+    assert second.returncode == 1 and f"is in use by process {first.pid} on" in second.stderr, second.stderr
+    assert other.returncode == 0, told
+    told = first.communicate(timeout=_PATIENCE)[1]
+    assert first.returncode == 0, told
     return scene.damage() + scene.repaired()
 
 
 def hostile(folder: Path, edit: Callable[[Path, Path], None]) -> Damage:
-    """The older bundle edited by an attacker, given it and the folder outside, then replaced by a bake."""
+    """The older bundle edited by an attacker, who is given it and the folder outside, then a bake of the library.
+
+    It may refuse that bundle, but bakes all others. The bundle is then removed, and the library baked again.
+    """
     scene = Scene(folder)
-    edit(scene.library / f"{OLDER}.mmat", scene.outside)
+    older = scene.library / f"{OLDER}.mmat"
+    edit(older, scene.outside)
     done = scene.run(*scene.command("--jobs", "1"))
     assert "Traceback" not in done.stderr, done.stderr
     found = scene.damage()
     found.lost = sum(not scene.has(name) for name in NAMES[1:])
     # What nobody can read is the attacker's; what the bake has written is whole.
     found.half_written = sum(scene.has(name) and not _is_whole(scene.library / f"{name}.mmat") for name in NAMES[1:])
-    return found
+    if older.is_symlink():
+        older.unlink()
+    else:
+        shutil.rmtree(older)
+    return found + scene.repaired()
 
 
 def _is_whole(bundle: Path) -> bool:
@@ -219,8 +272,8 @@ def _huge(bundle: Path, outside: Path) -> None:
 
 
 def _lock_outside(bundle: Path, outside: Path) -> None:
-    (bundle.parent / ".library.lock").unlink(missing_ok=True)
-    (bundle.parent / ".library.lock").symlink_to(outside / "diary.txt")
+    (bundle.parent / LOCK).unlink(missing_ok=True)
+    (bundle.parent / LOCK).symlink_to(outside / "diary.txt")
 
 
 def _table_outside(bundle: Path, outside: Path) -> None:
@@ -263,18 +316,38 @@ def children(pid: int) -> list[int]:
 
 def is_alive(pid: int) -> bool:
     """Whether a process is there and no zombie."""
+    return _state(pid) not in ("", "Z", "X")
+
+
+def _state(pid: int) -> str:
+    """The system's letter for what a process does; "" where there is none."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except OSError:
-        return False
+        return ""
 
 
-def kill(pid: int) -> None:
-    """Kill a process that may have ended."""
-    try:
+def kill(*pids: int) -> int:
+    """Kill processes at once, and return how many of them lived until then: they are stopped first, to be seen."""
+    met = [pid for pid in pids if _is_stopped(pid)]
+    for pid in met:
         os.kill(pid, signal.SIGKILL)
+    return len(met)
+
+
+def _is_stopped(pid: int) -> bool:
+    """Stop a process, unless it has ended."""
+    try:
+        os.kill(pid, signal.SIGSTOP)
     except ProcessLookupError:
-        pass
+        return False
+    until = time.monotonic() + _PATIENCE
+    while is_alive(pid):
+        if _state(pid) == "T":
+            return True
+        assert time.monotonic() < until, "a process does not stop"
+        time.sleep(0.001)
+    return False
 
 
 def all_of(damages: Sequence[Damage]) -> Damage:

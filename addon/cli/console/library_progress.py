@@ -33,10 +33,6 @@ class LibraryProgress(Progress):
         self._baked += baked
         self._show()
 
-    def again(self, name: str) -> None:
-        """A job has come to nothing, and begins anew."""
-        self._running.pop(name, None)
-
     def overall(self) -> float:
         """Share of all jobs that is done."""
         return min((self._done + sum(share for _, share in self._running.values())) / self._jobs, 1.0)
