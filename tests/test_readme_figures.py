@@ -85,7 +85,7 @@ BENCHES = (
 
 def test_the_benches_are_all_that_are_named(figures: Any) -> None:
     assert {stated.bench for stated in figures.STATED} == set(BENCHES)
-    assert set(RECORDS) <= {*BENCHES, "hard", "library"}
+    assert set(RECORDS) <= {*BENCHES, "hard"}
 
 
 @pytest.mark.parametrize("name", BENCHES)
