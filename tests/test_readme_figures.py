@@ -80,6 +80,7 @@ BENCHES = (
     "behind",
     "maps",
     "library",
+    "thousand",
 )
 
 
