@@ -169,4 +169,4 @@ def test_waiting_without_work_is_late_too(
 
 def test_work_is_no_excuse(modules: None) -> None:
     """A bake that takes longer by the processor as well, however busy the machine is."""
-    assert "longer than in process" in __import__("desk").too_late(imported(1.0, (20.0, 12.0), load=99.0))
+    assert "longer than in process" in __import__("desk").too_late(imported(1.0, (20.0, 15.0), load=99.0))
