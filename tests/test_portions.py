@@ -36,10 +36,11 @@ def empty(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A file without groups, where a portion does little; what is made goes."""
     monkeypatch.setattr(portions, "_LASTS", 0.0)
     monkeypatch.setattr(portions, "_WORKS", 0.004)
+    # Whatever other tests have left would number the names.
+    purge()
     measured_materials.register()
     yield
-    for kind in ("materials", "node_groups", "images"):
-        bpy.data.batch_remove(list(getattr(bpy.data, kind)))
+    purge()
     measured_materials.unregister()
 
 
