@@ -16,6 +16,9 @@ from .console.photograph_options import add_photographs, stack_settings
 from .console.progress import Progress
 from .console.result import Result, complain
 
+# What a level sets of photographs that become maps.
+_SIZES = {level: {"size": sizes["size"]} for level, sizes in MAP_LEVELS.items()}
+
 
 def add_to(kinds: Any) -> None:
     """Add `maps` to the kinds of `bake`."""
@@ -44,7 +47,7 @@ def add_to(kinds: Any) -> None:
     parser.add_argument("--no-level", action="store_true", help="leave the mean slope as it is: the swatch is not flat")
     parser.add_argument("--replace", action="store_true", help="also maps of other photographs under that name")
     parser.add_argument("--repeats", action="store_true", help="the frame goes on at its opposite edge")
-    add_quality(parser, {level: {"size": sizes["size"]} for level, sizes in MAP_LEVELS.items()})
+    add_quality(parser, _SIZES)
     add_photographs(parser.add_argument_group("photographs"), arc=False)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run, command="bake maps")
@@ -53,7 +56,7 @@ def add_to(kinds: Any) -> None:
 def run(options: argparse.Namespace) -> Result:
     """Write the maps of every folder; a bad one is reported and does not stop the others."""
     try:
-        size = chosen_quality(options, {level: {"size": sizes["size"]} for level, sizes in MAP_LEVELS.items()})["size"]
+        size = chosen_quality(options, _SIZES)["size"]
         settings = MapSettings(
             options.normals, options.files, not options.no_level, options.repeats, stack_settings(options, size)
         )

@@ -15,10 +15,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from figure_table import print_figures
 from measured_materials.bake.bundle.bundle import read_bundle
-from record import put
-from rich.console import Console
-from rich.table import Table
 
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
@@ -67,13 +65,7 @@ def run(out: Path, quick: bool) -> int:
         "MB of a Dask worker at most": max(row["peak_bytes"] for row in through["materials"]) / 1e6,
         "missing, baked twice or half-made": lost,
     }
-    table = Table(title=f"{COUNT} materials" + ("" if quick else ", draft quality"))
-    table.add_column("")
-    table.add_column("", justify="right")
-    for name, value in figures.items():
-        table.add_row(name, f"{value:,.0f}" if float(value).is_integer() else f"{value:.3g}")
-        put(name, value)
-    Console(width=100).print(table)
+    print_figures(f"{COUNT} materials" + ("" if quick else ", draft quality"), figures)
     return 1 if lost or kept["counts"]["kept"] != COUNT else 0
 
 

@@ -18,10 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from figure_table import print_figures
 from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
-from record import put
-from rich.console import Console
-from rich.table import Table
 
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
@@ -130,13 +128,7 @@ def _report(
         "missing": len(lost),
         "left half-made": len(left),
     }
-    table = Table(title="A thousand formulas through Dask, two workers")
-    table.add_column("")
-    table.add_column("", justify="right")
-    for name, value in figures.items():
-        table.add_row(name, f"{value:,.0f}" if float(value).is_integer() else f"{value:.3g}")
-        put(name, value)
-    Console(width=100).print(table)
+    print_figures("A thousand formulas through Dask, two workers", figures)
 
 
 def _memory(out: Path, baked: list[dict[str, Any]]) -> tuple[float, float]:
