@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -17,6 +17,9 @@ from .map_models import piecewise_linear
 from .slices_group import SliceImages, SliceOptions, image_tap, inside, interface, split, tapper, texel_tap
 
 LIGHT = "Light"
+# Times what has been summed so far, it changes no coordinate that it is added to. But it is a reason for Cycles to read
+# the next texel after that: else all coordinates of all texels are on its stack before it reads the first.
+_NOTHING = 1e-30
 _PER_VECTOR = 3
 
 
@@ -44,21 +47,24 @@ def azimuth_group(name: str, images: AzimuthImages, options: SliceOptions) -> bp
 
     def lookup(uv: Any, x: Any, peak: Any, _random: Any, light: Any) -> tuple[Any, ...]:
         u, v = inside(uv, images.layout, options.tiling)
-        tap = tapper(images, u, v, options.interpolation)
-        m, share = texel_tap(images, u, v, options)
         along, across, _ = expr.components(light)
         turns = expr.arctan2(across, along) * (1 / (2 * math.pi))
         turns = turns - expr.floor(turns)
         levels = expr.components(x) if options.coloured else (x,)
-        total: Any = None
-        for group in range(layout.groups):
-            # Curves of every level, (levels, 4).
-            at = [_curves(images, group, level, turns, options.interpolation) for level in levels]
-            for k in range(min(PER_TEXEL, layout.rank - group * PER_TEXEL)):
-                texel = tap(float(group * PER_TEXEL + k))
-                weights = [four[k] for four in at]
-                part = texel * expr.vec(*weights) if options.coloured else expr.scale(texel, weights[0])
-                total = part if total is None else total + part
+        total: Any = expr.vec(0.0, 0.0, 0.0)
+        at: list[tuple[Any, ...]] = []
+        for k in range(layout.rank):
+            later = _red(total) * _NOTHING if k else 0.0
+            if k % PER_TEXEL == 0:
+                at = [_curves(images, k // PER_TEXEL, level + later, turns, options.interpolation) for level in levels]
+            tap = tapper(replace(images, residual_scale=1.0), u + later, v, options.interpolation)
+            weights = [four[k % PER_TEXEL] for four in at]
+            if options.coloured:
+                total = total + tap(float(k)) * expr.vec(*weights)
+            else:
+                total = _plus(total, tap(float(k)), *weights)
+        m, share = texel_tap(images, u + _red(total) * _NOTHING, v, options)
+        total = expr.scale(total, images.residual_scale)
         one = expr.vec(1.0, 1.0, 1.0)
         held = m * expr.vector_node("MINIMUM", x, one) if options.coloured else expr.scale(m, expr.minimum(x, 1.0))
         rest = expr.vector_node("MAXIMUM", total - held, expr.vec(0.0, 0.0, 0.0))
@@ -77,7 +83,22 @@ def _curves(images: AzimuthImages, group: int, x: Any, turns: Any, interpolation
     layout = images.curve_layout
     at = curve_uv(expr, layout, group, x, turns)
     colour, alpha = image_tap(images.curves, (layout.width, layout.rows), *at, interpolation, "EXTEND")
-    return *expr.components(colour), alpha
+    return *_channels(colour), alpha
+
+
+def _channels(colour: Any) -> tuple[Any, Any, Any]:
+    outputs = expr.node("ShaderNodeSeparateColor", {"mode": "RGB"}, {0: colour}).outputs
+    return expr.Scalar(outputs[0]), expr.Scalar(outputs[1]), expr.Scalar(outputs[2])
+
+
+def _red(colour: Any) -> Any:
+    return _channels(colour)[0]
+
+
+def _plus(total: Any, colour: Any, weight: Any) -> Any:
+    """total + weight colour, by one node."""
+    settings = {"data_type": "RGBA", "blend_type": "ADD", "clamp_factor": False}
+    return expr.Vector(expr.node("ShaderNodeMix", settings, {0: weight, 6: total, 7: colour}).outputs[2])
 
 
 def mean_group(

@@ -13,7 +13,6 @@ from ..bake.directions import spherical
 from ..bake.errors import BakeError
 from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
-from ..bake.shading_maps.azimuth.azimuth_store import MODEL as AZIMUTH
 from ..bake.shading_maps.azimuth.curve_layout import unpack_curves
 from ..bake.shading_maps.record import ShadingMapRecord
 from ..bake.shading_maps.record_parts import StoredMap
@@ -152,7 +151,7 @@ def _map_groups(record: ShadingMapRecord, lighting: Lighting, name: str, texture
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
     viewport = SliceOptions("scale", tiling=lighting.settings.tiling, interpolation="Fetched")
     shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
-    if facts.model != AZIMUTH:
+    if facts.model != "azimuth":
         return MapGroups(traced, shown, traced)
     curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
     around = mean_group(
@@ -175,7 +174,7 @@ def slice_images(record: ShadingMapRecord, textures: Images) -> SliceImages:
     main = textures(facts.image)
     envelope = textures("envelope") if facts.model != "power" else main
     stored = (main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
-    if facts.model == AZIMUTH:
+    if facts.model == "azimuth":
         return AzimuthImages(*stored, curves=textures("curves"), curve_layout=facts.curve_layout)
     return SliceImages(*stored)
 
