@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from ...bake.brdf.preview_sphere import to_srgb
 from ...bake.bundle.bundle import Bundle
 from ...bake.errors import BakeError
+from ...bake.lobes.lobe_fit import fit_lobe
 from ...bake.lobes.lobes import Lobe
 from ...bake.shading_maps.albedo import resolved_scale
-from ...bake.shading_maps.lobe_fit import fit_lobe
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import TECHNIQUES, RenderSettings
 from ...bake.shading_maps.shading_map import Above, ShadingMap

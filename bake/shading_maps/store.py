@@ -60,9 +60,8 @@ def store_azimuth(basis: AzimuthBasis, storage: Storage) -> tuple[dict[str, Stor
     texels = np.ascontiguousarray(np.moveaxis(basis.coefficients, -1, 0)) * np.float32(scale)
     kept = quantize(texels, storage) * np.float32(1 / scale)
     again = AzimuthBasis(np.ascontiguousarray(np.moveaxis(kept, 0, -1)), basis.curves)
-    envelope_scale = scale_for(azimuth_envelope(again).envelope, storage)
-    split = azimuth_envelope(again, storage, envelope_scale)
-    m = split.envelope * np.float32(envelope_scale)
+    split = azimuth_envelope(again, storage)
+    m = split.envelope * np.float32(split.scale)
     images = {
         "coefficients": StoredImage(pack_slices(texels), storage),
         "curves": StoredImage(pack_curves(basis.curves), Storage.FLOAT32),
@@ -73,7 +72,7 @@ def store_azimuth(basis: AzimuthBasis, storage: Storage) -> tuple[dict[str, Stor
         "rank": basis.rank,
         "azimuths": basis.curves.shape[1],
         "scale": scale,
-        "envelope_scale": envelope_scale,
+        "envelope_scale": split.scale,
         "envelope_energy": split.energy,
         "residual_energy": 1 - split.energy,
     }

@@ -24,10 +24,10 @@ from measured_materials.addon.gantry.swatches import SWATCHES
 from measured_materials.addon.gantry.techniques import IN_ORDER, Case, Frames, MappedSwatch
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.lobes.lobe_fit import fit_lobe
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
-from measured_materials.bake.shading_maps.lobe_fit import fit_lobe
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from record import put, put_range
 

@@ -20,6 +20,7 @@ MIN_RANK, MAX_RANK = 1, 16
 MIN_AZIMUTHS, MAX_AZIMUTHS = 4, 128
 # Texel channels that are looked at together: a few MB of float32 at all nodes.
 BLOCK = 1 << 13
+_SAMPLES = 1 << 16
 
 _F32 = NDArray[np.float32]
 _F64 = NDArray[np.float64]
@@ -59,18 +60,8 @@ class AzimuthBasis:
         return len(self.curves)
 
     def weights(self, x: ArrayLike, phi: ArrayLike) -> _F64:
-        """B_j at level x, held at 1 above it, and azimuth phi in radians: (..., rank), the two broadcast."""
-        _, azimuths, levels = self.curves.shape
-        x, phi = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(phi, np.float64))
-        position = np.clip(x, 0, 1) * (levels - 1)
-        column = np.minimum(position.astype(np.intp), levels - 2)
-        turned = np.mod(phi / (2 * np.pi), 1.0) * azimuths
-        row = np.minimum(turned.astype(np.intp), azimuths - 1)
-        s, t = position - column, turned - row
-        above = (row + 1) % azimuths
-        near = (1 - s) * self.curves[:, row, column] + s * self.curves[:, row, column + 1]
-        far = (1 - s) * self.curves[:, above, column] + s * self.curves[:, above, column + 1]
-        return np.moveaxis((1 - t) * near + t * far, 0, -1)
+        """`curve_weights` of the curves."""
+        return curve_weights(self.curves, x, phi)
 
     def evaluate(self, x: float, phi: float) -> _F32:
         """The whole swatch (H, W, 3) lit from azimuth phi (rad), at level x; stays at its last value above x = 1."""
@@ -101,6 +92,21 @@ class AzimuthBasis:
         return self.curves[:, :, 1:].reshape(self.rank, -1)
 
 
+def curve_weights(curves: NDArray[Any], x: ArrayLike, phi: ArrayLike) -> _F64:
+    """Curves (rank, P, N) at level x, held at 1 above it, and azimuth phi (rad): (..., rank), the two broadcast."""
+    _, azimuths, levels = curves.shape
+    x, phi = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(phi, np.float64))
+    position = np.clip(x, 0, 1) * (levels - 1)
+    column = np.minimum(position.astype(np.intp), levels - 2)
+    turned = np.mod(phi / (2 * np.pi), 1.0) * azimuths
+    row = np.minimum(turned.astype(np.intp), azimuths - 1)
+    s, t = position - column, turned - row
+    above = (row + 1) % azimuths
+    near = (1 - s) * curves[:, row, column] + s * curves[:, row, column + 1]
+    far = (1 - s) * curves[:, above, column] + s * curves[:, above, column + 1]
+    return np.moveaxis((1 - t) * near + t * far, 0, -1)
+
+
 def mean_over_azimuth(basis: AzimuthBasis) -> _F32:
     """Slices (N, H, W, 3) for what knows no azimuth: at each level the mean over all of them, by the nodes."""
     _, azimuths, levels = basis.curves.shape
@@ -111,3 +117,16 @@ def mean_over_azimuth(basis: AzimuthBasis) -> _F32:
         np.maximum(value, 0, out=value)
         slices[1:, start : start + BLOCK] = value.reshape(-1, azimuths, levels - 1).mean(1).T
     return slices.reshape(levels, *basis.coefficients.shape[:3])
+
+
+def node_means(basis: AzimuthBasis) -> _F64:
+    """Mean over texels and channels at all (x, phi) but x = 0: (P, N - 1). What is held at 0 counts as of a sample."""
+    flat, nodes = basis.coefficients.reshape(-1, basis.rank), basis.nodes()
+    means = flat.mean(0, dtype=np.float64) @ nodes
+    chosen = flat
+    if len(flat) > _SAMPLES:  # any regular step could fall in with the channels or a weave
+        chosen = flat[np.random.default_rng(0).integers(0, len(flat), _SAMPLES)]
+    held = np.zeros(nodes.shape[1])
+    for start in range(0, len(chosen), BLOCK):
+        held += np.maximum(-(chosen[start : start + BLOCK] @ nodes), 0).sum(0, dtype=np.float64)
+    return (means + held / len(chosen)).reshape(basis.curves.shape[1], -1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images.storage import Storage, round_down
+from ...images.storage import Storage, round_down, scale_for
 from .azimuth_basis import BLOCK, AzimuthBasis
 
 # What a shader's float32 sum of 16 products may be off by, in parts of the sum of their magnitudes.
@@ -22,16 +22,18 @@ class AzimuthEnvelope:
     ----------
     envelope : m (H, W, 3), the largest with m x <= S at every level and azimuth
     share : (H, W) of the residual S - m x in the light of a texel, all levels and azimuths being equally frequent
+    scale : that m is rounded down at, and stored with
     energy : part of the light of the whole swatch that m x carries
     """
 
     envelope: NDArray[np.float32]
     share: NDArray[np.float32]
+    scale: float
     energy: float
 
 
-def azimuth_envelope(basis: AzimuthBasis, storage: Storage = Storage.FLOAT32, scale: float = 1.0) -> AzimuthEnvelope:
-    """m, rounded down to what `storage` holds at `scale`.
+def azimuth_envelope(basis: AzimuthBasis, storage: Storage = Storage.FLOAT32) -> AzimuthEnvelope:
+    """m, rounded down to what `storage` holds.
 
     Between the nodes S is linear in x at constant phi, hence S / x monotone there, and linear in phi at constant x: its
     minimum lies on a node. Below 0 S is held at 0, and m with it.
@@ -51,9 +53,11 @@ def azimuth_envelope(basis: AzimuthBasis, storage: Storage = Storage.FLOAT32, sc
         mean[here] = np.maximum(flat[here] @ nodes, 0) @ trapezoid
     least -= _ROUNDING * (np.abs(flat) @ bound)
     shape = basis.coefficients.shape[:3]
-    envelope = round_down(np.maximum(least, 0).reshape(shape), storage, scale)
+    least = np.maximum(least, 0).reshape(shape)
+    scale = scale_for(least, storage)
+    envelope = round_down(least, storage, scale)
     whole = mean.reshape(shape).sum(-1)
     carried = np.float32(0.5) * envelope.sum(-1)
     share = np.divide(np.maximum(whole - carried, 0), whole, out=np.zeros_like(whole), where=whole > 0)
     total = float(whole.sum(dtype=np.float64))
-    return AzimuthEnvelope(envelope, share, float(carried.sum(dtype=np.float64)) / total if total > 0 else 0.0)
+    return AzimuthEnvelope(envelope, share, scale, float(carried.sum(dtype=np.float64)) / total if total > 0 else 0.0)
