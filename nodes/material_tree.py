@@ -159,7 +159,7 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
     if "Tangent" in node.inputs and "Tangent" not in before:
         _connect_tangent(tree, node)
     if ALONG_U in node.inputs and ALONG_U not in before:
-        _connect_frame(tree, node)
+        connect_frame(tree, node)
 
 
 def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.types.Node:
@@ -197,7 +197,7 @@ def connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None
         tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
         tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
     if ALONG_U in node.inputs:
-        _connect_frame(tree, node)
+        connect_frame(tree, node)
 
 
 def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
@@ -218,7 +218,7 @@ def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
     tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
 
 
-def _connect_frame(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+def connect_frame(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
     """How the swatch lies on the surface, by the coordinates that the group is given, before they are tiled at random:
     from one patch to the next these jump."""
     group = swatch_frame_group()

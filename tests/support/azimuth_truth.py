@@ -79,6 +79,15 @@ def sun_directions() -> tuple[np.ndarray, float]:
     return local @ np.stack([x, np.cross(z, x), z]), 2 / (1 + math.cos(half)) / _DIRECTIONS
 
 
+def azimuth_in(layout: np.ndarray, wi: np.ndarray) -> float:
+    """Azimuth of a direction in a swatch that lies so: from where u grows towards where v grows across that."""
+    edges = np.linalg.inv(layout)  # columns: how the place changes with u and with v
+    along_u = edges[:, 0] / np.linalg.norm(edges[:, 0])
+    along_v = edges[:, 1] - along_u * (along_u @ edges[:, 1])
+    along_v /= np.linalg.norm(along_v)
+    return math.atan2(wi[:2] @ along_v, wi[:2] @ along_u)
+
+
 @dataclass(frozen=True)
 class LaidOut:
     """A swatch of these texels, lit as the settings say, on a plane whose texture coordinates lie so."""
@@ -95,16 +104,12 @@ class LaidOut:
         total = np.zeros(texels.envelope.shape)
         wo = np.array(direction(90 - math.degrees(VIEW[0]), math.degrees(VIEW[1])))
         directions, irradiance = sun_directions()
-        along = np.linalg.inv(self.layout)  # columns: how the place changes with u and with v
-        along_u = along[:, 0] / np.linalg.norm(along[:, 0])
-        along_v = along[:, 1] - along_u * (along_u @ along[:, 1])
-        along_v /= np.linalg.norm(along_v)
         settings = self.settings
         assert settings.lobe is not None and settings.sigma is not None
         for wi in directions:
             f_cos = float(settings.lobe.value(wi, wo)) * wi[2]
-            phi = math.atan2(wi[:2] @ along_v, wi[:2] @ along_u)
-            total += irradiance * self._reflected(texels, f_cos, float(wi[2]), phi, a_max)
+            lit = self._reflected(texels, f_cos, float(wi[2]), azimuth_in(self.layout, wi), a_max)
+            total += irradiance * lit
         return pixels(total.reshape(*uv.shape[:2], 3), _OVER)
 
     def _reflected(self, texels: Texels, f_cos: float, cosine: float, phi: float, a_max: float) -> np.ndarray:
