@@ -25,6 +25,10 @@ SMOOTHINGS = (1e-4, 1e-3, 1e-2, 1e-1)
 # Radiance in parts of a_max that counts as none.
 _DARK = 1e-4
 _CURVE_STEPS = 64
+# The rank is spent on errors in parts of the level: dim light counts as the eye counts it.
+POWER = 1.0
+# Smoothing that lowers the error of photographs left out by less than this part of it is not worth its blur.
+_AS_GOOD = 0.02
 # A higher rank must lower the error of photographs left out by this part of it.
 _WORTH = 0.01
 
@@ -105,19 +109,23 @@ class Nodes:
     def reduced(self, stack: LightStack, rank: int) -> tuple[Array, Array, float]:
         """Curves (rank, P, N), photographs' weights (rank, n) of their coefficients, and the RMS that is lost.
 
-        The leading left singular vectors of weights times photographs; nothing of this rank loses less.
+        The leading left singular vectors of weights times photographs, all in parts of the level; nothing of this rank
+        loses less by that measure.
         """
         values, vectors = np.linalg.eigh(stack.products)
         root = vectors * np.sqrt(np.maximum(values, 0))
-        left, singular, _ = np.linalg.svd(self.weights @ root, full_matrices=False)
+        share = 1 / np.tile(np.arange(1, self.levels) / (self.levels - 1), self.azimuths)[:, None] ** POWER
+        left, _, _ = np.linalg.svd(share * self.weights @ root, full_matrices=False)
         left = left[:, :rank]
+        mixed = left.T @ (share * self.weights)
+        left = left / share
         peak = np.abs(left).max(0)
-        left = left / np.where(peak > 0, peak, 1) * np.where(left.sum(0) < 0, -1, 1)
-        mixed = np.linalg.pinv(left) @ self.weights
+        peak = np.where(peak > 0, peak, 1) * np.where(left.sum(0) < 0, -1, 1)
+        left, mixed = left / peak, mixed * peak[:, None]
         curves = np.zeros((left.shape[1], self.azimuths, self.levels))
         curves[:, :, 1:] = left.T.reshape(-1, self.azimuths, self.levels - 1)
-        lost = float(np.sqrt(np.square(singular[rank:]).sum() / len(self.weights)))
-        return curves, mixed, lost
+        off = (left @ mixed - self.weights) @ root
+        return curves, mixed, float(np.sqrt(np.square(off).sum(1).mean()))
 
     def predicted(self, curves: Array, mixed: Array, directions: Array) -> Array:
         """Weights of photographs (m, n) for lights, each at the level of its elevation, in their own unit."""
@@ -192,13 +200,21 @@ def fit_azimuth(
 
 
 def chosen(stack: LightStack, most: int = MAX_RANK) -> tuple[AzimuthChoice, list[Array]]:
-    """The interpolation that predicts photographs left out best, and its squared errors of each by rank, 1 to most."""
+    """The interpolation of least smoothing that predicts photographs left out about as well as any, and its squared
+    errors of each by rank, from 1 to most."""
     trials = []
     for smoothing in SMOOTHINGS:
         for even in (False, True):
             choice = AzimuthChoice(smoothing, even)
             trials.append((choice, tried(stack, choice, most)))
-    return min(trials, key=lambda trial: relative_error(stack, trial[1][-1]))
+    errors = [relative_error(stack, found[-1]) for _, found in trials]
+    best = trials[int(np.argmin(errors))][0]
+    # What is left out has its neighbours farther away than any light between those that are there.
+    return next(
+        trial
+        for trial, error in zip(trials, errors, strict=True)
+        if trial[0].even == best.even and error <= (1 + _AS_GOOD) * min(errors)
+    )
 
 
 def tried(stack: LightStack, choice: AzimuthChoice, most: int = MAX_RANK) -> list[Array]:
@@ -207,13 +223,12 @@ def tried(stack: LightStack, choice: AzimuthChoice, most: int = MAX_RANK) -> lis
     for kept, left in stack.folds():
         part = stack.part(kept)
         nodes = Nodes.of(part, choice)
-        curves, _, _ = nodes.reduced(part, min(most, len(kept)))
+        curves, mixed, _ = nodes.reduced(part, min(most, len(kept)))
         for rank in range(1, min(most, len(kept)) + 1):
             if len(found) < rank:
                 found.append(np.full(len(stack), np.nan))
             # Singular vectors are orthogonal: those of a lower rank are the first of a higher.
-            mixed = np.linalg.pinv(curves[:rank, :, 1:].reshape(rank, -1).T) @ nodes.weights
-            weights = nodes.predicted(curves[:rank], mixed, stack.directions[left])
+            weights = nodes.predicted(curves[:rank], mixed[:rank], stack.directions[left])
             found[rank - 1][left] = stack.errors(weights, left, kept)
     return [errors for errors in found if not np.isnan(errors).any()]
 

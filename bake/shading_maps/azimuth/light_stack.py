@@ -59,10 +59,10 @@ class LightStack:
         found: Array = np.maximum(np.einsum("ij,ij->i", signed @ self.products, signed), 0)
         return found
 
-    def folds(self, most: int = 3) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    def folds(self, most: int = 8) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """(kept, left out): every third light by azimuth, thrice; of few lights each by itself."""
         order = np.argsort(np.arctan2(self.directions[:, 1], self.directions[:, 0]), kind="stable")
-        count = most if len(self) >= 4 * most else len(self)
+        count = min(most, len(self))
         parts = [np.sort(order[k::count]) for k in range(count)]
         return [(np.setdiff1d(order, part), part) for part in parts]
 
