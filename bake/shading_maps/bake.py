@@ -31,7 +31,7 @@ from .against_light import ThroughSettings, read_both
 from .albedo import map_albedo_facts
 from .azimuth.against_arc import check_lights, foretells, surround
 from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK
-from .azimuth.azimuth_fit import LEVELS
+from .azimuth.azimuth_fit import MOST_LEVELS
 from .azimuth.light_stack import LightStack
 from .baked_map import Storing, along_arc, over_azimuth
 from .render_settings import RenderSettings
@@ -289,7 +289,7 @@ def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int, around: boo
         SliceLayout(settings.azimuth_rank or MIN_RANK, height, width)
     elif settings.compression == "none":
         SliceLayout(settings.slices - 1, height, width)
-    levels = LEVELS if around else maps * settings.slices
+    levels = MOST_LEVELS if around else maps * settings.slices
     if levels * height * width * 12 > MAX_MAP_BYTES:
         cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {levels} slices of {width} x {height}"
         raise BakeError("shading map", cause, "choose a smaller --size or fewer --slices")

@@ -33,8 +33,8 @@ class StoredMap:
     slices : N, the black one included
     layout : of the image named `image`
     scale, envelope_scale : what stored values were multiplied by
-    curves : (rank, N) of model "basis"
-    azimuths : P of model "azimuth", else 0; its curves are an image
+    curves : (rank, N) of model "basis"; of "azimuth", whose curves are an image, the mean over azimuth
+    azimuths : P of model "azimuth", else 0
     """
 
     model: str
@@ -83,9 +83,10 @@ class MapRecord(StoredMap):
         slices = fields.whole("slices", 2, MAX_SLICES)
         height, width = (fields.whole(key, 1, 1 << 14) for key in ("height", "width"))
         fields.whole("gutter", GUTTER, GUTTER)
-        curves = fields.rows("curves", (1, 3), slices, -1e6, 1e6) if model == "basis" else ()
         all_around = model == "azimuth"
         rank = fields.whole("rank", MIN_RANK, MAX_RANK) if all_around else 0
+        name, ranks = ("mean_curves", (rank, rank)) if all_around else ("curves", (1, 3))
+        curves = fields.rows(name, ranks, slices, -1e6, 1e6) if model in ("basis", "azimuth") else ()
         azimuths = fields.whole("azimuths", MIN_AZIMUTHS, MAX_AZIMUTHS) if all_around else 0
         tiles = {"slices": slices - 1, "power": 2, "basis": len(curves), "azimuth": rank}[model]
         return cls(

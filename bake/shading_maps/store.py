@@ -71,6 +71,8 @@ def store_azimuth(basis: AzimuthBasis, storage: Storage) -> tuple[dict[str, Stor
         "model": "azimuth",
         "rank": basis.rank,
         "azimuths": basis.curves.shape[1],
+        # For what knows no azimuth.
+        "mean_curves": basis.curves.mean(axis=1, dtype=np.float64).tolist(),
         "scale": scale,
         "envelope_scale": split.scale,
         "envelope_energy": split.energy,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...errors import BakeError
 from ...photographs.lights import arc_of
-from .azimuth_fit import chosen
+from .azimuth_fit import chosen, left_out
 from .level_curve import LevelCurve
 from .light_stack import LightStack, relative_error
 from .light_weights import convex_hull, widest_gap
@@ -36,15 +36,14 @@ def check_lights(directions: NDArray[np.float64] | None) -> None:
 
 def foretells(stack: LightStack, spread: float) -> bool:
     """Whether a map over azimuth foretells photographs that are left out better than one arc of the others does."""
-    _, errors = chosen(stack)
-    return relative_error(stack, errors[-1]) < arc_error(stack, spread)
+    return relative_error(stack, left_out(stack, chosen(stack))) < arc_error(stack, spread)
 
 
 def arc_error(stack: LightStack, spread: float) -> float:
     """Mean over photographs left out of the RMS by which one arc of the others misses them, in parts of their own.
 
     The arc is the one that is taken where nothing is said, its photographs sorted by their averages (Kautz et al.
-    2004), and each light at the level of its elevation. Photographs are left out as for `azimuth_fit.tried`.
+    2004), and each light at the level of its elevation. Photographs are left out as for `azimuth_fit.left_out`.
     """
     found = np.zeros(len(stack))
     for kept, left in stack.folds():

@@ -20,7 +20,9 @@ from .light_weights import LightWeights
 
 Array = NDArray[np.float64]
 
-AZIMUTHS, LEVELS = 32, 32
+AZIMUTHS, LEVELS, MOST_LEVELS = 32, 32, 64
+# Median of photographs' averages, in parts of the brightest, below which levels crowd near black.
+_DIM = 0.1
 SMOOTHINGS = (1e-4, 1e-3, 1e-2, 1e-1)
 # Radiance in parts of a_max that counts as none.
 _DARK = 1e-4
@@ -30,7 +32,7 @@ POWER = 1.0
 # Smoothing that lowers the error of photographs left out by less than this part of it is not worth its blur.
 _AS_GOOD = 0.02
 # A higher rank must lower the error of photographs left out by this part of it.
-_WORTH = 0.01
+_WORTH = 0.002
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,9 @@ class Nodes:
         values, vectors = np.linalg.eigh(stack.products)
         root = vectors * np.sqrt(np.maximum(values, 0))
         share = 1 / np.tile(np.arange(1, self.levels) / (self.levels - 1), self.azimuths)[:, None] ** POWER
-        left, _, _ = np.linalg.svd(share * self.weights @ root, full_matrices=False)
-        left = left[:, :rank]
+        seen = share * self.weights @ root
+        left = seen @ np.linalg.eigh(seen.T @ seen)[1][:, ::-1][:, :rank]
+        left, _ = np.linalg.qr(left)
         mixed = left.T @ (share * self.weights)
         left = left / share
         peak = np.abs(left).max(0)
@@ -168,13 +171,14 @@ def fit_azimuth(
     say = progress or (lambda share: None)
     stack = stack or LightStack.of(images, directions)
     say(0.2)
-    choice, errors = chosen(stack, most)
+    choice = chosen(stack)
+    errors = left_out_by_rank(stack, choice, most)
     ranks = range(1, len(errors) + 1)
     if rank is None:
-        by_rank = [relative_error(stack, found) for found in errors]
-        rank = next(r for r in ranks if by_rank[r - 1] <= (1 + _WORTH) * min(by_rank))
+        least = min(found.sum() for found in errors)
+        rank = next(r for r in ranks if errors[r - 1].sum() <= (1 + _WORTH) ** 2 * least)
     rank = min(rank, len(errors))
-    nodes = Nodes.of(stack, choice)
+    nodes = Nodes.of(stack, choice, levels=level_count(stack))
     curves, mixed, lost = nodes.reduced(stack, rank)
     say(0.3)
     flat = images.reshape(len(images), -1)
@@ -199,38 +203,47 @@ def fit_azimuth(
     return AzimuthFit(levelled(basis), nodes.curve, choice, error, rows, (lost, signal))
 
 
-def chosen(stack: LightStack, most: int = MAX_RANK) -> tuple[AzimuthChoice, list[Array]]:
-    """The interpolation of least smoothing that predicts photographs left out about as well as any, and its squared
-    errors of each by rank, from 1 to most."""
-    trials = []
-    for smoothing in SMOOTHINGS:
-        for even in (False, True):
-            choice = AzimuthChoice(smoothing, even)
-            trials.append((choice, tried(stack, choice, most)))
-    errors = [relative_error(stack, found[-1]) for _, found in trials]
-    best = trials[int(np.argmin(errors))][0]
+def level_count(stack: LightStack) -> int:
+    """Levels of the curves: more where a highlight leaves most photographs near black."""
+    return LEVELS if np.median(stack.averages) > _DIM * stack.averages.max() else MOST_LEVELS
+
+
+def chosen(stack: LightStack) -> AzimuthChoice:
+    """The interpolation of least smoothing that predicts photographs left out about as well as any."""
+    trials = [AzimuthChoice(smoothing, even) for smoothing in SMOOTHINGS for even in (False, True)]
+    errors = [relative_error(stack, left_out(stack, choice)) for choice in trials]
+    best = trials[int(np.argmin(errors))]
     # What is left out has its neighbours farther away than any light between those that are there.
-    return next(
-        trial
-        for trial, error in zip(trials, errors, strict=True)
-        if trial[0].even == best.even and error <= (1 + _AS_GOOD) * min(errors)
-    )
+    good = [e <= (1 + _AS_GOOD) * min(errors) and t.even == best.even for t, e in zip(trials, errors, strict=True)]
+    return trials[good.index(True)]
 
 
-def tried(stack: LightStack, choice: AzimuthChoice, most: int = MAX_RANK) -> list[Array]:
-    """Squared errors (n,) of photographs left out, by rank from 1."""
-    found: list[Array] = []
+def left_out(stack: LightStack, choice: AzimuthChoice) -> Array:
+    """Squared errors (n,) of photographs left out, of a map that is not reduced."""
+    found = np.zeros(len(stack))
     for kept, left in stack.folds():
+        nodes = Nodes.of(stack.part(kept), choice)
+        curves = np.zeros((len(kept), nodes.azimuths, nodes.levels))
+        curves[:, :, 1:] = nodes.weights.T.reshape(len(kept), nodes.azimuths, -1)
+        weights = nodes.predicted(curves, np.eye(len(kept)), stack.directions[left])
+        found[left] = stack.errors(weights, left, kept)
+    return found
+
+
+def left_out_by_rank(stack: LightStack, choice: AzimuthChoice, most: int = MAX_RANK) -> list[Array]:
+    """The same by rank, from 1 to `most`, or as many as photographs allow."""
+    folds = stack.folds()
+    most = min(most, *(len(kept) for kept, _ in folds))
+    found = [np.zeros(len(stack)) for _ in range(most)]
+    for kept, left in folds:
         part = stack.part(kept)
         nodes = Nodes.of(part, choice)
-        curves, mixed, _ = nodes.reduced(part, min(most, len(kept)))
-        for rank in range(1, min(most, len(kept)) + 1):
-            if len(found) < rank:
-                found.append(np.full(len(stack), np.nan))
-            # Singular vectors are orthogonal: those of a lower rank are the first of a higher.
+        curves, mixed, _ = nodes.reduced(part, most)
+        for rank, errors in enumerate(found, 1):
+            # Those of a lower rank are the first of a higher.
             weights = nodes.predicted(curves[:rank], mixed[:rank], stack.directions[left])
-            found[rank - 1][left] = stack.errors(weights, left, kept)
-    return [errors for errors in found if not np.isnan(errors).any()]
+            errors[left] = stack.errors(weights, left, kept)
+    return found
 
 
 def levelled(basis: AzimuthBasis) -> AzimuthBasis:
