@@ -103,7 +103,8 @@ def sheet_scene(material: bpy.types.Material, theta: float) -> Iterator[TestScen
     compat.ensure_cycles()
     scene = bpy.data.scenes.new("sheet")
     mesh = bpy.data.meshes.new("sheet")
-    mesh.from_pydata([(-20, -20, 0), (20, -20, 0), (20, 20, 0), (-20, 20, 0)], [], [(0, 1, 2, 3)])
+    # Off the middle: a ray that starts on the diagonal of the two triangles may be held up by the other one.
+    mesh.from_pydata([(-20, -20, 0), (21, -20, 0), (21, 20, 0), (-20, 20, 0)], [], [(0, 1, 2, 3)])
     layer = mesh.uv_layers.new()
     for loop, corner in zip(layer.data, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
         loop.uv = corner
