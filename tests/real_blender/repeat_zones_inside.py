@@ -25,7 +25,7 @@ def light_tables():
     """Lamps in a row, each of which hides part of the next."""
     lamps, light = ours("bake.sampling.lamps"), ours("bake.sampling.lamp_light")
     shown = [
-        lamps.Lamp(lamps.SPHERE, 1.0, centre=(0.3 * (k % 4) - 0.4, 0.3 * (k // 4) - 0.4, 2.0 + 0.1 * k), extent=0.3)
+        lamps.Lamp(lamps.SPHERE, 1.0, centre=(0.2 * (k % 4), 0.2 * (k // 4), 2.0 + 0.1 * k), extent=0.3)
         for k in range(ROWS)
     ]
     emitted = [light.LampLight((1.0 + k, 1.0, 0.5)) for k in range(ROWS)]
