@@ -48,6 +48,14 @@ def add_to(kinds: Any) -> None:
     )
     parser.add_argument("--no-level", action="store_true", help="leave the mean slope as it is: the swatch is not flat")
     parser.add_argument("--replace", action="store_true", help="also maps of other photographs under that name")
+    parser.add_argument(
+        "--reduce",
+        type=int,
+        default=usual.reduce,
+        metavar="N",
+        help="N x N texels become one, for a swatch seen from far away: what their normals vary by goes into the "
+        "roughness, so that highlights keep their width (%(default)d)",
+    )
     parser.add_argument("--repeats", action="store_true", help="the frame goes on at its opposite edge")
     add_quality(parser, _SIZES)
     add_photographs(parser.add_argument_group("photographs"), arc=False)
@@ -62,7 +70,12 @@ def run(options: argparse.Namespace) -> Result:
     try:
         size = chosen_quality(options, _SIZES)["size"]
         settings = MapSettings(
-            options.normals, options.files, not options.no_level, options.repeats, stack_settings(options, size)
+            options.normals,
+            options.files,
+            not options.no_level,
+            options.repeats,
+            stack_settings(options, size),
+            options.reduce,
         )
     except BakeError as error:
         raise usage_error(error, options) from None

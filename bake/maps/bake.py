@@ -20,6 +20,8 @@ from ..errors import BakeError, check_choice
 from ..photographs.photograph import Decoder
 from ..photographs.stack import PhotoStack, StackSettings, plan_stack, read_planned
 from ..source import Facts
+from .detail import MOST as MOST_REDUCED
+from .detail import reduced_maps
 from .height import height_of, slopes, unfollowed
 from .materialx import materialx_document
 from .normals import Surface, check_directions
@@ -56,6 +58,7 @@ class MapSettings:
     files : "png8", "png16" or "exr"
     level : the swatch is flat as a whole: slopes that are linear across the frame are those of a lamp that was near, or
         of a swatch not quite square to the camera, and are left out
+    reduce : so many texels of the fit, across and down, become one of the maps (`reduced_maps`)
     repeats : the frame goes on at its opposite edge, as that of a swatch made tileable does
     stack : how the photographs are read; whichever arc it names, all lights are used
 
@@ -69,8 +72,11 @@ class MapSettings:
     level: bool = True
     repeats: bool = False
     stack: StackSettings = field(default_factory=StackSettings)
+    reduce: int = 1
 
     def __post_init__(self) -> None:
+        if not 1 <= self.reduce <= MOST_REDUCED:
+            raise BakeError("reduce", f"is {self.reduce}", f"choose 1 to {MOST_REDUCED}")
         check_choice("normals", self.normals, NORMAL_CONVENTIONS)
         check_choice("files", self.files, FILE_KINDS)
 
@@ -204,7 +210,10 @@ def maps_of(
     }
     width = np.float32(normal.shape[1])
     reflectance = gloss.strength * np.float32(scale)
-    return Maps(normal, albedo, height / width, gloss.roughness, reflectance), facts, tuple(warnings)
+    maps = Maps(normal, albedo, height / width, gloss.roughness, reflectance)
+    if settings.reduce > 1:
+        facts["reduced"] = settings.reduce
+    return reduced_maps(maps, settings.reduce), facts, tuple(warnings)
 
 
 def _levelled(surface: Surface) -> tuple[NDArray[np.float32], float]:

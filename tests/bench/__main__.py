@@ -39,7 +39,7 @@ BENCHES = {
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
-    "maps": "normals of bake maps beside plain least squares, on renders whose true normals are known",
+    "maps": "bake maps beside plain least squares, on renders of known normals and on the gantry's swatches",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
     "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",

@@ -59,6 +59,15 @@ class MapsProperties:
             description="The swatch is flat as a whole: leave out slopes that a lamp nearby adds",
             default=_USUAL.level,
         ),
+        "reduce": bpy.props.IntProperty(
+            name="Reduce",
+            description="So many texels across become one, for a swatch seen from far away; what their normals vary by "
+            "goes into the roughness",
+            default=_USUAL.reduce,
+            min=1,
+            soft_max=64,
+            max=4096,
+        ),
         "repeats": bpy.props.BoolProperty(
             name="Repeats", description="The frame goes on at its opposite edge", default=_USUAL.repeats
         ),
@@ -68,7 +77,7 @@ class MapsProperties:
 def map_settings_of(properties: Any, stack: StackSettings) -> MapSettings:
     """The properties, and how the photographs are read, as settings of a bake. Raises BakeError."""
     p = properties
-    return MapSettings(p.map_normals, p.map_files, p.level, p.repeats, stack)
+    return MapSettings(p.map_normals, p.map_files, p.level, p.repeats, stack, p.reduce)
 
 
 def width_of(properties: Any) -> float:
@@ -84,6 +93,6 @@ def draw_maps(layout: bpy.types.UILayout, properties: Any) -> None:
         return
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
-    names = ("relief", "map_files", "map_normals", "level", "repeats")
+    names = ("relief", "map_files", "map_normals", "level", "repeats", "reduce")
     for name in names if properties.relief == "normal" else (names[0], "swatch_width", *names[1:]):
         column.prop(properties, name)
