@@ -16,7 +16,9 @@ from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
 from .exported_look import look_of, show_to_exporters
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
+from .random_tiling_group import is_random_tiling
 from .second_group import connect_second, follow, samples_by_second, showing
+from .swatch_frame_group import ALONG_U, ALONG_V, swatch_frame_group
 from .tangent_frame_group import surface_tangent_group
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
@@ -157,8 +159,11 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
     before = exchange_group(tree, node, group)
     if fresh:
         connect_inputs(tree, node)
-    elif "Tangent" in node.inputs and "Tangent" not in before:
+        return
+    if "Tangent" in node.inputs and "Tangent" not in before:
         _connect_tangent(tree, node)
+    if ALONG_U in node.inputs and ALONG_U not in before:
+        connect_frame(tree, node)
 
 
 def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.types.Node:
@@ -195,6 +200,8 @@ def connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None
         mapping.label = SWATCH_MAPPING
         tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
         tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
+    if ALONG_U in node.inputs:
+        connect_frame(tree, node)
 
 
 def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
@@ -213,6 +220,33 @@ def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
         tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
         tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
     tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
+
+
+def connect_frame(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """How the swatch lies on the surface, by the coordinates that the group is given, before they are tiled at random:
+    from one patch to the next these jump."""
+    group = swatch_frame_group()
+    frame = next((n for n in tree.nodes if getattr(n, "node_tree", None) == group), None)
+    if frame is None:
+        frame = tree.nodes.new("ShaderNodeGroup")
+        frame.node_tree, frame.location = group, (-220, -400)
+    source = coordinates_before_tiling(node)
+    if source is not None:
+        tree.links.new(source, frame.inputs["UV"])
+    for name in (ALONG_U, ALONG_V):
+        tree.links.new(frame.outputs[name], node.inputs[name])
+
+
+def coordinates_before_tiling(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
+    """The socket that gives a measured group its texture coordinates, or those that are tiled at random before it."""
+    socket = node.inputs["UV"]
+    if not socket.is_linked:
+        return None
+    source = socket.links[0].from_socket
+    if is_random_tiling(source.node):
+        inner = source.node.inputs["UV"]
+        return inner.links[0].from_socket if inner.is_linked else None
+    return source
 
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:

@@ -29,7 +29,7 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from PIL import Image
 from support.coarse_bakes import coarse  # noqa: F401
 from support.imports import datablocks
-from support.relief import ROUGHNESS, write_folder
+from support.known_maps import ROUGHNESS, write_folder
 from support.swatches import map_bundle, rough_map
 
 # Of fits that are not looked at, and of closures for some.

@@ -25,7 +25,7 @@ from measured_materials.bake.photographs.photograph import read_photograph
 from measured_materials.bake.source import luminance
 from measured_materials.bake.sources import analytic
 from PIL import Image
-from support.relief import N, degrees, lights, photographs, relief, write_photographs
+from support.known_maps import N, degrees, lights, photographs, relief, write_photographs
 
 
 def pixels(file: Path) -> np.ndarray:

@@ -18,7 +18,7 @@ from measured_materials.bake.maps.folder import read_maps_folder
 from measured_materials.bake.maps.gloss import Gloss, half_vectors
 from measured_materials.bake.maps.write import Maps, write_maps
 from measured_materials.nodes.principled_maps import build_principled
-from support.relief import N, relief
+from support.known_maps import N, relief
 from support.scenes import TestScene
 
 ROUGHNESS, F0 = 0.4, 0.2

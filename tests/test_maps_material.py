@@ -23,7 +23,7 @@ from measured_materials.bake.maps.folder import read_maps_folder
 from measured_materials.bake.maps.materialx import materialx_document
 from measured_materials.nodes.principled_maps import build_principled
 from support.imports import datablocks
-from support.relief import ROUGHNESS, N, lights, photographs, relief, write_folder, write_photographs
+from support.known_maps import ROUGHNESS, N, lights, photographs, relief, write_folder, write_photographs
 
 F0 = 0.04
 

@@ -32,6 +32,7 @@ from .scene_fit import (
     Effect,
     is_ready,
     plan_aim,
+    plan_azimuth,
     plan_bounces,
     plan_detail,
     plan_sampling,
@@ -66,6 +67,8 @@ def build_map(
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
+    if stored.model == "azimuth":
+        effects.append(plan_azimuth(settings, layout.tiles))
     light = plan_map_light(settings, choices, report, ready=ready, through=record.through is not None)
     effects += light.effects
     if record.through is not None and settings.mode != "preview":

@@ -284,12 +284,7 @@ def choose_arc(
         if azimuth is None:
             return lights
         raise BakeError(origin, "an azimuth was asked for, but no light directions are known", "give a lights file")
-    if azimuth is None:
-        directions = lights.directions
-        chosen = float(max(_CANDIDATES, key=lambda a: _merit(directions, a, spread, sides)))
-    else:
-        chosen = azimuth
-    near = _near(lights.directions, chosen, spread, sides)
+    chosen, near = arc_of(lights.directions, azimuth, spread, sides)
     if near.sum() < 2:
         cause = f"{int(near.sum())} of {len(near)} lights lie within {spread:g} degrees of azimuth {chosen:g}"
         raise BakeError(origin, cause, "choose another azimuth, a larger spread, or both sides")
@@ -306,6 +301,15 @@ def choose_arc(
     paths = [path for path, keep in zip(lights.paths, near) if keep]
     strengths = None if lights.intensities is None else lights.intensities[near]
     return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts}, strengths)
+
+
+def arc_of(
+    directions: NDArray[np.float64], azimuth: float | None, spread: float, sides: str = "one"
+) -> tuple[float, NDArray[np.bool_]]:
+    """Azimuth of the plane that `choose_arc` takes, in degrees, and which of the lights (n, 3) lie near it."""
+    if azimuth is None:
+        azimuth = float(max(_CANDIDATES, key=lambda a: _merit(directions, a, spread, sides)))
+    return azimuth, _near(directions, azimuth, spread, sides)
 
 
 def _near(directions: NDArray[np.float64], azimuth: float, spread: float, sides: str) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,10 @@ class StackSettings:
     align: str = "auto"
     behind: bool = False
     spheres: tuple[Sphere, ...] = ()
+
+    def all_around(self) -> StackSettings:
+        """The same reading of photographs, with lights of every azimuth."""
+        return replace(self, azimuth=None, spread=90.0, sides="both")
 
     @property
     def card_word(self) -> str:
