@@ -81,6 +81,7 @@ BENCHES = (
     "maps",
     "library",
     "thousand",
+    "faults",
 )
 
 

@@ -180,6 +180,13 @@ STATED = (
         "addon/docs/library.md",
     ),
     Stated(
+        "faults",
+        "Of {all, tried|0} faults, {hostile bundles, tried|0} of them edited bundles, none lost a bundle, left one "
+        "half-written, or touched a file outside.",
+        "addon/docs/library.md",
+        ("all, lost < 1", "all, half-written < 1", "all, escaped < 1"),
+    ),
+    Stated(
         "thousand",
         "whose client was killed after {finished when killed|0} and given again: {kept by the second run|0} were kept, "
         "{baked by the second run|0} baked, none twice, and none is missing. Scheduler and client take 11 ms beside "
