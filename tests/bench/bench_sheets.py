@@ -2,7 +2,8 @@
 
 Nodes ask scripts of OSL what their rays meet, as *Shade by OSL* has them do before Blender 5.1. A plane is seen along
 one direction; its native stand-in reflects and lets through as much of an even light. All take turns, one thread
-renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter.
+renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter. Quiet is a camera whose lens gives numbers more even
+than the shader's own.
 """
 
 from __future__ import annotations
@@ -43,16 +44,15 @@ LIGHTS = ("lamp behind", "lamp before", SKY, "HDR world")
 
 def run(out: Path, quick: bool) -> None:
     """A table of noise at equal samples and of time, as multiples of the native closures'; --quick takes two lights."""
-    table = Table(
-        "light", "native's noise", *(f"{name}: {what}" for name in (_AIMED, _SAMPLED, _QUIET) for what in ("noise", "time"))
-    )
+    beside = _AIMED, _SAMPLED, _QUIET
+    table = Table("light", "native's noise", *(f"{name}: {what}" for name in beside for what in ("noise", "time")))
     with TemporaryDirectory() as folder:
         record = record_of(bake_source(GLAZED, Path(folder) / "glazed", SETTINGS))
         for light in LIGHTS[:: 2 if quick else 1]:
             found = _measured(record, light, turns=2 if quick else 4)
             noise, seconds = found[_NATIVE]
             cells = []
-            for name in (_AIMED, _SAMPLED, _QUIET):
+            for name in beside:
                 if name not in found:
                     cells += ["", ""]
                     continue
