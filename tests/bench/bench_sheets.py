@@ -2,8 +2,8 @@
 
 Nodes ask scripts of OSL what their rays meet, as *Shade by OSL* has them do before Blender 5.1. A plane is seen along
 one direction; its native stand-in reflects and lets through as much of an even light. All take turns, one thread
-renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter. Quiet is a camera whose lens gives numbers more even
-than the shader's own.
+renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter. Quiet is
+a camera whose lens gives numbers more even than the shader's own.
 """
 
 from __future__ import annotations
