@@ -38,7 +38,8 @@ def run(out: Path, quick: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
         bundles = {"cloth": _bake_times(Path(folder), 1 if quick else 3)}
         if (SHARED / "data" / "stacks").is_dir() and load_openimageio() is not None:
-            result = bake_arc(SHARED / "data" / "stacks" / "canvas", Path(folder) / "canvas")
+            canvas = SHARED / "data" / "stacks" / "canvas"
+            result = bake_arc(canvas, Path(folder) / "canvas", ArcSettings(azimuths="arc"))
             bundles["canvas"] = read_bundle(result.path)
         else:
             print("SKIPPED canvas: it needs the photographs beside the repository, and OpenImageIO")

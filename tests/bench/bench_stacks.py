@@ -69,7 +69,7 @@ def bake(name: str, sides: str, folder: Path) -> Baked:
     """A whole stack as it lies there: the reader chooses the arc."""
     plate = _is_plate(name)
     source = SHARED / "data" / "stacks" / name / ("Dome" if plate else "")
-    settings = ArcSettings(stack=StackSettings(sides=sides))
+    settings = ArcSettings(stack=StackSettings(sides=sides), azimuths="arc")
     result = bake_arc(source, folder / f"{name.replace('/', '_')}_{sides}", settings)
     bundle = read_bundle(result.path)
     azimuth = float(result.facts["source"]["facts"]["lights"]["arc"]["azimuth_deg"])
