@@ -14,6 +14,7 @@ from ..bake.shading_maps.record import ShadingMapRecord
 from . import compat, portions
 from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
+from .exported_look import look_of, show_to_exporters
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
 from .random_tiling_group import is_random_tiling
 from .second_group import connect_second, follow, samples_by_second, showing
@@ -24,6 +25,8 @@ from .tangent_frame_group import surface_tangent_group
 # is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
+# Label of the node that lays a swatch out.
+SWATCH_MAPPING = "Swatch size and rotation"
 # Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
 _ROOM = 24
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
@@ -39,7 +42,7 @@ def build_from(
 ) -> bpy.types.Material:
     """A material of the group that `make_group` builds under a name; what a failure has made is removed."""
     compat.ensure_cycles()
-    name, albedo = safe_name(record.name), record.albedo.under_sky
+    name, albedo, look = safe_name(record.name), record.albedo.under_sky, look_of(record)
     before = {*bpy.data.images, *bpy.data.node_groups}
     if material is not None and material.get(BUNDLE_KEY) and not measured_nodes(compat.node_tree(material)):
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
@@ -51,6 +54,7 @@ def build_from(
             portions.no_return()
             material = bpy.data.materials.new(name) if material is None else material
             assemble(material, group, albedo)
+            show_to_exporters(compat.node_tree(material), look)
     except Exception:
         for block in {*bpy.data.images, *bpy.data.node_groups} - before:
             (bpy.data.images if isinstance(block, bpy.types.Image) else bpy.data.node_groups).remove(block)
@@ -193,7 +197,7 @@ def connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None
     if "UV" in node.inputs:
         coordinates, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
         coordinates.location, mapping.location = (-420, -60), (-220, -60)
-        mapping.label = "Swatch size and rotation"
+        mapping.label = SWATCH_MAPPING
         tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
         tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
     if ALONG_U in node.inputs:

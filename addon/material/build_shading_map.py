@@ -12,6 +12,7 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
+from ...nodes.material_tree import SWATCH_MAPPING
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import GAIN_OF_SWATCH, Sampling, sampling_of, what_to_aim_at
@@ -43,8 +44,6 @@ from .textures.packed import pack_textures
 _AIMED_ONLY = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
 # What the panel does not offer for these, whatever was set before.
 _NOT_OF_THROUGH = {"sample": AUTO, "shader": NODES}
-# Label of the node that lays the swatch out.
-SWATCH_MAPPING = "Swatch size and rotation"
 
 
 def build_map(

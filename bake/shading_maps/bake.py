@@ -355,7 +355,10 @@ def _plain(settings: ArcSettings) -> dict[str, Any]:
         if plain[name] == ArcSettings.__dataclass_fields__[name].default:  # as bundles were before there was a choice
             plain.pop(name)
     plain["brdf"] = settings.brdf.name if settings.brdf else None
-    plain["stack"] = {key: _json_ready(value) for key, value in plain["stack"].items() if key != "behind"}
+    stack = {key: _json_ready(value) for key, value in plain["stack"].items() if key != "behind"}
+    if not stack["spheres"]:  # which older versions do not know
+        del stack["spheres"]
+    plain["stack"] = stack
     plain.pop("through")
     if settings.through is not None:
         plain["through"] = settings.through.facts()

@@ -40,7 +40,7 @@ BENCHES = {
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
     "azimuth": "maps over azimuth on real stacks, lights left out, beside PTM, harmonics and RBF of the same bytes",
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
-    "maps": "normals of bake maps beside plain least squares, on renders whose true normals are known",
+    "maps": "bake maps beside plain least squares, on renders of known normals and on the gantry's swatches",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
     "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",
