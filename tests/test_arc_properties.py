@@ -30,7 +30,7 @@ from test_addon import registered  # noqa: F401
             ),
         ),
         ArcSettings(azimuths="all", azimuth_rank=7),
-        ArcSettings(azimuths="auto", compression="power"),
+        ArcSettings(azimuths="arc", compression="power"),
         ArcSettings(through=ThroughSettings(
             Path("behind").resolve(), Path("dirs.csv").resolve(), transmittance=0.125
         )),

@@ -56,7 +56,7 @@ _WORDS = {
     "offset": ("Offset", "One cut in either direction; nearly all of the swatch stays as it is"),
     "warn": ("Warn", "Warn only; nothing is corrected"),
     "arc": ("One Arc", "Shadows stay where they are when the light turns"),
-    "all": ("Every Side", "Shadows turn with the light, as photographed from all sides of the swatch"),
+    "all": ("Every Side", "Shadows turn with the light"),
     "one": ("One", "That of the azimuth alone"),
     "both": ("Both", "The far side of the swatch too"),
     "srgb": ("sRGB", "As most cameras and programs write them"),
@@ -149,8 +149,10 @@ class ArcProperties:
         "flat_field": _path("Flat Field", "Photograph of an evenly white board under the same lamp"),
         "align": _enum("Stabilise", "What is done about small movements of the camera", ALIGNMENTS, _STACK.align),
         "lights": _path("Lights", "A lights.csv or .lp file. Automatic: found in the folder, or angles in file names"),
-        "azimuths": _enum("Light From", "Photographs that the material is made of", AZIMUTHS, _USUAL.azimuths),
-        "azimuth_rank": _whole("Curves", "Numbers per texel and channel; 0 for as many as it takes", 0, 0, MAX_RANK),
+        "azimuths": _enum("Azimuths", "Which of the photographs are used", AZIMUTHS, _USUAL.azimuths),
+        "azimuth_rank": _whole(
+            "Azimuth Rank", "Numbers per texel and channel of light from every side; 0 is Automatic", 0, 0, MAX_RANK
+        ),
         "one_plane": _flag("Choose Plane", "Use the lights near this azimuth. Off: where most elevations are"),
         "azimuth": _float("Azimuth (°)", "Degrees: 0 right, 90 up", 0, -360, 360),
         "spread": _float("Spread (°)", "Degrees that a light may lie off the plane of the arc", _STACK.spread, 0.1, 90),
@@ -235,8 +237,8 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
     for name in _MAP:
         setattr(p, name, str(value) if isinstance(value := getattr(settings, name), Storage) else value)
     show_rights(p, settings.rights)
-    p.azimuth_rank = settings.azimuth_rank or 0
     p.size, p.fit_lobe, p.pack = stack.size or 0, settings.lobe_auto, pack
+    p.azimuth_rank = settings.azimuth_rank or 0
     response = parse_rule(stack.decode)
     p.decode = "auto" if response is None else response.name.partition(":")[0]
     if response is not None and p.decode == "gamma":
@@ -325,8 +327,8 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     frame = {"crop": ("crop",), "corners": _CORNERS}.get(p.frame, ())
     gamma = ("gamma",) if p.decode == "gamma" else ()
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
-    of_arc = ("one_plane", *(("azimuth",) if p.one_plane else ()), "spread", "sides") if p.azimuths != "all" else ()
-    curves = ("azimuth_rank",) if p.azimuths != "arc" else ()
+    plane = ("one_plane", *(("azimuth",) if p.one_plane else ()), "spread", "sides")
+    arc = plane if p.azimuths == "arc" else ("azimuth_rank",) if p.azimuths == "all" else (*plane, "azimuth_rank")
     compression = ("compression", *rank) if p.azimuths != "all" else ()
     stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
     behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
@@ -335,7 +337,7 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
         "swatch": (*size, "slices", "tileable", "frame", *frame),
         "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
         "through": ("through", *behind),
-        "lights": ("lights", "azimuths", *curves, *of_arc, "fit_lobe", *brdf),
+        "lights": ("lights", "azimuths", *arc, "fit_lobe", *brdf),
         "files": (*compression, "storage", "pack"),
     }
 
