@@ -33,8 +33,6 @@ ARC = [(float(elevation), 0.0) for elevation in np.linspace(5, 88, 10)]
 AROUND = ARC + [(e, a) for a in range(45, 360, 45) for e in (10.0, 30.0, 50.0, 70.0)]
 # Of the lamp, whose elevation and, once turned, azimuths lie between those of the photographs.
 ELEVATION, TURNS = 37.0, tuple(range(0, 360, 60))
-# Seen from the front, leaning back.
-VIEW = (math.radians(30), math.radians(-90))
 _PHOTOGRAPH, _SAMPLES, _EDGE = 160, 48, 144
 # A wide lamp, in every picture: mirrors find the sun's own half degree with ten times the noise.
 _SUN = math.radians(5)
@@ -94,17 +92,19 @@ def baked(name: str, folder: Path, lights: list[tuple[float, float]], azimuths: 
 
 @contextmanager
 def turntable(target: Any, samples: int) -> Iterator[Gantry]:
-    """A gantry whose frame shows more than a tile."""
+    """The gantry under a wide lamp."""
     with gantry_scene(target, size=_EDGE, samples=samples, sun_angle=_SUN) as gantry:
         gantry.set_light(math.radians(90 - ELEVATION), 0)
+        # Else Cycles would keep the table of lamps as it was for the first picture, and aim where none is any more.
+        gantry.scene.render.use_persistent_data = False
         yield gantry
 
 
 def turned(gantry: Gantry, turn: float, seed: int = 0) -> Array:
-    """The picture of the target turned counter-clockwise by degrees: lamp and camera are turned the other way."""
+    """From above, the target turned counter-clockwise by degrees: lamp and camera are turned the other way."""
     angle = math.radians(turn)
     gantry.set_light(math.radians(90 - ELEVATION), -angle)
-    gantry.set_view(*VIEW)
+    gantry.set_view(0, 0)
     camera: bpy.types.Object = gantry.scene.camera
     middle = Matrix.Translation(Vector((gantry.tile / 2, gantry.tile / 2, 0)))
     camera.matrix_world = middle @ Matrix.Rotation(-angle, 4, "Z") @ middle.inverted() @ camera.matrix_world
