@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..source import luminance
 from .gloss import Gloss, fit_gloss
+from .joint import joint_surface
 from .normals import Surface, photometric_stereo
 
 _ROUNDS = 3
@@ -30,7 +31,7 @@ def surface_of(
 
     A highlight as wide as the lights are apart is no outlier: some of it stays in the albedo, and pulls normals towards
     the lights. Once a lobe is known it is taken off the photographs, and the matte rest is fitted anew, which a texel
-    takes only where that serves it.
+    takes only where that serves it. Where a lobe outshines the matte part, both are fitted at once (`joint`).
 
     Parameters
     ----------
@@ -62,7 +63,13 @@ def surface_of(
         if not better.any():
             break
         surface, gloss = _chosen(better, other, surface), _chosen(better, lobe, gloss)
-        say(0.5 + 0.5 * (turn + 1) / (_ROUNDS - 1))
+        say(0.5 + 0.3 * (turn + 1) / (_ROUNDS - 1))
+    if gloss.strength.any():
+        left = np.concatenate(
+            [_unexplained(images[:, part], directions, *_cut(part, surface, gloss)) for part in parts]
+        )
+        whole = joint_surface(images, directions, surface, left, lambda share: say(0.8 + 0.2 * share))
+        surface, gloss = whole or (surface, gloss)
     say(1.0)
     return surface, gloss
 
