@@ -48,7 +48,7 @@ def sampled_map(groups: MapGroups, lighting: Lighting, normal: Any, adjustments:
     chance = _chance(lighting, parts.share)
     weight = expr.scale(parts.traced, expr.divide(lighting.a_max, aimed + unaimed * of_lobe))
     weight = adjustments.apply(weight)
-    met = met_light(tables, (position, normal), wi_world, (chance, of_lobe, u[5]), aims)
+    met = met_light(tables, (position, normal), wi_world, (chance, chance * of_lobe, u[5]), aims)
     closures = [mirror_closure(wi_world, incoming, expr.scale(weight, met.of_mirror), more[2], aims)]
     if lighting.exact:
         closures.insert(0, lighting.closure(parts, normal, adjustments, met.of_closures * lighting.native_sigma))

@@ -64,6 +64,7 @@ def recorded(name: str) -> dict[str, float]:
 
 
 BENCHES = (
+    "azimuth",
     "engine",
     "arc",
     "techniques",

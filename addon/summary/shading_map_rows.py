@@ -31,6 +31,9 @@ def read_rows(photographs: PhotographsRecord, scale: str = "Strength") -> Rows:
     degrees = photographs.elevations_deg
     elevations = f"{min(degrees):.0f}° to {max(degrees):.0f}°" if degrees else "not known"
     rows = [("Photographs", f"{lights}, {level_count(averages)} levels"), ("Elevations", elevations)]
+    if photographs.azimuths_deg:
+        gaps = _gaps(photographs.azimuths_deg)
+        rows.append(("Azimuths", f"all around, at most {max(gaps):.0f}° between neighbours"))
     if photographs.lights is not None:
         rows.append(("Directions", photographs.lights))
     rows += [("Decoded as", words) for words in photographs.decoded_as]
@@ -39,6 +42,12 @@ def read_rows(photographs: PhotographsRecord, scale: str = "Strength") -> Rows:
         known = photographs.calibrated_by is not None
         rows.append(("Calibration", photographs.calibration if known else f"none, {scale} sets the scale"))
     return rows
+
+
+def _gaps(degrees: Sequence[float]) -> list[float]:
+    """Angles between neighbouring azimuths all around."""
+    ordered = sorted(degrees)
+    return [after - before for before, after in zip(ordered, [*ordered[1:], ordered[0] + 360], strict=True)]
 
 
 def level_count(averages: Sequence[float]) -> int:

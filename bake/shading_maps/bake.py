@@ -84,7 +84,7 @@ class ArcSettings:
     stack: StackSettings = field(default_factory=StackSettings)
     rights: Rights = field(default_factory=Rights)
     through: ThroughSettings | None = None
-    azimuths: Azimuths = "arc"
+    azimuths: Azimuths = "auto"
     azimuth_rank: int | None = None
 
     def __post_init__(self) -> None:

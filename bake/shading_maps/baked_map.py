@@ -171,6 +171,12 @@ def over_azimuth(
             **_size_facts(mean, images),
             "a_max": fit.curve.a_max if stack.calibrated else None,
             "level_by_cosine": fit.curve.level(np.linspace(0, 1, ANGLE_KNOTS)).tolist(),
+            # Which level a light of which angle to the normal stands for, in full.
+            "level_curve": {
+                "cosines": fit.curve.cosines.tolist(),
+                "levels": fit.curve.levels.tolist(),
+                "a_max": fit.curve.a_max,
+            },
             "interpolation": {"smoothing": fit.choice.smoothing, "even": fit.choice.even},
         },
         "averages": {

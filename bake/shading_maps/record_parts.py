@@ -146,6 +146,7 @@ class PhotographsRecord:
     calibration : what fixed the scale, in words; None where nothing is told
     calibrated_by : "card", "albedo" and their like, None where sigma sets the scale
     warnings : what is doubtful about them
+    azimuths_deg : (n,) of the lights of a map over azimuth, else none
     """
 
     averages: tuple[float, ...]
@@ -158,6 +159,7 @@ class PhotographsRecord:
     calibration: str | None
     calibrated_by: str | None
     warnings: tuple[str, ...]
+    azimuths_deg: tuple[float, ...] = ()
 
     @classmethod
     def parse(cls, document: Fields) -> PhotographsRecord:
@@ -179,6 +181,7 @@ class PhotographsRecord:
             calibration=str(calibration.get("how", "?")) if isinstance(calibration, dict) else None,
             calibrated_by=str(by) if by else None,
             warnings=tuple(text for text in _list(document.entries.get("warnings")) if isinstance(text, str)),
+            azimuths_deg=_numbers(averages.entries.get("azimuths_deg")),
         )
 
 

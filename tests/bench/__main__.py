@@ -38,6 +38,7 @@ BENCHES = {
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
+    "azimuth": "maps over azimuth on real stacks, lights left out, beside PTM, harmonics and RBF of the same bytes",
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
     "maps": "bake maps beside plain least squares, on renders of known normals and on the gantry's swatches",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",

@@ -11,6 +11,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from no_figures import NO_FIGURES
+
 ROOT = Path(__file__).resolve().parents[2]
 FIELD = re.compile(r"\{([^{}|]+)\|([^{}|]+)\}")
 
@@ -143,10 +145,26 @@ def _kind(label: str, name: str) -> Stated:
     return Stated("speed", _row(label, *times, *rest))
 
 
+def _azimuth(label: str, stack: str, form: str) -> Stated:
+    models = ("PTM, 6 terms", "HSH, 16 terms", "RBF, 16 components", "map over azimuth")
+    best = [f"RMS, {stack}, map over azimuth < RMS, {stack}, {model}" for model in models[:-1]]
+    size = f"bytes, {stack} < 101"
+    return Stated("azimuth", _row(label, *(f"{{RMS, {stack}, {m}|{form}}} %" for m in models)), claims=(*best, size))
+
+
 def _format(label: str, name: str) -> Stated:
     return Stated("formats", f"| {label} | {{round trip, {name}|2s%}} % |", "addon/docs/formats.md")
 
 
+_STACKS = (
+    "canvas, hand-held lamp; canvas; 0%",
+    "painted wood, dome; painted_wood; 0%",
+    "gilded icon, dome; gold_icon; 0%",
+    "rendered plate, matte; rendered_plate/single1; 1%",
+    "rendered plate, some gloss; rendered_plate/single3; 1%",
+    "rendered plate, glossy; rendered_plate/single5; 0%",
+    "rendered plate, several materials; rendered_plate/multi2; 1%",
+)
 _BASES = (
     "median {{{0}, gain, median|0}} times, glossy half {{{0}, gain, glossy half|0}} times, "
     "least {{{0}, gain, least|{1}}}"
@@ -264,6 +282,7 @@ STATED = (
         "or from behind {RMS, lookup, aside or behind, least|0%} to "
         "{RMS, lookup, aside or behind, most|0%} %",
     ),
+    *(_azimuth(*row.split("; ")) for row in _STACKS),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
@@ -356,45 +375,4 @@ STATED = (
         "{bytes, log over half, least|2} to {bytes, log over half, most|2} of the bytes of half floats",
         file="CHANGELOG.md",
     ),
-)
-
-# Versions, settings, counts of the code and sizes that are asked for: no bench measures them.
-NO_FIGURES = (
-    "| 4.4 |",
-    "| 4.2 LTS and older |",
-    "Blender 4.2 LTS cannot show",
-    "there that it keeps from 4.3 on",
-    "Use Blender 4.5 LTS",
-    "about the same look (1.0)",
-    # Held by tests/test_anisotropic_bake.py.
-    "from 80 to 88 degrees, a table of the usual size reflects within about 2 % of the measurement",
-    "| 4.3 |",
-    "| 4.5 LTS |",
-    "| 5.0 |",
-    "| 5.2 |",
-    "From Blender 5.1 on",
-    "by nodes from Blender 5.1 on",
-    "in the same bench on 4.5",
-    "Python 3.11",
-    "3 GB of disk",
-    "at most 0.1 % of the light is too much",
-    "medians over 12 materials",
-    "median of 8 measured materials",
-    "Exit codes: 0 done, 1 bad input (one line naming file, cause and remedy), 2 usage",
-    "The exit code is 1 where",
-    "Principled BSDF = 1",
-    "at the bytes of 64 x 64 x 128",
-    "tables of 82 materials",
-    "Figure 3 of",
-    "figures 3 to 7",
-    "keeps 8 bits",
-    "exponents from 1 to 256",
-    "from 4 on",
-    "peaks of 1e4, exponents to 1e8, tables of 1e30, random numbers of exactly 0 and 1",
-    "float32",
-    "in 1/sr",
-    "GPL-3.0-or-later",
-    "3-Degree Polynomial",
-    "Display P3, ACES and others",
-    "converted to Rec.709",
 )
