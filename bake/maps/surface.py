@@ -21,8 +21,8 @@ _CHUNK = 1 << 16
 # A turn serves a texel if it explains the photographs by so much better, without turning the normal by more degrees, or
 # leaving less of the albedo: a dark varnish can be all gloss of any normal.
 _BETTER, _MOST_TURNED, _LEAST_ALBEDO = 0.9, 12.0, 0.4
-# A swatch has gloss if with it less is left than this part of what the matte part alone leaves, where it is told: 0.4 to
-# 0.7 of plates and stone that have some, 0.9 to 0.95 of suede and wool, whose fibres only look so.
+# A swatch has gloss if with it less is left than this part of what the matte part alone leaves, where it is told: 0.4
+# to 0.7 of plates and stone that have some, 0.9 to 0.95 of suede and wool, whose fibres only look so.
 _WORTH = 0.85
 Part = TypeVar("Part", Surface, Gloss)
 
@@ -66,9 +66,9 @@ def surface_of(
         say(0.5 + 0.3 * (turn + 1) / (_ROUNDS - 1))
     if gloss.strength.any():
         bare = Gloss(np.ones_like(gloss.roughness), np.zeros_like(gloss.strength), np.zeros_like(gloss.told))
-        left, matte = (_left(images, directions, *pair, parts) for pair in ((surface, gloss), (first, bare)))
-        if left[gloss.told].sum() > _WORTH * matte[gloss.told].sum():
-            surface, gloss, left = first, bare, matte
+        left, alone = (_left(images, directions, *pair, parts) for pair in ((surface, gloss), (first, bare)))
+        if left[gloss.told].sum() > _WORTH * alone[gloss.told].sum():
+            surface, gloss, left = first, bare, alone
         whole = joint_surface(images, directions, surface, left, lambda share: say(0.8 + 0.2 * share))
         if whole is not None:
             better = _left(images, directions, *whole, parts) < left
