@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,14 @@ import pytest
 from measured_materials.addon.gantry.techniques import direction, errors, frame_uv
 from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
 from measured_materials.addon.material.adjust.swatch import set_random_tiling, swatch_mapping
+from measured_materials.addon.material.bake_photographs import swatch_from
+from measured_materials.addon.material.facts import record_of
+from measured_materials.addon.material.rebuild import effects_of, relight
 from measured_materials.addon.material.scene_fit import plan_azimuth
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import WRONG, Finding
+from measured_materials.addon.summary.shading_map_rows import lighting_rows, map_rows
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
@@ -35,6 +41,7 @@ from support.monte_carlo import assert_same
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
 from support.swatches import map_bundle, rough_map
+from test_addon import registered  # noqa: F401
 
 FINDS = 0.01
 LIT = RenderSettings(Lobe("lambert"), sigma=0.8, a_max=0.2)
@@ -160,6 +167,26 @@ def test_a_swatch_becomes_one_over_azimuth_and_goes_back(tmp_path: Path) -> None
     material.node_tree.links.new(own.outputs[0], group_of(material).inputs[ALONG_U])
     build_shading_map(dome, material, settings=replace(LIT, mode="reference"))
     assert group_of(material).inputs[ALONG_U].links[0].from_node == own
+
+
+def test_it_is_lit_anew_of_its_own_textures_when_the_bundle_is_gone(registered: None, tmp_path: Path) -> None:  # noqa: F811
+    """In every mode, to the nodes that the bundle would have given."""
+    bundle = write_azimuth_bundle(tmp_path / "dome.mmat", basis_of(), LIT)
+    material = swatch_from(BakeResult(bundle.path, {}, 0.0), None, pack=True)
+    kept = {effect.name: effect.kept for effect in effects_of(material)}
+    assert kept["Light from every side"] and kept["Texels"]
+    hashes = {}
+    for gone in (False, True):
+        if gone:
+            shutil.rmtree(bundle.path)
+        for mode in ("preview", "reference", "exact"):
+            relight(material, replace(LIT, mode=mode))
+            hashes.setdefault(mode, []).append(content_hash(group_of(material).node_tree))
+            assert dict(lighting_rows(record_of(material)))["Technique"] == f"lookup, {mode}, repeat"
+    assert all(before == after for before, after in hashes.values()) and len({h for h, _ in hashes.values()}) == 3
+    assert dict(map_rows(record_of(material)))["Texels"].startswith(
+        "light from every side, 16 azimuths, basis of rank 5"
+    )
 
 
 def found_in(scene: TestScene) -> dict[str, Finding]:

@@ -79,6 +79,7 @@ BENCHES = (
     "formats",
     "readings",
     "behind",
+    "sheets",
     "maps",
     "library",
     "thousand",

@@ -296,7 +296,8 @@ def choose_arc(
     if azimuth is None and not near.all():
         warnings.append(
             f"lights cover many azimuths: {int(near.sum())} of {len(near)} used, those within {spread:g} degrees "
-            f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations"
+            f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations; "
+            "azimuths auto or all take those of every side"
         )
     paths = [path for path, keep in zip(lights.paths, near) if keep]
     strengths = None if lights.intensities is None else lights.intensities[near]

@@ -235,6 +235,15 @@ STATED = (
         "error, between 160 samples {mecho shade, 160 samples|0%} and {2011-SA1, 160 samples|0%} %.",
         "addon/docs/sheets.md",
     ),
+    Stated(
+        "sheets",
+        "a cloth with a highlight, sampled, has {HDR world, sampled, noise|1} times the noise of Diffuse and "
+        "Translucent BSDF under a picture of the world, {HDR world, aimed, noise|1} times aimed. Under a lamp of one "
+        "metre behind it, where these have {lamp behind, native, noise|2%} %, it has {lamp behind, sampled, noise|0} "
+        "times that, with Quiet Camera {lamp behind, sampled, quiet, noise|0} times, aimed "
+        "{lamp behind, aimed, noise|0}; under a graded sky, which cannot be sampled, {sky, aimed, noise|0} times.",
+        "addon/docs/sheets.md",
+    ),
     _format("MERL", "MERL"),
     _format("NVIDIA MBSDF", "NVIDIA MBSDF"),
     _format("numpy array", "numpy array"),

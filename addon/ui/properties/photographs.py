@@ -182,18 +182,17 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
     """The properties, those of the lighting, and the mode, as bake settings. Raises BakeError."""
     p = properties
     return ArcSettings(
-        **{name: getattr(p, name) for name in _MAP},
+        **_map_of(p),
         lobe_auto=p.fit_lobe,
         brdf=_file(p.brdf) if light.lobe == MEASURED and not p.fit_lobe else None,
         render=lighting_of(light, mode),
         rights=rights_of(p),
         through=_through_of(p),
-        azimuth_rank=p.azimuth_rank or None,
         stack=StackSettings(
             size=p.size or None,
             decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
             lights=_file(p.lights),
-            azimuth=number(p.azimuth) if p.one_plane else None,
+            azimuth=number(p.azimuth) if p.one_plane and p.azimuths != "all" else None,
             spread=number(p.spread),
             sides=p.sides,
             crop=tuple(p.crop) if p.frame == "crop" else None,
@@ -205,6 +204,14 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
             align=p.align,
         ),
     )
+
+
+def _map_of(p: Any) -> dict[str, Any]:
+    """Settings of what is stored; of light from every side there is one way."""
+    settings = {name: getattr(p, name) for name in _MAP}
+    if p.azimuths == "all":
+        settings["compression"] = "none"
+    return {**settings, "azimuth_rank": p.azimuth_rank or None}
 
 
 def _through_of(p: Any) -> ThroughSettings | None:
@@ -322,6 +329,7 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("one_plane", *(("azimuth",) if p.one_plane else ()), "spread", "sides")
     arc = plane if p.azimuths == "arc" else ("azimuth_rank",) if p.azimuths == "all" else (*plane, "azimuth_rank")
+    compression = ("compression", *rank) if p.azimuths != "all" else ()
     stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
     behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
@@ -330,14 +338,13 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
         "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
         "through": ("through", *behind),
         "lights": ("lights", "azimuths", *arc, "fit_lobe", *brdf),
-        "files": ("compression", *rank, "storage", "pack"),
+        "files": (*compression, "storage", "pack"),
     }
 
 
 def _settings_to_weigh(p: Any) -> ArcSettings:
     """What time and size depend on. Raises BakeError."""
-    settings = {name: getattr(p, name) for name in _MAP}
-    return ArcSettings(**settings, stack=StackSettings(size=p.size or None, align=p.align))
+    return ArcSettings(**_map_of(p), stack=StackSettings(size=p.size or None, align=p.align))
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_arc, "measured_arc")
