@@ -18,7 +18,7 @@ from .normals import Surface
 
 _CHUNK = 1 << 13
 # Roughness as Principled BSDF has it, alpha its square.
-_ROUGHNESSES: NDArray[np.float64] = np.linspace(0.1, 1.0, 19)
+ROUGHNESSES: NDArray[np.float64] = np.linspace(0.1, 1.0, 19)
 # A lobe is told by a light whose half vector leans from the normal by less than so many widths of the lobe, and that is
 # brighter than the matte part by this share.
 _SEEN, _STANDS_OUT = 1.5, 0.25
@@ -94,17 +94,17 @@ def _best(
 
     The least of the errors lies on a parabola through the best of the candidates and its neighbours.
     """
-    errors = np.empty((len(_ROUGHNESSES), rest.shape[1]))
-    for k, roughness in enumerate(_ROUGHNESSES):
+    errors = np.empty((len(ROUGHNESSES), rest.shape[1]))
+    for k, roughness in enumerate(ROUGHNESSES):
         _, errors[k] = _strength(float(roughness) ** 2, rest, lit, tilt, facing, counted)
     best = errors.argmin(0)
-    middle = np.clip(best, 1, len(_ROUGHNESSES) - 2)
+    middle = np.clip(best, 1, len(ROUGHNESSES) - 2)
     below, there, above = (np.take_along_axis(errors, (middle + step)[None], 0)[0] for step in (-1, 0, 1))
     bend = below - 2 * there + above
     shift = np.where(bend > 0, 0.5 * (below - above) / np.where(bend > 0, bend, 1.0), 0.0)
-    between = _ROUGHNESSES[middle] + np.clip(shift, -1, 1) * (_ROUGHNESSES[1] - _ROUGHNESSES[0])
+    between = ROUGHNESSES[middle] + np.clip(shift, -1, 1) * (ROUGHNESSES[1] - ROUGHNESSES[0])
     # At the ends of the candidates the parabola is another candidate's.
-    found: NDArray[np.float64] = np.where(best == middle, between, _ROUGHNESSES[best]).astype(np.float64)
+    found: NDArray[np.float64] = np.where(best == middle, between, ROUGHNESSES[best]).astype(np.float64)
     strength, least = _strength(found**2, rest, lit, tilt, facing, counted)
     whole = np.maximum((counted * rest**2).sum(0), 1e-30)
     return found, strength, np.arctan(found**2), least < 0.5 * whole

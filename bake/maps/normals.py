@@ -23,9 +23,9 @@ _ROUNDS = 12
 # Of a texel's lights, in order of brightness: those that the first fit leaves out at either end.
 _DARKEST, _BRIGHTEST = 0.25, 0.2
 # Cauchy's constant for 95 % efficiency where errors are normal, and the part of it that is used above the law.
-_CAUCHY, _ABOVE = 2.385, 0.6
+CAUCHY, _ABOVE = 2.385, 0.6
 # Deviations below this part of a texel's brightness are noise of any photograph.
-_LEAST_SPREAD = 0.01
+LEAST_SPREAD = 0.01
 # Directions whose least singular value is below this part of the largest lie in one plane, but for errors of reading.
 _PLANE = 0.08
 _LEAST_LIGHTS = 4
@@ -121,7 +121,7 @@ def _fit(
         off = seen - np.maximum(law, 0)
         # The median of those between, of which every texel has as many.
         median = np.partition(np.where(between, np.abs(off), np.inf), middle, axis=0)[middle]
-        width = _CAUCHY * np.maximum(1.4826 * median, _LEAST_SPREAD * level) * np.where(off > 0, _ABOVE, 1.0)
+        width = CAUCHY * np.maximum(1.4826 * median, LEAST_SPREAD * level) * np.where(off > 0, _ABOVE, 1.0)
         # Light from behind a texel says nothing of its normal.
         weight = np.where(law > 0, 1 / (1 + (off / width) ** 2), 0.0)
         found = _solved(seen, directions, weight)

@@ -189,6 +189,19 @@ STATED = (
         )
         for label in ("single1, matte", "single3, some gloss", "single5, glossy", "multi2, several materials")
     ),
+    *(
+        Stated(
+            "maps",
+            f"| {name} | "
+            + " | ".join(
+                f"{{{name}, {what}, least squares|{digits}}}{unit} | {{{name}, {what}, maps|{digits}}}{unit}"
+                for what, digits, unit in (("normals", 1, "°"), ("albedo", 1, ""), ("height", 2, ""))
+            )
+            + " |",
+            "addon/docs/maps.md",
+        )
+        for name in ("plastic_5", "plastic_60", "suede", "cloth", "jeans", "wool", "stone")
+    ),
     Stated(
         "library",
         "{materials|0} measurements at draft quality take {seconds, one process|0} s by one process and "
