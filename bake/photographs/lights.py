@@ -304,6 +304,14 @@ def choose_arc(
     return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts}, strengths)
 
 
+def cut_to_arc(facts: Any) -> bool:
+    """Whether photographs of these facts are those of one arc, which nobody named, of lights of many azimuths."""
+    told = facts
+    for key in ("lights", "arc", "chosen_by"):
+        told = told.get(key) if isinstance(told, dict) else None
+    return bool(told == "count")
+
+
 def arc_of(
     directions: NDArray[np.float64], azimuth: float | None, spread: float, sides: str = "one"
 ) -> tuple[float, NDArray[np.bool_]]:
