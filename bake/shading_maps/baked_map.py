@@ -116,9 +116,8 @@ def _check_bytes(count: int, height: int, width: int, word: str, remedy: str) ->
 def prepare(stack: PhotoStack, name: str) -> Prepared:
     """Photographs of known lights for `over_azimuth`. Raises BakeError where they are black, negative or not finite."""
     assert stack.directions is not None
-    products = LightStack.of(stack.images, stack.directions)
-    check_values(stack.images, products.averages, name)
-    return Prepared.of(products)
+    check_values(stack.images, averages_of(stack.images), name)
+    return Prepared.of(LightStack.of(stack.images, stack.directions))
 
 
 def along_arc(
