@@ -1,4 +1,4 @@
-"""Sub-command `bake photographs`, or `bake arc` in older scripts: photographs on a light arc to bundles."""
+"""Sub-command `bake photographs`, or `bake arc` in older scripts: photographs under a moving lamp to bundles."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def add_to(kinds: Any) -> None:
         aliases=["arc"],
         help="photographs of a flat swatch, lit from several elevations",
         description=f"Bake photographs of a flat swatch, taken from straight above with the lamp on an arc of "
-        f"elevations, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; photographs given one "
-        "by one are one stack.",
+        f"elevations or all around, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; "
+        "photographs given one by one are one stack.",
     )
     arc.add_argument(
         "sources", nargs="*", type=Path, metavar="FOLDER|FILE", help="folders of photographs, or photographs"

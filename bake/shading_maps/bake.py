@@ -184,7 +184,9 @@ def _read(
     except BakeError as error:  # what is wrong may not be of the arc
         if settings.azimuths == "all":
             raise
-        warnings.append(f"one arc is used, for light from every side cannot be: {_of_file(error)}")
+        # Without the folder: the bundle keeps it.
+        where = Path(error.file).name
+        warnings.append(f"one arc is used instead of all lights: {where} {error.cause}; {error.remedy}")
     stack = read_planned(plan_found(found, settings.stack), progress, decoder)
     return replace(stack, warnings=(*stack.warnings, *warnings)), "arc"
 
@@ -224,11 +226,6 @@ def _tried(stack: PhotoStack, settings: ArcSettings, name: str) -> Prepared | Li
     return prepared if better else "arc"
 
 
-def _of_file(error: BakeError) -> str:
-    # Without the folder: the bundle keeps it.
-    return f"{Path(error.file).name} {error.cause}"
-
-
 def arc_recipe(source: Path | Sequence[Path], settings: ArcSettings, origin: Origin) -> str:
     """Recipe of a bundle that `bake_arc` makes of these photographs; `origin` with their name. Raises BakeError."""
     folder = source if isinstance(source, Path) else Path(*source[:1]).parent
@@ -261,8 +258,8 @@ def bake_stack(
     ----------
     through : of the same frame against the light
     recipe : of all that is baked, kept in the bundle
-    way : "arc", or the photographs prepared for a map over azimuth; "try" decides it by `settings` and these
-        photographs, of which one along an arc takes all
+    way : "arc" for a map of all these photographs as one arc, or what was prepared for a map over azimuth; "try"
+        decides by `settings` and the photographs
     """
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
