@@ -318,7 +318,7 @@ def choose_arc(
         warnings.append(
             f"lights cover many azimuths: {int(near.sum())} of {len(near)} used, those within {spread:g} degrees "
             f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations; "
-            "azimuths auto or all take those of every side"
+            "azimuths all takes those of every side"
         )
     paths = [path for path, keep in zip(lights.paths, near) if keep]
     strengths = None if lights.intensities is None else lights.intensities[near]
