@@ -65,13 +65,18 @@ def test_light_from_every_side_leaves_out_what_is_said_of_an_arc() -> None:
     try:
         arc = material.measured_arc
         arc.azimuths, arc.compression, arc.one_plane, arc.azimuth = "all", "power", True, 40
-        assert _settings(material) == ArcSettings(azimuths="all", stack=StackSettings(size=USUAL_SIZE))
+        arc.spread, arc.sides, arc.azimuth_rank = 7.5, "both", 3
+        usual = StackSettings(size=USUAL_SIZE)
+        assert _settings(material) == ArcSettings(azimuths="all", azimuth_rank=3, stack=usual)
         shown = _shown(arc, material.measured_lighting)
         assert shown["lights"] == ("lights", "azimuths", "azimuth_rank", "fit_lobe")
-        assert shown["files"] == ("storage", "pack")
+        assert shown["files"] == ("storage", "pack") and "slices" not in shown["swatch"]
         arc.azimuths = "arc"
         assert "azimuth_rank" not in _shown(arc, material.measured_lighting)["lights"]
-        assert _settings(material).stack.azimuth == 40
+        assert "slices" in _shown(arc, material.measured_lighting)["swatch"]
+        settings = _settings(material)
+        assert settings.azimuth_rank is None
+        assert (settings.stack.azimuth, settings.stack.spread, settings.stack.sides) == (40, 7.5, "both")
     finally:
         bpy.data.materials.remove(material)
 

@@ -7,7 +7,7 @@ import pytest
 from measured_materials.bake.shading_maps.azimuth import azimuth_fit
 from measured_materials.bake.shading_maps.azimuth.against_arc import arc_error, foretells, surround
 from measured_materials.bake.shading_maps.azimuth.azimuth_basis import node_means
-from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, fit_azimuth
+from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, chosen, fit_azimuth
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
 from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack
 from measured_materials.bake.shading_maps.azimuth.light_weights import (
@@ -59,7 +59,7 @@ def test_shadows_that_a_relief_casts_turn_with_the_light() -> None:
     stack = LightStack.of(photographs(heights, DOME), DOME)
     assert max(found) < 0.35 and np.median(found) < 0.2
     assert fit.error < 0.5 * arc_error(stack, 20)
-    assert foretells(stack, 20)
+    assert foretells(stack, chosen(stack), 20)
     turned = [fit.basis.evaluate(0.4, phi) for phi in (0.0, np.pi)]
     assert relative(turned[0], turned[1]) > 0.4
 

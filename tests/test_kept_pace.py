@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from measured_materials.addon.baking.request import BakeRequest
 from measured_materials.addon.summary.quality_levels import expected_seconds, learn_pace, learned, pace, recall
-from measured_materials.addon.ui.background import kept_pace
+from measured_materials.addon.ui.background import kept_pace, tasks
 from measured_materials.bake.brdf.settings import BakeSettings
+from measured_materials.bake.bundle.result import BakeResult
+from measured_materials.bake.shading_maps.bake import ArcSettings
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
+from support.azimuth import lambert_basis, write_azimuth_bundle
 
 
 @pytest.fixture
@@ -62,3 +68,15 @@ def test_a_file_that_cannot_be_replaced_leaves_nothing_beside_it(kept: Path) -> 
     kept.mkdir(parents=True)
     kept_pace.keep()
     assert [path.name for path in kept.parent.iterdir()] == ["bakes.json"]
+
+
+def test_the_time_of_a_map_over_azimuth_teaches_nothing(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was expected as an arc, and all bakes share one pace."""
+    record = ShadingMapRecord.read(write_azimuth_bundle(tmp_path / "felt.mmat", lambert_basis()))
+    monkeypatch.setattr(tasks, "record_of", lambda _: record)
+    task = tasks.ImportTask(BakeRequest(tmp_path, ArcSettings()), tmp_path, "felt", True, None, lambda _: None)
+    material: Any = None
+    task.learn(BakeResult(tmp_path, {}, 60.0), material)
+    assert learned() == []

@@ -165,4 +165,27 @@ def test_inspect_tells_of_a_list_under_another_name(tmp_path: Path, capsys: pyte
     assert any("the lights are those of positions.txt" in warning for warning in told)
     (folder / "positions.txt").write_text("\n".join(lines[:2]))
     told = inspected(folder, capsys)["warnings"]
-    assert any("positions.txt lists lights" in warning and "lights.csv" in warning for warning in told)
+    assert any("positions.txt lists lights of some" in warning and "lights.csv" in warning for warning in told)
+    for name in ("one.txt", "two.txt"):
+        (folder / name).write_text("\n".join(lines))
+    told = inspected(folder, capsys)["warnings"]
+    assert any("several files list the lights" in warning and "one.txt, two.txt" in warning for warning in told)
+
+
+@pytest.mark.parametrize("name", ["lights.txt", "dome.lp", "positions.txt"])
+def test_a_list_above_that_names_no_folder_is_told_of_and_comes_after_angles_in_names(
+    tmp_path: Path, name: str
+) -> None:
+    """Any folder beside this one may hold photographs of the same names."""
+
+    def found(*stems: str) -> tuple[str, list[str]]:
+        lines = [f"{stem}.png {c} 0 {s}" for stem, (c, s) in zip(stems, DIRECTIONS, strict=True)]
+        (tmp_path / name).write_text("\n".join(lines))
+        lights = find_lights([folder / f"{stem}.png" for stem in stems], None, True)
+        return lights.facts["source"], lights.warnings
+
+    folder = tmp_path / "s"
+    folder.mkdir()
+    source, told = found("a", "b", "c")
+    assert source == name and any(f"those of {name} above the folder" in text for text in told)
+    assert found("a_el10", "b_el20", "c_el30") == ("file names", [])

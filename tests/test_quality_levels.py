@@ -67,6 +67,11 @@ def test_finer_takes_longer_and_more() -> None:
     # Five measured materials of 64 samples take from 4.2 to 5.6 megabytes.
     assert 4 < levels.expected_megabytes(BakeSettings()) < 6
     assert levels.expected_megabytes(BakeSettings(envelope=False)) < 2.5
+    # Of light from every side the rank counts, and slices, which there are none of, do not.
+    for expected in (levels.expected_seconds, levels.expected_megabytes):
+        low, usual, high = (expected(ArcSettings(azimuths="all", azimuth_rank=rank)) for rank in (2, None, 16))
+        assert expected(ArcSettings()) < usual and low < usual < high
+        assert usual == expected(ArcSettings(azimuths="all", slices=30))
 
 
 def test_bytes_of_a_table_are_expected_instead_of_its_resolution() -> None:

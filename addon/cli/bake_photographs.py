@@ -1,4 +1,4 @@
-"""Sub-command `bake photographs`, or `bake arc` in older scripts: photographs on a light arc to bundles."""
+"""Sub-command `bake photographs`, or `bake arc` in older scripts: photographs under a moving lamp to bundles."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def add_to(kinds: Any) -> None:
         aliases=["arc"],
         help="photographs of a flat swatch, lit from several elevations",
         description=f"Bake photographs of a flat swatch, taken from straight above with the lamp on an arc of "
-        f"elevations, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; photographs given one "
-        "by one are one stack.",
+        f"elevations or all around, to a shading map NAME{SUFFIX}. Every folder becomes a bundle of its own; "
+        "photographs given one by one are one stack.",
     )
     arc.add_argument(
         "sources", nargs="*", type=Path, metavar="FOLDER|FILE", help="folders of photographs, or photographs"
@@ -91,8 +91,9 @@ def add_azimuths(group: Any) -> None:
         choices=AZIMUTHS,
         default=usual.azimuths,
         help="arc: the photographs of one arc, whose shadows stay where they are when the light turns; all: the "
-        "shadows turn with it; auto: all, where lights surround the swatch and nothing is said of the arc, its "
-        "compression or byte storage (%(default)s)",
+        "shadows turn with it; auto: all, where lights surround the swatch and that predicts photographs left out "
+        "better than one arc does; --azimuth, --spread, --sides, --compression, --through and storages other than "
+        "half and float32 keep auto to one arc (%(default)s)",
     )
     group.add_argument(
         "--azimuth-rank",
@@ -188,7 +189,8 @@ def run(options: argparse.Namespace) -> Result:
         raise argparse.ArgumentTypeError(f"{cause}; bake them one by one")
     if options.plot is not None:
         _check_plot(options.plot, jobs, options.sources)
-    done, errors = bake_jobs(jobs, options.out, settings, bake_stages(settings), _warn, replace=options.replace)
+    warn = partial(_warn, options.slices is not None)
+    done, errors = bake_jobs(jobs, options.out, settings, bake_stages(settings), warn, replace=options.replace)
     drawn: list[str] = []
     for result in done if options.plot is not None else []:
         try:
@@ -206,9 +208,11 @@ def run(options: argparse.Namespace) -> Result:
     return Result(document, lines + drawn, errors)
 
 
-def _warn(job: Job, result: BakeResult) -> None:
+def _warn(slices: bool, job: Job, result: BakeResult) -> None:
+    """Tell what is doubtful about a bundle; `slices` were given by their number or not."""
     record = _record_of(result)
-    for warning in filter(None, [*all_warnings(record), albedo_warning(record)]):
+    unused = "--slices has no effect on a map over azimuth" if slices and record.map.model == "azimuth" else ""
+    for warning in filter(None, [*all_warnings(record), albedo_warning(record), unused]):
         complain(f"warning: {job.title}: {warning}")
 
 

@@ -59,8 +59,9 @@ def expected_seconds(settings: BakeSettings | ArcSettings) -> float:
     stages = bake_stages(settings)
     if isinstance(settings, ArcSettings):
         side = settings.stack.size or _SIDE_OF_STAGES
-        # Reading is of the photographs' own size.
-        usual = stages.pop("reading") + sum(stages.values()) * (side / _SIDE_OF_STAGES) ** 2 * settings.slices / 8
+        share = (side / _SIDE_OF_STAGES) ** 2 * (_numbers(settings) if settings.azimuths == "all" else settings.slices)
+        # Reading is of the photographs' own size, and stages are of eight slices.
+        usual = stages.pop("reading") + sum(stages.values()) * share / 8
     else:
         usual = sum(seconds for name, seconds in stages.items() if not kind_of(name))
     return usual * pace()
@@ -71,16 +72,20 @@ def expected_megabytes(settings: BakeSettings | ArcSettings) -> float:
     if isinstance(settings, ArcSettings):
         side = settings.stack.size or _USUAL_SIDE
         texels = side * side * _ASPECT
-        numbers = {"none": settings.slices - 1, "power": 2, "basis": settings.rank}[settings.compression] + 1
-        if settings.azimuths == "all":
-            numbers = (settings.azimuth_rank or _CURVES) + 1
-        return texels * numbers * 3 * _COMPRESSED * _BYTES[settings.storage] / 1e6
+        return texels * _numbers(settings) * 3 * _COMPRESSED * _BYTES[settings.storage] / 1e6
     parts = 1.0 if settings.envelope else 0.4
     if settings.table_bytes is None:
         tables = parts * _TABLES * (settings.resolution / 64) ** 3 * _BYTES[settings.storage]
     else:
         tables = (1 + settings.envelope) * settings.table_bytes / 1e6
     return tables + parts * _SAMPLERS[kind_of_layout(settings.sampler)]
+
+
+def _numbers(settings: ArcSettings) -> int:
+    """Kept of each texel and channel, the line under all levels included."""
+    if settings.azimuths == "all":
+        return (settings.azimuth_rank or _CURVES) + 1
+    return {"none": settings.slices - 1, "power": 2, "basis": settings.rank}[settings.compression] + 1
 
 
 def learn_pace(settings: BakeSettings | ArcSettings, seconds: float) -> None:

@@ -62,12 +62,17 @@ def level_count(averages: Sequence[float]) -> int:
 def map_rows(record: ShadingMapRecord) -> Rows:
     """Size, model and tiling of the map."""
     stored = record.map
-    size = f"{stored.slices} slices of {stored.layout.width} x {stored.layout.height}"
-    rows = [("Shading map", size), ("Texels", f"{_model_words(stored)}, {stored.storage}")]
+    rows = [("Shading map", _size_words(stored)), ("Texels", f"{_model_words(stored)}, {stored.storage}")]
     if (tiling := record.tiling) is not None:
         seams = f"seams {tiling.before:.2g} before, {tiling.after:.2g} now (1: not to be seen)"
         rows.append(("Tileable", f"{tiling.method}, {seams}"))
     return rows
+
+
+def _size_words(stored: MapRecord) -> str:
+    """Texels and levels; all texels of a map over azimuth share the curves that levels stand in."""
+    size = f"{stored.layout.width} x {stored.layout.height}"
+    return f"{size}, {stored.slices} levels" if stored.model == "azimuth" else f"{stored.slices} slices of {size}"
 
 
 def _model_words(stored: MapRecord) -> str:
@@ -199,7 +204,7 @@ def arc_summary(record: ShadingMapRecord, seconds: float) -> str:
     parts = [
         f"{len(photographs.averages)} photographs",
         f"{level_count(photographs.averages)} levels",
-        f"{stored.slices} slices of {stored.layout.width} x {stored.layout.height}",
+        _size_words(stored),
         f"Cycles' shaders {_percent(stored.envelope_energy)} of the light",
         "left-out error " + ("unknown" if held_out is None else _percent(held_out)),
         f"albedo {colour(record.albedo.directional[0])}",

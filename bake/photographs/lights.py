@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
@@ -45,21 +46,25 @@ class Lights:
 
 
 def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behind: bool = False) -> Lights:
-    """Directions of photographs from a lights file, else from the file names.
+    """Directions of photographs from a lights file, else from the file names, else from a list above their folder.
 
     Photographs without a light, or with one below the horizon, are left out with a warning. With `whole_folder`
     lights without a photograph are reported as well. Lights `behind` the swatch are mirrored in it, where they are not
     told so already. Raises BakeError.
     """
-    file, told = given or _in_folder(paths), []
+    file, told = given or _in_folder(paths), ""
     if file is None and (file := _of_any_name(paths)) is not None:
-        told = [f"the lights are those of {file.name}, which lists these photographs"]
+        told = f"the lights are those of {file.name}, which lists these photographs"
+    if file is None and not _names_tell(paths) and (file := _bare_above(paths)) is not None:
+        told = (
+            f"the lights are those of {file.name} above the folder, which lists these photographs but names no folder"
+        )
     if file is None:
         lights = _from_names(paths, behind)
         lights.warnings += _passed_over(paths)
         return lights
     entries, warnings = read_lights(file)
-    warnings = told + warnings
+    warnings = [told, *warnings] if told else warnings
     lookup: dict[str, list[LightEntry]] = defaultdict(list)
     for entry in entries:
         lookup[_key(entry.file)].append(entry)
@@ -112,16 +117,19 @@ def _above(origin: Path, directions: list[Vector | None]) -> list[Vector | None]
     return [None if d is None else (d[0], d[1], abs(d[2])) for d in directions]
 
 
-def _in_folder(paths: list[Path]) -> Path | None:
+def _folder_of(paths: list[Path]) -> Path | None:
+    """The one folder that all photographs lie in."""
     folders = {path.parent for path in paths}
-    if len(folders) != 1:
+    return folders.pop() if len(folders) == 1 else None
+
+
+def _in_folder(paths: list[Path]) -> Path | None:
+    if (folder := _folder_of(paths)) is None:
         return None
-    folder = folders.pop()
     for place in (folder, folder.absolute().parent):
         files = light_files(place)
-        if place != folder:  # only a file that speaks of this very folder, or of all its photographs
-            named = [file for file in files if _mentions(file, folder.absolute().name)]
-            files = named or _alone([file for file in files if _lists_all(file, paths)])
+        if place != folder:  # only a file that speaks of this very folder
+            files = [file for file in files if _mentions(file, folder.absolute().name)]
         if len(files) > 1:
             raise BakeError(place, f"holds several light files ({list_names([f.name for f in files])})", "name one")
         if files:
@@ -161,28 +169,41 @@ def light_files(folder: Path) -> list[Path]:
 
 
 def _passed_over(paths: list[Path]) -> list[str]:
-    """A warning where a file of another name lists lights of these photographs."""
+    """A warning where files of other names list lights of these photographs."""
     here = {name_key(name) for path in paths for name in _spellings(path)}
-    for file in _texts(paths[0].parent):
-        if any(_key(entry.file) in here for entry in _entries_of(file)):
-            return [f"{file.name} lists lights, but is not read under this name: call it lights.csv, or give it"]
+    files = [f for f in _texts(paths[0].parent) if any(_key(entry.file) in here for entry in _entries_of(f))]
+    whole = [file.name for file in files if _lists_all(file, paths)]
+    if len(whole) > 1:
+        return [f"several files list the lights of these photographs ({list_names(whole)}): give one of them"]
+    if files:
+        told = f"{files[0].name} lists lights of some photographs only, and so is not read under this name"
+        return [f"{told}: call it lights.csv, or give it"]
     return []
 
 
 def _of_any_name(paths: list[Path]) -> Path | None:
-    """The one file, whatever it is called, that lists the lights of all these photographs; None where several do."""
-    folders = {path.parent for path in paths}
-    if len(folders) != 1:
+    """The one file beside these photographs, whatever it is called, that lists all of them; None where several do."""
+    folder = _folder_of(paths)
+    return None if folder is None else _alone(file for file in _texts(folder) if _lists_all(file, paths))
+
+
+def _bare_above(paths: list[Path]) -> Path | None:
+    """The one file above their folder that lists all these photographs by their bare names."""
+    if (folder := _folder_of(paths)) is None:
         return None
-    folder = folders.pop()
-    for place in (folder, folder.absolute().parent):
-        if found := [file for file in _texts(place) if _lists_all(file, paths)]:
-            return next(iter(_alone(found)), None)
-    return None
+    above = folder.absolute().parent
+    known, other = ([f for f in files if _lists_all(f, paths)] for files in (light_files(above), _texts(above)))
+    return _alone(known or other)
 
 
-def _alone(files: list[Path]) -> list[Path]:
-    return files if len(files) == 1 else []
+def _alone(files: Iterable[Path]) -> Path | None:
+    found = list(files)
+    return found[0] if len(found) == 1 else None
+
+
+def _names_tell(paths: list[Path]) -> bool:
+    """Whether names hold angles of lights."""
+    return sum(direction_in_name(path.stem) is not None for path in paths) > 1
 
 
 def _texts(folder: Path) -> list[Path]:
@@ -246,9 +267,9 @@ def _doubled(file: Path, lookup: dict[str, list[LightEntry]]) -> list[str]:
 
 
 def _from_names(paths: list[Path], behind: bool) -> Lights:
-    directions = [direction_in_name(path.stem) for path in paths]
-    if sum(direction is not None for direction in directions) < 2:
+    if not _names_tell(paths):
         return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
+    directions = [direction_in_name(path.stem) for path in paths]
     directions = _above(paths[0].parent, directions) if behind else directions
     return keep_lights(paths[0].parent, paths, directions, [], {"source": "file names"})
 
@@ -297,11 +318,19 @@ def choose_arc(
         warnings.append(
             f"lights cover many azimuths: {int(near.sum())} of {len(near)} used, those within {spread:g} degrees "
             f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations; "
-            "azimuths auto or all take those of every side"
+            "azimuths all takes those of every side"
         )
     paths = [path for path, keep in zip(lights.paths, near) if keep]
     strengths = None if lights.intensities is None else lights.intensities[near]
     return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts}, strengths)
+
+
+def cut_to_arc(facts: Any) -> bool:
+    """Whether photographs of these facts are those of one arc, which nobody named, of lights of many azimuths."""
+    told = facts
+    for key in ("lights", "arc", "chosen_by"):
+        told = told.get(key) if isinstance(told, dict) else None
+    return bool(told == "count")
 
 
 def arc_of(

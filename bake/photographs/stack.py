@@ -69,6 +69,19 @@ class PhotoStack:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundStack:
+    """Photographs whose headers and lights are known, whichever of them a stack is then planned of.
+
+    warnings : one line each, for the user
+    """
+
+    origin: Path
+    infos: dict[Path, PhotoInfo]
+    lights: Lights
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class PlannedStack:
     """Photographs whose headers have been read: which belong to the stack, how they are lit, decoded and placed.
 
@@ -112,6 +125,13 @@ def plan_stack(
 ) -> PlannedStack:
     """What `read_stack` does before it reads pixels; it raises BakeError for all that headers and lights show."""
     settings = settings or StackSettings()
+    return plan_found(find_stack(source, settings, decoder), settings)
+
+
+def find_stack(
+    source: Path | str | Sequence[Path | str], settings: StackSettings, decoder: Decoder | None = None
+) -> FoundStack:
+    """Photographs with their headers and lights, by mirror spheres those in the pictures. Raises BakeError."""
     paths, warnings = find_photographs(source, (settings.lights, settings.flat_field))
     origin = paths[0].parent
     infos = {path: read_info(path, decoder) for path in paths}  # also of those left out: a broken file is never silent
@@ -119,16 +139,16 @@ def plan_stack(
         found = lights_by_spheres(paths, [infos[path] for path in paths], settings, decoder)
     else:
         found = find_lights(paths, settings.lights, isinstance(source, str | Path), settings.behind)
-    lights = choose_arc(
-        origin,
-        found,
-        settings.azimuth,
-        settings.spread,
-        settings.sides,
-    )
-    headers = [infos[path] for path in lights.paths]
+    return FoundStack(origin, infos, found, tuple(warnings))
+
+
+def plan_found(found: FoundStack, settings: StackSettings) -> PlannedStack:
+    """A stack of those photographs that lie on the arc of the settings. Raises BakeError."""
+    lights = choose_arc(found.origin, found.lights, settings.azimuth, settings.spread, settings.sides)
+    headers = [found.infos[path] for path in lights.paths]
     plan = plan_reading(lights.paths, headers, lights.directions, settings, lights.intensities)
-    return PlannedStack(settings, origin, plan, (*warnings, *lights.warnings, *plan.warnings), lights.facts)
+    warnings = (*found.warnings, *lights.warnings, *plan.warnings)
+    return PlannedStack(settings, found.origin, plan, warnings, lights.facts)
 
 
 def lights_by_spheres(

@@ -1,4 +1,6 @@
-"""From photographs on a light arc to a bundle of kind "shading_map": read, linearise, compress, measure, write."""
+"""Photographs on a light arc, or lit from all around, to a bundle of kind "shading_map": read, linearise, compress,
+measure, write.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ from ..bundle.result import BakeResult
 from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
 from ..lobes.lobe_fit import fit_lobe
-from ..photographs.lights import light_files_beside, read_with
-from ..photographs.stack import FORMAT, PhotoStack, PlannedStack, StackSettings, plan_stack, read_planned, read_stack
+from ..photographs.lights import cut_to_arc, light_files_beside, read_with
+from ..photographs.stack import FORMAT, FoundStack, PhotoStack, StackSettings, find_stack, plan_found, read_planned
 from ..rights import Rights
 from ..source import BrdfSource, Facts, Json
 from ..tables.albedo import directional_albedo
@@ -31,11 +33,9 @@ from .against_light import ThroughSettings, read_both
 from .albedo import map_albedo_facts
 from .azimuth.against_arc import check_lights, foretells, surround
 from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK
-from .azimuth.azimuth_fit import MOST_LEVELS
-from .azimuth.light_stack import LightStack
-from .baked_map import Storing, along_arc, over_azimuth
+from .azimuth.azimuth_fit import Prepared
+from .baked_map import Storing, along_arc, check_arc_size, check_size_around, over_azimuth, prepare
 from .render_settings import RenderSettings
-from .slice_atlas import SliceLayout
 from .store import COMPRESSIONS, Compression, check_azimuth_storage, check_storage
 from .swatch_preview import preview_swatch
 
@@ -44,8 +44,9 @@ Tileable = Literal["off", "auto", "quilt", "offset"]
 TILEABLES: tuple[str, ...] = get_args(Tileable)
 Azimuths = Literal["auto", "arc", "all"]
 AZIMUTHS: tuple[str, ...] = get_args(Azimuths)
+# How photographs are baked: see `bake_stack`.
+Way = Prepared | Literal["arc", "try"]
 
-MAX_MAP_BYTES = 4 << 30
 # Seams, relative to the swatch's own structure, from which on they catch the eye.
 VISIBLE_SEAM = 1.5
 
@@ -104,27 +105,35 @@ class ArcSettings:
         if self.azimuth_rank is not None and not MIN_RANK <= self.azimuth_rank <= MAX_RANK:
             raise BakeError("azimuth rank", f"cannot be {self.azimuth_rank}", f"choose {MIN_RANK} to {MAX_RANK}")
         if self.azimuths == "all":
-            self._check_all()
+            check_azimuth_storage(self.storage)
+        self._check_azimuths()
 
-    def _check_all(self) -> None:
-        """Raise BakeError where something else is asked for that holds of one arc alone."""
-        check_azimuth_storage(self.storage)
-        for name, asked in (
-            ("an azimuth", self.stack.azimuth is not None),
-            (f"compression {self.compression}", self.compression != "none"),
-            ("photographs against the light", self.through is not None),
-        ):
+    def _check_azimuths(self) -> None:
+        """Raise BakeError where something else is asked for that these azimuths have no use for."""
+        of_an_arc = {
+            "an azimuth": self.stack.azimuth is not None,
+            "a spread": "spread" in self._said(),
+            "sides": "sides" in self._said(),
+            f"compression {self.compression}": self.compression != "none",
+            "photographs against the light": self.through is not None,
+        }
+        excluded = {"all": of_an_arc, "arc": {"an azimuth rank": self.azimuth_rank is not None}}
+        for name, asked in excluded.get(self.azimuths, {}).items():
             if asked:
-                raise BakeError(
-                    "azimuths all", f"and {name} exclude each other", "choose azimuths arc, or leave it out"
-                )
+                other = "arc" if self.azimuths == "all" else "all"
+                remedy = f"choose azimuths {other}, or leave it out"
+                raise BakeError(f"azimuths {self.azimuths}", f"and {name} exclude each other", remedy)
+
+    def _said(self) -> set[str]:
+        """What is said of the arc."""
+        usual = StackSettings()
+        return {name for name in ("azimuth", "spread", "sides") if getattr(self.stack, name) != getattr(usual, name)}
 
     def takes_azimuths(self) -> bool:
         """Whether a map over azimuth is made where lights surround the swatch."""
-        usual = StackSettings()
-        said = any(getattr(self.stack, name) != getattr(usual, name) for name in ("azimuth", "spread", "sides"))
         kept = self.compression == "none" and self.storage in (Storage.HALF, Storage.FLOAT32)
-        return self.azimuths == "all" or (self.azimuths == "auto" and kept and not said and self.through is None)
+        auto = self.azimuths == "auto" and kept and not self._said() and self.through is None
+        return self.azimuths == "all" or auto
 
 
 def bake_arc(
@@ -145,53 +154,76 @@ def bake_arc(
     """
     settings = settings or ArcSettings()
     started = time.perf_counter()
-    paths, through, products = _paths(source), None, None
+    name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
+    paths, through = _paths(source), None
+    way: Way = "arc"
     if settings.through is None:
-        stack, products = _read(paths, settings, progress, decoder)
+        stack, way = _read(paths, settings, progress, decoder, name)
     else:
         behind = settings.through.found(paths if isinstance(paths, Path) else Path(*paths[:1]).parent)
         stack, through = read_both(paths, settings.stack, behind, progress, decoder)
-    name = Path(source).resolve().name if isinstance(source, str | Path) else Path(out).stem
     origin = photographs_origin(paths)
     recipe = arc_recipe(paths, settings, {"name": name, **origin})
     if on_read:
         on_read(stack, name, origin)
-    beside: dict[str, Any] = {"origin": origin, "through": through, "recipe": recipe, "products": products}
+    beside: dict[str, Any] = {"origin": origin, "through": through, "recipe": recipe, "way": way}
     result = bake_stack(stack, out, settings, progress, name=name, **beside)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
 
 
 def _read(
-    source: Path | Sequence[Path], settings: ArcSettings, progress: Progress | None, decoder: Any
-) -> tuple[PhotoStack, LightStack | None]:
-    """Photographs of all lights with their products, where a map over azimuth is to be made of them; else of one arc.
-
-    Raises BakeError.
-    """
-    if settings.takes_azimuths():
-        planned = _planned_around(source, settings, decoder)
-        if planned is not None:
-            stack = read_planned(planned, progress, decoder)
-            assert stack.directions is not None
-            products = LightStack.of(stack.images, stack.directions)
-            if settings.azimuths == "all" or foretells(products, settings.stack.spread):
-                return stack, products
-    return read_stack(source, settings.stack, progress, decoder), None
-
-
-def _planned_around(source: Path | Sequence[Path], settings: ArcSettings, decoder: Any) -> PlannedStack | None:
-    """Photographs of all lights; None where they do not surround the swatch and need not. Raises BakeError."""
+    source: Path | Sequence[Path], settings: ArcSettings, progress: Progress | None, decoder: Any, name: str
+) -> tuple[PhotoStack, Way]:
+    """Photographs of all lights, where a map over azimuth is to be made of them; else of one arc. Raises BakeError."""
+    if progress is not None:
+        progress("reading", 0.0)
+    found, warnings = find_stack(source, settings.stack, decoder), []
     try:
-        planned = plan_stack(source, settings.stack.all_around(), decoder)
-    except BakeError:
+        if (around := _read_around(found, settings, progress, decoder, name)) is not None:
+            return around
+    except BakeError as error:  # what is wrong may not be of the arc
         if settings.azimuths == "all":
             raise
-        return None  # what is wrong may not be of the arc
-    if settings.azimuths == "all":
-        check_lights(planned.plan.directions)
-    elif not surround(planned.plan.directions):
+        # Without the folder: the bundle keeps it.
+        where = Path(error.file).name
+        warnings.append(f"one arc is used instead of all lights: {where} {error.cause}; {error.remedy}")
+    stack = read_planned(plan_found(found, settings.stack), progress, decoder)
+    return replace(stack, warnings=(*stack.warnings, *warnings)), "arc"
+
+
+def _read_around(
+    found: FoundStack, settings: ArcSettings, progress: Progress | None, decoder: Any, name: str
+) -> tuple[PhotoStack, Prepared] | None:
+    """Photographs of all lights; None where no map over azimuth is asked for or called for. Raises BakeError."""
+    if not _may_surround(found.lights.directions, settings):
         return None
-    return planned
+    planned = plan_found(found, settings.stack.all_around())
+    plan, place = planned.plan, planned.plan.placement
+    if not _may_surround(plan.directions, settings):
+        return None
+    tiled = settings.tileable != "off"
+    check_size_around(len(plan.groups), place.height, place.width, settings.azimuth_rank, tiled)
+    stack = read_planned(planned, progress, decoder)
+    way = _tried(stack, settings, name)
+    return None if isinstance(way, str) else (stack, way)
+
+
+def _may_surround(directions: NDArray[np.float64] | None, settings: ArcSettings) -> bool:
+    """Whether a map over azimuth is asked for, or may be made of photographs under these lights. Raises BakeError."""
+    if settings.azimuths == "all":
+        check_lights(directions)
+    return settings.azimuths == "all" or (settings.takes_azimuths() and surround(directions))
+
+
+def _tried(stack: PhotoStack, settings: ArcSettings, name: str) -> Prepared | Literal["arc"]:
+    """Which way photographs are baked, by the settings, their lights, and what foretells those left out better."""
+    if not _may_surround(stack.directions, settings):
+        return "arc"
+    prepared = prepare(stack, name)
+    count, height, width, _ = stack.images.shape
+    check_size_around(count, height, width, settings.azimuth_rank, settings.tileable != "off", prepared.products)
+    better = settings.azimuths == "all" or foretells(prepared.products, prepared.choice, settings.stack.spread)
+    return prepared if better else "arc"
 
 
 def arc_recipe(source: Path | Sequence[Path], settings: ArcSettings, origin: Origin) -> str:
@@ -218,7 +250,7 @@ def bake_stack(
     origin: dict[str, str] | None = None,
     through: PhotoStack | None = None,
     recipe: str = "",
-    products: LightStack | None = None,
+    way: Way = "try",
 ) -> BakeResult:
     """Bake photographs already read; `origin` is kept in the bundle. Raises BakeError.
 
@@ -226,23 +258,25 @@ def bake_stack(
     ----------
     through : of the same frame against the light
     recipe : of all that is baked, kept in the bundle
-    products : of the photographs, of which a map over azimuth is made if `settings` allow it
+    way : "arc" for a map of all these photographs as one arc, or what was prepared for a map over azimuth; "try"
+        decides by `settings` and the photographs
     """
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
     stacks = [stack] if through is None else [stack, through]
     tile = None if settings.tileable == "off" else TileSettings(method=settings.tileable)
     measured, f_r = _measured_brdf(settings.brdf)
-    around = through is None and settings.takes_azimuths()
-    around = around and (settings.azimuths == "all" or surround(stack.directions))
-    _check_size(stack, settings, len(stacks), around)
-    if around:
-        check_lights(stack.directions)
-        made, tiling = over_azimuth(stack, settings.storage, settings.azimuth_rank, tile, say, products)
+    if way == "try":
+        way = _tried(stack, settings, name) if through is None else "arc"
+    if isinstance(way, Prepared):
+        made, tiling = over_azimuth(stack, settings.storage, settings.azimuth_rank, tile, say, way)
         maps = [made]
     else:
         storing = Storing(settings.slices, settings.compression, settings.storage, settings.rank)
+        check_arc_size(stack, storing, len(stacks))
         maps, tiling = along_arc(stacks, storing, tile, name, say)
+        if settings.azimuth_rank is not None:
+            maps[0].warnings.append(f"azimuth rank {settings.azimuth_rank} has no effect on the map of one arc")
     render, fit = _chosen_render(stack, maps[0].averages, settings)
     calibrated = maps[0].a_max if stack.calibrated else None
     facts: dict[str, Json] = {
@@ -250,7 +284,7 @@ def bake_stack(
         **maps[0].told,
         "source": {"name": name, **(origin or {}), **_source(stack)},
         "warnings": [*stack.warnings, *maps[0].warnings, *_tiling_warnings(tiling)],
-        "settings": _plain(settings),
+        "settings": _plain(settings, stack),
         **({RECIPE: recipe} if recipe else {}),
         **settings.rights.entry(),
         "tiling": tiling,
@@ -280,19 +314,6 @@ def bake_stack(
 
 def _source(stack: PhotoStack) -> dict[str, Json]:
     return {"facts": {"format": FORMAT, **stack.facts}}
-
-
-def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int, around: bool) -> None:
-    """Refuse, before memory is taken, what no image or no memory would hold."""
-    height, width = stack.images.shape[1:3]
-    if around:
-        SliceLayout(settings.azimuth_rank or MIN_RANK, height, width)
-    elif settings.compression == "none":
-        SliceLayout(settings.slices - 1, height, width)
-    levels = MOST_LEVELS if around else maps * settings.slices
-    if levels * height * width * 12 > MAX_MAP_BYTES:
-        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {levels} slices of {width} x {height}"
-        raise BakeError("shading map", cause, "choose a smaller --size or fewer --slices")
 
 
 def _measured_brdf(path: Path | None) -> tuple[BrdfRecord | None, BrdfSource | None]:
@@ -346,14 +367,16 @@ def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
     return [f"seams remain visible where the swatch repeats ({after:.1f} times as strong as its own structure)"]
 
 
-def _plain(settings: ArcSettings) -> dict[str, Any]:
+def _plain(settings: ArcSettings, photographs: PhotoStack) -> dict[str, Any]:
     plain = asdict(replace(settings, render=RenderSettings()))
     plain.pop("render")
     plain.pop("rights")
     plain["storage"] = str(settings.storage)
-    for name in ("azimuths", "azimuth_rank"):
-        if plain[name] == ArcSettings.__dataclass_fields__[name].default:  # as bundles were before there was a choice
-            plain.pop(name)
+    usual = ArcSettings()
+    if settings.azimuth_rank is None:
+        plain.pop("azimuth_rank")
+    if settings.azimuths == usual.azimuths and not cut_to_arc(photographs.facts):
+        plain.pop("azimuths")  # as bundles were before there was a choice
     plain["brdf"] = settings.brdf.name if settings.brdf else None
     stack = {key: _json_ready(value) for key, value in plain["stack"].items() if key != "behind"}
     if not stack["spheres"]:  # which older versions do not know

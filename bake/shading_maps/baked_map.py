@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..bundle.bundle import StoredImage
+from ..errors import BakeError
 from ..images.storage import Storage
 from ..photographs.stack import PhotoStack
 from ..source import Facts, Json
-from ..tiling.tileable import TileSettings, make_tileable
-from .azimuth.azimuth_basis import MAX_RANK, AzimuthBasis, mean_over_azimuth
-from .azimuth.azimuth_fit import fit_azimuth
+from ..tiling.tileable import TileSettings, check_tileable, make_tileable
+from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK, AzimuthBasis, mean_over_azimuth
+from .azimuth.azimuth_fit import LEVELS, Prepared, fit_azimuth, level_count
 from .azimuth.light_stack import LightStack
 from .azimuth.light_weights import spacing
 from .shading_map import (
@@ -23,6 +24,7 @@ from .shading_map import (
     Linearised,
     ShadingMap,
     averages_of,
+    check_values,
     held_out_errors,
     level_by_cosine,
     linearise,
@@ -31,6 +33,7 @@ from .slice_atlas import GUTTER, MAX_EXTENT, SliceLayout
 from .store import Compression, Stored, store_azimuth, store_map
 
 Say = Callable[[str, float], None]
+MAX_MAP_BYTES = 4 << 30
 # Lights farther apart than this (rad) leave gaps that a shadow does not cross in one piece.
 _SPARSE = np.radians(32)
 
@@ -73,6 +76,48 @@ class _Swatch:
 
     map: ShadingMap
     a_max: float
+
+
+def check_arc_size(stack: PhotoStack, storing: Storing, maps: int) -> None:
+    """Raise BakeError, before memory is taken, where no image or no memory would hold the maps of an arc."""
+    height, width = stack.images.shape[1:3]
+    if storing.compression == "none":
+        SliceLayout(storing.slices - 1, height, width)
+    _check_bytes(maps * storing.slices, height, width, "slices", "choose a smaller --size or fewer --slices")
+
+
+def check_size_around(
+    count: int, height: int, width: int, rank: int | None, tiled: bool, products: LightStack | None = None
+) -> None:
+    """The same of a map over azimuth of `count` photographs.
+
+    Parameters
+    ----------
+    tiled : whether they are made to tile
+    products : of the photographs; before they are known it takes the fewest levels for granted
+    """
+    try:
+        SliceLayout(rank or MIN_RANK, height, width)
+    except BakeError as error:
+        remedy = "choose a smaller --size, a lower --azimuth-rank, or --azimuths arc"
+        raise BakeError(error.file, error.cause, remedy) from None
+    if tiled:
+        check_tileable(count, height, width)
+    levels = LEVELS if products is None else level_count(products)
+    _check_bytes(levels, height, width, "levels", "choose a smaller --size, or --azimuths arc")
+
+
+def _check_bytes(count: int, height: int, width: int, word: str, remedy: str) -> None:
+    if count * height * width * 12 > MAX_MAP_BYTES:
+        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {count} {word} of {width} x {height}"
+        raise BakeError("shading map", cause, remedy)
+
+
+def prepare(stack: PhotoStack, name: str) -> Prepared:
+    """Photographs of known lights for `over_azimuth`. Raises BakeError where they are black, negative or not finite."""
+    assert stack.directions is not None
+    check_values(stack.images, averages_of(stack.images), name)
+    return Prepared.of(LightStack.of(stack.images, stack.directions))
 
 
 def along_arc(
@@ -133,12 +178,7 @@ def _baked(
 
 
 def over_azimuth(
-    stack: PhotoStack,
-    storage: Storage,
-    rank: int | None,
-    tile: TileSettings | None,
-    say: Say,
-    products: LightStack | None = None,
+    stack: PhotoStack, storage: Storage, rank: int | None, tile: TileSettings | None, say: Say, prepared: Prepared
 ) -> tuple[BakedMap, dict[str, Any] | None]:
     """The map over azimuth of photographs lit from many sides, and the account of its tiling.
 
@@ -146,18 +186,20 @@ def over_azimuth(
 
     Parameters
     ----------
-    products : of the photographs, where they are at hand
+    prepared : the photographs, as `prepare` gives them
     """
     directions, tiling = stack.directions, None
     assert directions is not None
     if tile is not None:
         tiled = make_tileable(stack.images, tile, lambda _, share: say("making it tile", share))
-        stack, tiling, products = replace(stack, images=tiled.slices), tiled.facts, None
+        stack, tiling = replace(stack, images=tiled.slices), tiled.facts
     say("averages and slices", 0.0)
-    products = products or LightStack.of(stack.images, directions)
+    if tile is not None:
+        prepared = prepare(stack, "swatch")
+    products = prepared.products
     say("predicting photographs", 0.0)
     most = min(MAX_RANK, MAX_EXTENT // SliceLayout(1, *stack.images.shape[1:3]).pitch)
-    fit = fit_azimuth(stack.images, directions, rank, stack=products, most=most)
+    fit = fit_azimuth(stack.images, directions, rank, prepared=prepared, most=most)
     say("compressing", 0.0)
     images, facts, stored = store_azimuth(fit.basis, storage)
     say("measuring", 0.0)
@@ -186,7 +228,10 @@ def over_azimuth(
         },
         "errors": _error_facts(float(np.hypot(lost, _rounding(fit.basis, stored))), signal, fit.held_out),
     }
-    return BakedMap(told, images, mean, products.averages, fit.curve.a_max, _sparse(directions)), tiling
+    warnings = _sparse(directions)
+    if rank is not None and fit.basis.rank < rank:
+        warnings.append(f"{len(directions)} photographs allow an azimuth rank of {fit.basis.rank}, not of {rank}")
+    return BakedMap(told, images, mean, products.averages, fit.curve.a_max, warnings), tiling
 
 
 def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:

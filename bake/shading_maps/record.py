@@ -18,6 +18,7 @@ from ..brdf.samplers import IsotropicLayout, isotropic_layout_of
 from ..bundle.bundle import MATERIAL, Bundle
 from ..bundle.checked_json import Fields
 from ..errors import BakeError
+from ..photographs.lights import cut_to_arc
 from ..photographs.settings import StackSettings
 from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
@@ -202,6 +203,8 @@ def _settings_of(fields: Fields, render: RenderSettings) -> ArcSettings | None:
         read = {key: _hashable(value) for key, value in told["stack"].items() if key not in _FILES}
         kept = {key: value for key, value in told.items() if key not in ("stack", "brdf", "through")}
         through = ThroughSettings.told(told["through"]) if told.get("through") is not None else None
+        if "azimuths" not in kept and cut_to_arc(fields.part("source").entries.get("facts")):
+            kept["azimuths"] = "arc"  # before there was a choice, an arc was all there was
         return ArcSettings(**kept, render=render, stack=StackSettings(**read), rights=rights, through=through)
     except (BakeError, TypeError, ValueError, KeyError, AttributeError):
         return None

@@ -91,14 +91,9 @@ def linearise(images: NDArray[np.float32], slices: int = 8, name: str = "stack")
     """
     _check_count(slices)
     averages = averages_of(images)
-    if not np.isfinite(averages).all() or images.min() < 0:
-        raise BakeError(name, "holds values that are negative or not finite", "check the photographs")
+    check_values(images, averages, name)
     order = np.argsort(averages, kind="stable")
     levels, members = _levels(averages, order)
-    if levels[-1] <= 0:
-        raise BakeError(name, "is black in every photograph", "expose longer or check that the lamp was on")
-    if levels[-1] < _DARKEST:
-        raise BakeError(name, f"is too dark, {levels[-1]:.1g} at most", "scale the values; float32 ends at 1e-38")
     if len(levels) < 2:
         cause = f"shows {len(averages)} photograph{'s' if len(averages) > 1 else ''} of the same average brightness"
         raise BakeError(name, cause, "photograph the swatch with the light at several elevations")
@@ -110,6 +105,17 @@ def linearise(images: NDArray[np.float32], slices: int = 8, name: str = "stack")
                 share = np.float32(weight / (a_max * len(members[k])))
                 result[i] += share * images[member]
     return Linearised(ShadingMap(result), averages, order, a_max)
+
+
+def check_values(images: NDArray[np.float32], averages: NDArray[np.float64], name: str) -> None:
+    """Raise BakeError where photographs of these averages are negative, not finite, black or denormal throughout."""
+    if not np.isfinite(averages).all() or images.min() < 0:
+        raise BakeError(name, "holds values that are negative or not finite", "check the photographs")
+    brightest = float(averages.max())
+    if brightest <= 0:
+        raise BakeError(name, "is black in every photograph", "expose longer or check that the lamp was on")
+    if brightest < _DARKEST:
+        raise BakeError(name, f"is too dark, {brightest:.1g} at most", "scale the values; float32 ends at 1e-38")
 
 
 def _check_count(slices: int) -> None:

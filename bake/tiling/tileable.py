@@ -272,15 +272,20 @@ def _checked(slices: Array) -> Array:
     if slices.ndim != 4 or slices.shape[3] != 3 or not len(slices) or slices.dtype.kind not in "fiu":
         raise BakeError(_NAME, f"cannot be {slices.dtype} of shape {slices.shape}", "give numbers (N, H, W, 3)")
     height, width = slices.shape[1:3]
-    if min(height, width) < SMALLEST_SIDE:
-        raise BakeError(_NAME, f"of {width} x {height} are too small to tile", f"give {SMALLEST_SIDE} texels or more")
-    if max(height, width) > LARGEST_SIDE or slices.size > MAX_VALUES:
-        cause = f"of {len(slices)} x {width} x {height} are too large to tile"
-        raise BakeError(_NAME, cause, f"scale them below {LARGEST_SIDE} texels and {MAX_VALUES // 3:.1e} texels in all")
+    check_tileable(len(slices), height, width)
     # Also false where a value is not a number.
     if not (slices.min() >= 0 and slices.max() <= _BRIGHTEST):
         raise BakeError(_NAME, "hold values that are negative or not finite", "fix the photographs")
     return np.ascontiguousarray(slices, np.float32)
+
+
+def check_tileable(count: int, height: int, width: int) -> None:
+    """Raise BakeError where so many images of this size are not made to tile."""
+    if min(height, width) < SMALLEST_SIDE:
+        raise BakeError(_NAME, f"of {width} x {height} are too small to tile", f"give {SMALLEST_SIDE} texels or more")
+    if max(height, width) > LARGEST_SIDE or count * height * width * 3 > MAX_VALUES:
+        cause = f"of {count} x {width} x {height} are too large to tile"
+        raise BakeError(_NAME, cause, f"scale them below {LARGEST_SIDE} texels and {MAX_VALUES // 3:.1e} texels in all")
 
 
 def _is_number(value: object) -> bool:

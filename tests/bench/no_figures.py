@@ -3,7 +3,7 @@
 # Versions, settings, counts of the code and sizes that are asked for: no bench measures them.
 NO_FIGURES = (
     "| PTM, 6 terms | harmonics, 16 terms | RBF, 16 components |",
-    "plates 20 lights of their own",
+    "for the rendered plates, 20 lights photographed separately",
     "| 4.4 |",
     "| 4.2 LTS and older |",
     "Blender 4.2 LTS cannot show",

@@ -122,9 +122,15 @@ class BakeTask(Task):
         return BakeJob(self.request, self.target(), hosts(self.request, bpy.app.binary_path))
 
     def learn(self, result: BakeResult, material: bpy.types.Material) -> None:
-        """How long bakes take here; of anisotropic ones and of sheets the stages are others than were expected."""
+        """How long bakes take here; of anisotropic ones, of sheets and of maps over azimuth the stages are others than
+        were expected.
+        """
         record = record_of(material)
-        if not isinstance(record, BrdfRecord) or not (record.anisotropic or record.sheet is not None):
+        if isinstance(record, BrdfRecord):
+            other = record.anisotropic or record.sheet is not None
+        else:
+            other = record.map.model == "azimuth"
+        if not other:
             assert isinstance(self.request.settings, BakeSettings | ArcSettings)
             learn_pace(self.request.settings, result.seconds)
             kept_pace.keep()

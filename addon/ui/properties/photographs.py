@@ -192,9 +192,7 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
             size=p.size or None,
             decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
             lights=_file(p.lights),
-            azimuth=number(p.azimuth) if p.one_plane and p.azimuths != "all" else None,
-            spread=number(p.spread),
-            sides=p.sides,
+            **_arc_of(p),
             crop=tuple(p.crop) if p.frame == "crop" else None,
             corners=tuple(tuple(getattr(p, name)) for name in _CORNERS) if p.frame == "corners" else None,
             flat_field=_file(p.flat_field),
@@ -207,11 +205,18 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
 
 
 def _map_of(p: Any) -> dict[str, Any]:
-    """Settings of what is stored; of light from every side there is one way."""
+    """Settings of what is stored; of light from every side there is one way, and one arc knows no rank of it."""
     settings = {name: getattr(p, name) for name in _MAP}
     if p.azimuths == "all":
         settings["compression"] = "none"
-    return {**settings, "azimuth_rank": p.azimuth_rank or None}
+    return {**settings, "azimuth_rank": p.azimuth_rank or None if p.azimuths != "arc" else None}
+
+
+def _arc_of(p: Any) -> dict[str, Any]:
+    """Settings of the arc; light from every side has none."""
+    if p.azimuths == "all":
+        return {}
+    return {"azimuth": number(p.azimuth) if p.one_plane else None, "spread": number(p.spread), "sides": p.sides}
 
 
 def _through_of(p: Any) -> ThroughSettings | None:
@@ -329,12 +334,12 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
     plane = ("one_plane", *(("azimuth",) if p.one_plane else ()), "spread", "sides")
     arc = plane if p.azimuths == "arc" else ("azimuth_rank",) if p.azimuths == "all" else (*plane, "azimuth_rank")
-    compression = ("compression", *rank) if p.azimuths != "all" else ()
+    slices, compression = (("slices",), ("compression", *rank)) if p.azimuths != "all" else ((), ())
     stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
     behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
     return {
-        "swatch": (*size, "slices", "tileable", "frame", *frame),
+        "swatch": (*size, *slices, "tileable", "frame", *frame),
         "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
         "through": ("through", *behind),
         "lights": ("lights", "azimuths", *arc, "fit_lobe", *brdf),

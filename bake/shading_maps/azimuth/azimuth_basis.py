@@ -30,7 +30,7 @@ _F64 = NDArray[np.float64]
 class AzimuthBasis:
     """S(x, phi) ~ max(sum over j of coefficients[..., j] curves_j(x, phi), 0), relative to a_max.
 
-    Its mean over the texels is x at every azimuth, as far as the rank allows: the map is linearised as one of an arc.
+    Its mean over texels and azimuths is x, as far as the rank allows: the map is linearised as one of an arc.
 
     Attributes
     ----------

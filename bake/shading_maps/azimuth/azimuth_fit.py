@@ -51,6 +51,19 @@ class AzimuthChoice:
 
 
 @dataclass(frozen=True, eq=False)
+class Prepared:
+    """Photographs lit from every side, and how they are to be interpolated, which takes trials to find."""
+
+    products: LightStack
+    choice: AzimuthChoice
+
+    @classmethod
+    def of(cls, products: LightStack) -> Prepared:
+        """With the interpolation that is `chosen`."""
+        return cls(products, chosen(products))
+
+
+@dataclass(frozen=True, eq=False)
 class AzimuthFit:
     """A map with what it came from.
 
@@ -158,7 +171,7 @@ def fit_azimuth(
     directions: Array,
     rank: int | None = None,
     progress: Callable[[float], None] | None = None,
-    stack: LightStack | None = None,
+    prepared: Prepared | None = None,
     most: int = MAX_RANK,
 ) -> AzimuthFit:
     """Fit a map over azimuth to photographs (n, H, W, 3) under lights of directions (n, 3).
@@ -166,12 +179,12 @@ def fit_azimuth(
     Parameters
     ----------
     rank : by default the lowest that predicts photographs left out as well as any, at most `most`
-    stack : of these photographs, where it is at hand
+    prepared : these photographs, where they have been tried
     """
     say = progress or (lambda share: None)
-    stack = stack or LightStack.of(images, directions)
+    prepared = prepared or Prepared.of(LightStack.of(images, directions))
     say(0.2)
-    choice = chosen(stack)
+    stack, choice = prepared.products, prepared.choice
     errors = left_out_by_rank(stack, choice, most)
     ranks = range(1, len(errors) + 1)
     if rank is None:

@@ -60,7 +60,7 @@ class LightStack:
         return found
 
     def folds(self, most: int = 8) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """(kept, left out): every third light by azimuth, thrice; of few lights each by itself."""
+        """(kept, left out): every eighth light by azimuth, eight times; of few lights each by itself."""
         order = np.argsort(np.arctan2(self.directions[:, 1], self.directions[:, 0]), kind="stable")
         count = min(most, len(self))
         parts = [np.sort(order[k::count]) for k in range(count)]
