@@ -86,13 +86,19 @@ def can_switch(group: bpy.types.NodeTree) -> bool:
     return SLOTS_KEY in group and SWITCHED_KEY in group
 
 
+def room_of(group: bpy.types.NodeTree) -> int:
+    """Lamps that a group can be switched to at most; one of versions before stays with those it was built for."""
+    outputs = [n for n in group.nodes if n.bl_idname == "NodeGroupOutput" and SLOTS_KEY in n]
+    return max((int(n[SLOTS_KEY]) for n in outputs), default=MAX_SLOTS)
+
+
 def aim_by(group: bpy.types.NodeTree, slots: int, world: bool) -> None:
     """Let a group aim at so many lamps, at most at those it has room for, and at the world or not, if it ever does.
 
     With none and no world the direction passes through and costs nothing. What stands so already is left as it is.
     """
     outputs = [n for n in group.nodes if n.bl_idname == "NodeGroupOutput"]
-    slots = min(slots, max(n[SLOTS_KEY] for n in outputs))
+    slots = min(slots, room_of(group))
     world = world and any(n[WORLD_KEY] for n in outputs)
     chosen = next(n for n in outputs if (n[SLOTS_KEY], bool(n[WORLD_KEY])) == (slots, world))
     if not chosen.is_active_output:

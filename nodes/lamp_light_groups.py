@@ -52,6 +52,8 @@ SAMPLED_KEY = "measured_materials_sampled"
 _BEHIND = 0.01
 # Of radiances: a lamp's over the sky's from which on less than a hundredth of its light is lost with what is behind.
 _FAR_BRIGHTER = 100.0
+# Lamps sampled on a sheet: with a fourth its two mirrors do not fit SVM's stack, and Cycles shows it black.
+_ON_SHEET = 3
 _SWITCHED = "mute extension"
 _AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f in fields(Aim)}
 _SEEN = _AIM | {"Light": "float", "Radiance": "vector", "Beam": "vector", "Facing": "float"}
@@ -271,7 +273,7 @@ def _switched_group(
     its inputs."""
 
     def build(*arguments: Any) -> tuple[Any, ...]:
-        for slots in range(min(MAX_SLOTS, tables.lamps.size[1]) + 1):
+        for slots in range(min(_ON_SHEET if tables.sheet else MAX_SLOTS, tables.lamps.size[1]) + 1):
             for world in (False, True) if tables.around else (False,):
                 if slots or world:
                     found = results(slots, world, *arguments)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...bake.errors import BakeError
 from ...nodes import compat
-from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch
+from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch, room_of
 from ...nodes.data_image import has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
 from ...nodes.lamp_light_groups import SAMPLED_KEY
@@ -238,7 +238,11 @@ def lamp_tables(subject: Subject) -> Iterator[Finding]:
     table, lights = light_tables.table_of(report), light_tables.light_table_of(report)
     groups = {t for m in subject.mirrors for t in measured_trees(m) if SLOTS_KEY in t and INSTEAD_KEY not in t}
     known = 0 if report.inexact else report.slots
-    narrow = [group for group in groups if group[SLOTS_KEY] < (known if SAMPLED_KEY in group else report.slots)]
+
+    def wanted(group: bpy.types.NodeTree) -> int:
+        return min(known if SAMPLED_KEY in group else report.slots, room_of(group))
+
+    narrow = [group for group in groups if group[SLOTS_KEY] < wanted(group)]
     where = f"scene {scene.name}"
     if any(group.is_editable or can_switch(group) for group in narrow) or not all(
         _holds(image, table if image.size[0] == table.shape[1] else lights) for image in tables
