@@ -49,8 +49,10 @@ class LoadedBundle(Bundle):
         return replace(self, material=material, textures=textures)
 
     def load(self, name: str) -> NDArray[np.float32]:
-        """Pixels (H, W, C) of a texture of the material, top row first."""
+        """Pixels (H, W, C) of a texture of the material, top row first. Raises BakeError where it has none."""
         image = self.texture(name)
+        if 0 in image.size:
+            raise BakeError(self.path, f"the file of the material's texture {name} is gone or damaged", "bake again")
         values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
         image.pixels.foreach_get(values)
         channels = self.material["images"][name]["channels"]

@@ -10,7 +10,6 @@ as glTF is written.
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,11 +35,15 @@ _VIEWER = np.radians(30)
 
 @dataclass(frozen=True)
 class Look:
-    """A Principled BSDF that reflects as much: `metallic` is the share of its light that has a highlight."""
+    """A Principled BSDF that reflects as much: `metallic` is the share of its light that has a highlight.
+
+    `known` is False where the material's closures are not to be read: it is matte then for want of better.
+    """
 
     colour: Colour
     metallic: float = 0.0
     roughness: float = MATTE
+    known: bool = True
 
     def inputs(self) -> dict[str, Any]:
         """Values of the node's sockets. All light is in the base colour: nothing is added on top."""
@@ -53,7 +56,7 @@ class Look:
 
 
 def look_of(record: BrdfRecord | ShadingMapRecord) -> Look:
-    """How a material looks to programs that know no measured one; matte where its closures are not to be read."""
+    """How a material looks to programs that know no measured one."""
     colour = record.albedo.under_sky
     if isinstance(record, ShadingMapRecord):
         lobe = record.render.lobe
@@ -61,10 +64,12 @@ def look_of(record: BrdfRecord | ShadingMapRecord) -> Look:
         if lobe is None or rough is None:
             return Look(colour)
         return Look(colour, 1 - lobe.native_share if lobe.name in PHONG else float(lobe.name == "ggx"), rough)
-    with contextlib.suppress(BakeError):
-        if record.has("preview_weights"):
-            return _glossy(colour, record.load_preview())
-    return Look(colour)
+    if not record.has("preview_weights"):
+        return Look(colour)
+    try:
+        return _glossy(colour, record.load_preview())
+    except BakeError:
+        return Look(colour, known=False)
 
 
 def _glossy(colour: Colour, fit: ClosureFit) -> Look:
@@ -86,13 +91,15 @@ def _roughness(closure: Any) -> float | None:
 def show_to_exporters(tree: bpy.types.NodeTree, look: Look) -> None:
     """Make the node and its output in a material's tree, or bring its values in line where nobody has changed them.
 
-    One that an artist has removed stays so.
+    One that an artist has removed stays so, and one whose look is not known now keeps what it had.
     """
     closure = exported_closure(tree)
     if closure is None:
         if not tree.get(_KEY):
             tree[_KEY] = True
             _made(tree, look)
+        return
+    if not look.known:
         return
     before = closure[_KEY]
     for name, value in look.inputs().items():

@@ -16,17 +16,13 @@ from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
 from .exported_look import look_of, show_to_exporters
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
-from .random_tiling_group import is_random_tiling
 from .second_group import connect_second, follow, samples_by_second, showing
-from .swatch_frame_group import ALONG_U, ALONG_V, swatch_frame_group
-from .tangent_frame_group import surface_tangent_group
+from .surface_inputs import connect_inputs, exchange_linked
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
 # is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
-# Label of the node that lays a swatch out.
-SWATCH_MAPPING = "Swatch size and rotation"
 # Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
 _ROOM = 24
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
@@ -156,14 +152,11 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
     if node.node_tree == group:
         return
     fresh = node.node_tree is None
-    before = exchange_group(tree, node, group)
     if fresh:
+        exchange_group(tree, node, group)
         connect_inputs(tree, node)
-        return
-    if "Tangent" in node.inputs and "Tangent" not in before:
-        _connect_tangent(tree, node)
-    if ALONG_U in node.inputs and ALONG_U not in before:
-        connect_frame(tree, node)
+    else:
+        exchange_linked(tree, node, group)
 
 
 def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.types.Node:
@@ -185,68 +178,6 @@ def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.ty
         stand_in.inputs["Base Color"].default_value = (*albedo, 1)
         tree.links.new(stand_in.outputs[0], preview.inputs["Surface"])
     return node
-
-
-def connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None:
-    """Link a node that has just got its group to a normal and, where it takes them, a tangent and coordinates."""
-    geometry = tree.nodes.new("ShaderNodeNewGeometry")
-    geometry.location = (-220, 200)
-    tree.links.new(geometry.outputs["Normal"], node.inputs["Normal"])
-    if "Tangent" in node.inputs:
-        _connect_tangent(tree, node)
-    if "UV" in node.inputs:
-        coordinates, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
-        coordinates.location, mapping.location = (-420, -60), (-220, -60)
-        mapping.label = SWATCH_MAPPING
-        tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
-        tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
-    if ALONG_U in node.inputs:
-        connect_frame(tree, node)
-
-
-def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """The direction in which UVs run; an artist may choose Radial, turn it, or link another vector.
-
-    Where an anisotropic material was isotropic for a while, the nodes that turned it are still there.
-    """
-    group = surface_tangent_group()
-    on_surface = next((n for n in tree.nodes if getattr(n, "node_tree", None) == group), None)
-    if on_surface is None:
-        made, on_surface = tree.nodes.new("ShaderNodeTangent"), tree.nodes.new("ShaderNodeGroup")
-        made.direction_type, made.location = "UV_MAP", (-420, 40)
-        on_surface.node_tree, on_surface.location = group, (-220, 40)
-        geometry = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeNewGeometry"), None)
-        geometry = geometry or tree.nodes.new("ShaderNodeNewGeometry")
-        tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
-        tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
-    tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
-
-
-def connect_frame(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """How the swatch lies on the surface, by the coordinates that the group is given, before they are tiled at random:
-    from one patch to the next these jump."""
-    group = swatch_frame_group()
-    frame = next((n for n in tree.nodes if getattr(n, "node_tree", None) == group), None)
-    if frame is None:
-        frame = tree.nodes.new("ShaderNodeGroup")
-        frame.node_tree, frame.location = group, (-220, -400)
-    source = coordinates_before_tiling(node)
-    if source is not None:
-        tree.links.new(source, frame.inputs["UV"])
-    for name in (ALONG_U, ALONG_V):
-        tree.links.new(frame.outputs[name], node.inputs[name])
-
-
-def coordinates_before_tiling(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
-    """The socket that gives a measured group its texture coordinates, or those that are tiled at random before it."""
-    socket = node.inputs["UV"]
-    if not socket.is_linked:
-        return None
-    source = socket.links[0].from_socket
-    if is_random_tiling(source.node):
-        inner = source.node.inputs["UV"]
-        return inner.links[0].from_socket if inner.is_linked else None
-    return source
 
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:

@@ -16,7 +16,8 @@ from ..bake.maps.folder import MapFile, MapsFolder
 from ..bake.maps.write import FULL_SPECULAR
 from . import compat
 from .data_image import movable_path
-from .material_tree import SWATCH_MAPPING, safe_name
+from .material_tree import safe_name
+from .surface_inputs import SWATCH_MAPPING
 
 Relief = Literal["normal", "bump", "displacement"]
 """What shows the relief: the Normal Map, the height as Bump, or the height as displacement."""

@@ -7,17 +7,20 @@ The choice is made for each sample, by a random number: mixed by their weights, 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
 from . import expr
-from .exchanged_group import exchange_group
 from .group import node_group
 from .mix_factor_group import MIX_FACTOR, chosen
+from .surface_inputs import exchange_linked
 
 # Custom properties of nodes: the material whose group it holds, the output it mixes, and that it gives the factors.
 SECOND_KEY, MIX_KEY, MASK_KEY = (f"measured_materials_{name}" for name in ("second", "mixed", "mask"))
+# Nodes that give the second group its inputs, which go with it.
+HELPER_KEY = "measured_materials_of_second"
 MASK = "Mask"
 # Lamps that materials aim at in a file that holds a blend: Cycles computes what both groups ask of a lamp once, and
 # keeps it on its stack for both, up to 57 floats each. Two and the world leave 33 of 255; others are met by chance.
@@ -66,12 +69,22 @@ def connect_second(tree: bpy.types.NodeTree, first: bpy.types.Node) -> None:
                 tree.links.new(node.outputs[name], socket)
 
 
+@contextmanager
+def helpers_of(tree: bpy.types.NodeTree, node: bpy.types.Node) -> Iterator[None]:
+    """Note which nodes are made for this one in the meantime, if it holds the second group: they go with it."""
+    before = set(tree.nodes)
+    yield
+    for made in set(tree.nodes) - before if SECOND_KEY in node else ():
+        made[HELPER_KEY] = True
+
+
 def follow(material: bpy.types.Material, group: bpy.types.ShaderNodeTree) -> None:
     """Give every node that shows a material as its second the material's new group."""
     plain = without_passes(group)
     for other, node in showing(material):
         if node.node_tree != plain:
-            exchange_group(other.node_tree, node, plain)
+            with helpers_of(other.node_tree, node):
+                exchange_linked(other.node_tree, node, plain)
 
 
 def without_passes(group: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree:

@@ -219,11 +219,12 @@ def test_the_check_tells_of_a_frame_that_is_gone_or_of_other_coordinates(tmp_pat
     "settings, kept, words",
     [
         (LIT, True, "shadows turn with the lamps; 5 texels and 2 of its curves are read for a direction of light"),
+        (replace(LIT, lobe=None), True, "5 texels and 6 of its curves are read for a direction of light"),
         (replace(LIT, mode="balanced"), True, "; after a diffuse bounce lit from all around"),
         (replace(LIT, technique="lit_texture"), False, "one picture for all light"),
         (replace(LIT, mode="preview"), False, "one picture for all light"),
     ],
-    ids=["exact", "balanced", "lit texture", "preview"],
+    ids=["exact", "measured", "balanced", "lit texture", "preview"],
 )
 def test_the_account_tells_what_turning_takes(settings: RenderSettings, kept: bool, words: str) -> None:
     effect = plan_azimuth(settings, 5)

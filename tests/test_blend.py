@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -17,12 +18,15 @@ from measured_materials.addon.material.rebuild import rebuild_brdf
 from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.addon.ui.panels.adjust_rows import AdjustPanel
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.sources.analytic import Ward
 from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY, can_switch
 from measured_materials.nodes.feature_passes import store_feature_passes
+from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import lit_by_emission, measured_nodes
 from measured_materials.nodes.osl_script import use_osl
 from measured_materials.nodes.second_group import MIX_KEY, MOST_LAMPS, mask_node, mix_nodes, second_node
@@ -127,6 +131,19 @@ def test_rebuilds_of_both_are_followed(pair: tuple[Bundle, Bundle]) -> None:
     assert second_of(first) is None and node.node_tree is not None
 
 
+def test_a_second_that_becomes_brushed_is_given_a_tangent(pair: tuple[Bundle, Bundle], tmp_path: Path) -> None:
+    """That of the first, which is round; it goes with the blend."""
+    first, second = materials_of(pair)
+    before = len(first.node_tree.nodes)
+    blend_with(first, second)
+    assert "Tangent" not in second_node(first.node_tree).inputs
+    settings = BakeSettings(8, basis="normal", parameterization="uniform", envelope=False)
+    build_material(read_bundle(bake_source(Ward(alpha=0.2, alpha_y=0.4), tmp_path / "brushed", settings).path), second)
+    assert second_node(first.node_tree).inputs["Tangent"].is_linked
+    remove_blend(first)
+    assert len(first.node_tree.nodes) == before
+
+
 def test_eevee_mixes_by_the_mask_itself(pair: tuple[Bundle, Bundle]) -> None:
     first, second = materials_of(pair)
     blend_with(first, second)
@@ -141,11 +158,12 @@ def test_eevee_mixes_by_the_mask_itself(pair: tuple[Bundle, Bundle]) -> None:
 def test_a_swatch_is_blended_in_its_own_place(lacquer: Any, felt: Any) -> None:
     """Of photographs the size of the swatch comes along, and goes with it."""
     mapping = next(n for n in felt.node_tree.nodes if n.bl_idname == "ShaderNodeMapping")
-    mapping.inputs["Scale"].default_value = (3, 4, 1)
+    mapping.inputs["Scale"].default_value, mapping.vector_type = (3, 4, 1), "TEXTURE"
     before = len(lacquer.node_tree.nodes)
     blend_with(lacquer, felt)
     node = second_node(lacquer.node_tree)
-    assert tuple(node.inputs["UV"].links[0].from_node.inputs["Scale"].default_value) == (3, 4, 1)
+    laid_out = node.inputs["UV"].links[0].from_node
+    assert tuple(laid_out.inputs["Scale"].default_value) == (3, 4, 1) and laid_out.vector_type == "TEXTURE"
     blend_with(lacquer, felt)  # again is in place of
     assert len(mix_nodes(lacquer.node_tree)) == 2
     remove_blend(lacquer)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
@@ -10,9 +12,11 @@ from measured_materials.bake.brdf.modes import MODES
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.errors import BakeError
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import analytic
-from measured_materials.nodes.data_image import bundle_images
+from measured_materials.nodes.data_image import LoadedBundle, bundle_images
+from measured_materials.nodes.exported_look import Look, exported_closure, look_of, show_to_exporters
 from measured_materials.nodes.material import build_material
 from support.clean_blend import clean_blend  # noqa: F401
 
@@ -37,3 +41,21 @@ def test_what_a_mode_is_built_of_is_known(bundle: Bundle, mode: str) -> None:
 
     build_material(record, mode=mode, images=noted, lamps=lamp_image(), lamp_share=True)
     assert asked == set(record.images_of(mode))
+
+
+def test_a_kept_texture_without_its_file_is_told(bundle: Bundle, tmp_path: Path) -> None:
+    """And what exporters see of a material whose gloss cannot be read is not made matte."""
+    material = build_material(bundle)
+    gloss = exported_closure(material.node_tree).inputs["Metallic"].default_value
+    assert gloss > 0.1
+    lost = bpy.data.images.new("lost", 1, 1)
+    lost.source, lost.filepath = "FILE", str(tmp_path / "gone.exr")
+    loaded = LoadedBundle(bundle.path, bundle.material, dict.fromkeys(bundle.material["images"], lost))
+    with pytest.raises(BakeError, match="the file of the material's texture preview_weights is gone or damaged"):
+        loaded.load("preview_weights")
+    look = look_of(BrdfRecord.read(loaded))
+    assert not look.known
+    show_to_exporters(material.node_tree, look)
+    assert exported_closure(material.node_tree).inputs["Metallic"].default_value == gloss
+    show_to_exporters(material.node_tree, Look(look.colour))
+    assert exported_closure(material.node_tree).inputs["Metallic"].default_value == 0

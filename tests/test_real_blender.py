@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import runpy
 import sys
 from collections.abc import Iterator
@@ -30,6 +31,36 @@ def swatches_read() -> set[str]:
     stack = ast.parse((PROGRAMS / "stack.py").read_text(encoding="utf-8"))
     maps = next(n.value for n in stack.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "_MAPS")
     return found | {f"swatch_{model}" for model in ast.literal_eval(maps)}
+
+
+def taken_from_ours(program: Path) -> set[tuple[str, str]]:
+    """Modules of the extension that a program asks for by `ours`, and the names that it takes from each."""
+    tree = ast.parse(program.read_text(encoding="utf-8"))
+
+    def module(node: ast.AST) -> str:
+        asked = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "ours"
+        return str(node.args[0].value) if asked and isinstance(node.args[0], ast.Constant) else ""
+
+    found = set()
+    for scope in [tree, *(n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef))]:
+        known = {}
+        for given in (n for n in ast.walk(scope) if isinstance(n, ast.Assign)):
+            for target in given.targets:
+                pairs = [(target, given.value)]
+                if isinstance(target, ast.Tuple) and isinstance(given.value, ast.Tuple):
+                    pairs = list(zip(target.elts, given.value.elts, strict=True))
+                known |= {one.id: module(value) for one, value in pairs if isinstance(one, ast.Name) and module(value)}
+        for node in (n for n in ast.walk(scope) if isinstance(n, ast.Attribute)):
+            name = known.get(node.value.id, "") if isinstance(node.value, ast.Name) else module(node.value)
+            found |= {(name, node.attr)} if name else set()
+    return found
+
+
+@pytest.mark.parametrize("program", sorted(PROGRAMS.glob("*.py")), ids=lambda path: path.stem)
+def test_what_the_programs_take_is_there(program: Path) -> None:
+    """Else one of them fails only where it is run, in a Blender."""
+    for module, name in sorted(taken_from_ours(program)):
+        assert hasattr(importlib.import_module(f"measured_materials.{module}"), name), f"{module}.{name}"
 
 
 @pytest.fixture

@@ -12,11 +12,15 @@ from measured_materials.addon.gantry import photograph_arc, techniques
 from measured_materials.addon.gantry.techniques import IN_ORDER, Case, Light, MappedSwatch, shade
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.lobes.lobes import Lobe
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import mean_over_azimuth
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.shading_maps.shading_map import ShadingMap
+from measured_materials.bake.source import luminance
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.azimuth import clamped_basis
+from support.azimuth_truth import Texels
 from support.eevee import eevee_pictures
 from support.swatches import identity_map, map_bundle, rough_map
 
@@ -68,6 +72,33 @@ def test_angular_is_the_lookup_where_the_levels_follow_f_r() -> None:
     for light in (LOW, HIGH):
         found = [shade(technique, rough, [Light(light)], NORMAL, UV) for technique in ("angular", "lookup")]
         np.testing.assert_allclose(*found, rtol=1e-9)
+
+
+@pytest.mark.parametrize("technique", IN_ORDER)
+def test_a_map_over_azimuth_is_lit_from_where_light_comes(technique: str) -> None:
+    """As the nodes show it: each light from its side, or in EEVEE all from where light comes on the whole."""
+    basis = clamped_basis(4, 4)
+    uv = techniques.frame_uv(4)
+    dome = replace(swatch(ShadingMap(mean_over_azimuth(basis))), around=basis)
+    lights = [Light(LOW, (1.0, 0.5, 0.2)), Light(techniques.direction(50, 130), 0.7), Light((0.0, 0.6, -0.8), 9.0)]
+    texels = Texels.at(basis, uv.reshape(-1, 2))
+    lit = [(light.wi, np.ones(3) * light.irradiance) for light in lights[:2]]
+    if technique == "final_radiance":
+        radiance = sum(wi[2] / math.pi * irradiance for wi, irradiance in lit)
+        along, across = (sum(wi[axis] * luminance(irradiance) for wi, irradiance in lit) for axis in (0, 1))
+        level = luminance(radiance) * dome.gain
+        texture = texels.looked_up(level, math.atan2(across, along), "scale")
+        expected = texture * radiance * (dome.a_max / luminance(radiance))
+    else:
+        expected = np.zeros((16, 3))
+        for wi, irradiance in lit:
+            reflected = dome.sigma * wi[2] / math.pi
+            level = {"lit_texture": 1.0, "angular": wi[2], "lookup": reflected / dome.a_max}[technique]
+            expected += irradiance * reflected * texels.looked_up(level, math.atan2(wi[1], wi[0]), "clamp") / level
+    found = shade(technique, dome, lights, NORMAL, uv)
+    np.testing.assert_allclose(found, expected.reshape(4, 4, 3), rtol=1e-6, atol=1e-9)
+    still = shade(technique, replace(dome, around=None), lights, NORMAL, uv)
+    assert (techniques.errors(still, found)["rms"] > 0.05) == (technique != "lit_texture")
 
 
 def test_bundle_gives_what_its_material_shows(tmp_path: Path) -> None:

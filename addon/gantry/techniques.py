@@ -56,7 +56,8 @@ class MappedSwatch:
     a_max : r at the last slice, in 1/sr
     level_by_cosine : x of the photograph at even cosines of the light's angle from 0 to 1, for "angular"
     above : beyond the last slice
-    around : of a swatch lit from every side the map over azimuth, by which "lookup" goes; `map` is then its mean
+    around : of a swatch lit from every side the map over azimuth, by which all but "lit_texture" go; `map` is then its
+        mean
     """
 
     map: ShadingMap
@@ -122,11 +123,12 @@ def shade(
     """
     if technique not in TECHNIQUES:
         raise ValueError(f"there is no technique {technique!r}")
+    lights = list(lights)
     lit = [(light.wi, _f_cos(swatch.lobe, light, wo), np.asarray(light.irradiance)) for light in lights]
     if technique == "final_radiance":
         radiance = sum((f_cos * irradiance * np.ones(3) for _, f_cos, irradiance in lit), np.zeros(3))
         brightness = float(luminance(radiance))
-        texel = swatch.map.evaluate(uv, _level(uv, brightness * swatch.gain / light_level), "scale")
+        texel = _texels(swatch, uv, brightness * swatch.gain / light_level, _azimuth_on_the_whole(lights), "scale")
         return texel * radiance * (light_level * swatch.a_max / max(brightness, 1e-30))
     total = np.zeros((*np.shape(uv)[:-1], 3))
     for wi, f_cos, irradiance in lit:
@@ -140,16 +142,30 @@ def _f_cos(lobe: Lobe, light: Light, wo: Sequence[float]) -> float:
 
 def _reflected(technique: str, swatch: MappedSwatch, wi: Sequence[float], f_cos: float, uv: Array) -> Array:
     """Of one light of irradiance 1."""
-    if technique == "lookup" and swatch.around is not None:
-        phi = np.full(np.shape(uv)[:-1], math.atan2(wi[1], wi[0]))
-        return swatch.a_max * swatch.around.at(uv, _level(uv, f_cos * swatch.gain), phi, swatch.above)
+    phi = math.atan2(wi[1], wi[0])
     if technique == "lookup":
-        return swatch.a_max * swatch.map.evaluate(uv, _level(uv, f_cos * swatch.gain), swatch.above)
-    level = 1.0
-    if technique == "angular":
-        knots = np.linspace(0, 1, len(swatch.level_by_cosine))
-        level = max(float(np.interp(wi[2], knots, swatch.level_by_cosine)), _DARKEST_LEVEL)
-    return swatch.map.evaluate(uv, _level(uv, level)) * (swatch.sigma * f_cos / level)
+        return swatch.a_max * _texels(swatch, uv, f_cos * swatch.gain, phi, swatch.above)
+    if technique == "lit_texture":
+        return swatch.map.evaluate(uv, _level(uv, 1.0)) * (swatch.sigma * f_cos)
+    knots = np.linspace(0, 1, len(swatch.level_by_cosine))
+    level = max(float(np.interp(wi[2], knots, swatch.level_by_cosine)), _DARKEST_LEVEL)
+    return _texels(swatch, uv, level, phi, "clamp") * (swatch.sigma * f_cos / level)
+
+
+def _texels(swatch: MappedSwatch, uv: Array, x: float, phi: float, above: Above) -> Array:
+    """The map at one level, lit from one azimuth where it knows of any."""
+    if swatch.around is None:
+        return swatch.map.evaluate(uv, _level(uv, x), above)
+    return swatch.around.at(uv, _level(uv, x), _level(uv, phi), above)
+
+
+def _azimuth_on_the_whole(lights: Iterable[Light]) -> float:
+    """Of the lights above the plane together, each by its luminance, as EEVEE finds it."""
+    towards = np.zeros(2)
+    for light in lights:
+        if light.wi[2] > 0:
+            towards += np.array(light.wi[:2]) * float(luminance(light.irradiance * np.ones(3)))
+    return math.atan2(towards[1], towards[0])
 
 
 def _level(uv: Array, x: float) -> Array:

@@ -16,8 +16,8 @@ from ...bake.shading_maps.bake import ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...nodes import portions
-from ...nodes.material_tree import SWATCH_MAPPING
 from ...nodes.shading_map_material import build_shading_map
+from ...nodes.surface_inputs import SWATCH_MAPPING
 from ..lights.light_tables import lamp_image
 from ..photographs.blender_decoder import decode
 from ..summary.shading_map_rows import energy_rows, map_error_rows, map_rows

@@ -12,8 +12,8 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
-from ...nodes.material_tree import SWATCH_MAPPING
 from ...nodes.shading_map_material import build_shading_map
+from ...nodes.surface_inputs import SWATCH_MAPPING
 from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import GAIN_OF_SWATCH, Sampling, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed

@@ -308,7 +308,9 @@ def plan_azimuth(settings: RenderSettings, rank: int) -> Effect:
     """What a map over azimuth takes, and where it does without the light's azimuth."""
     if settings.technique == "lit_texture" or settings.mode == "preview":
         return Effect(AZIMUTH_EFFECT, False, "one picture for all light: lit from all around")
-    cost = f"{rank} texels and {-(-rank // PER_TEXEL)} of its curves are read for a direction of light"
+    levels = 3 if settings.lobe is None else 1  # a measured f_r has one of each colour
+    curves = levels * -(-rank // PER_TEXEL)
+    cost = f"{rank} texels and {curves} of its curves are read for a direction of light"
     around = "; after a diffuse bounce lit from all around" * (settings.mode == "balanced")
     return Effect(AZIMUTH_EFFECT, True, f"shadows turn with the lamps; {cost}{around}")
 

@@ -7,25 +7,25 @@ import contextlib
 import bpy
 
 from ....bake.errors import BakeError
-from ....nodes.material_tree import connect_inputs, lit_by_emission, measured_nodes
+from ....nodes.material_tree import lit_by_emission, measured_nodes
 from ....nodes.osl_script import is_scripted
 from ....nodes.second_group import (
+    HELPER_KEY,
     MASK_KEY,
     MIX_KEY,
     OUTPUTS,
     SECOND_KEY,
     connect_second,
+    helpers_of,
     mask_group,
     mask_node,
     mix_nodes,
     second_node,
     without_passes,
 )
+from ....nodes.surface_inputs import connect_inputs
 from ...lights.light_tables import fit_slots
 from ..facts import is_measured
-
-# Nodes that give the second group its inputs, which go with it.
-_HELPER_KEY = "measured_materials_of_second"
 
 
 def partners_of(material: bpy.types.Material) -> list[bpy.types.Material]:
@@ -55,19 +55,17 @@ def blend_with(material: bpy.types.Material, second: bpy.types.Material) -> None
     if is_scripted(material) != is_scripted(second):
         raise BakeError(second.name, "one of the two is shaded by OSL and the other by nodes", "shade both alike")
     remove_blend(material)
-    before = set(tree.nodes)
     node = tree.nodes.new("ShaderNodeGroup")
     node.location, node.width, node.label = (first.location.x, first.location.y - 420), first.width, second.name
     node.node_tree = without_passes(other[1].node_tree)
     node[SECOND_KEY] = second
-    connect_inputs(tree, node)
-    _take_over(tree, first, node, *other)
-    _keep_apart(tree, node.inputs["Normal"])
+    with helpers_of(tree, node):
+        connect_inputs(tree, node)
+        _take_over(tree, first, node, *other)
+        _keep_apart(tree, node.inputs["Normal"])
     mask = tree.nodes.new("ShaderNodeGroup")
     mask.node_tree, mask.label, mask[MASK_KEY] = mask_group(), "Blend", True
     mask.location = (first.location.x + 300, first.location.y + 180)
-    for made in set(tree.nodes) - before - {node, mask}:
-        made[_HELPER_KEY] = True
     for output, factor in OUTPUTS.items():
         if output in first.outputs and output in node.outputs:
             _mix(tree, first, output, mask.outputs[factor])
@@ -90,7 +88,7 @@ def remove_blend(material: bpy.types.Material) -> None:
     for gone in [*mix_nodes(tree), node, *([mask] if mask is not None else [])]:
         tree.nodes.remove(gone)
     # From the end back, for each to lose its last reader before it is looked at.
-    for helper in reversed([n for n in tree.nodes if n.get(_HELPER_KEY)]):
+    for helper in reversed([n for n in tree.nodes if n.get(HELPER_KEY)]):
         if not any(socket.is_linked for socket in helper.outputs):
             tree.nodes.remove(helper)
     fit_slots()
@@ -114,6 +112,7 @@ def _take_over(
     if "UV" in node.inputs and own.inputs["UV"].is_linked:
         theirs, ours = own.inputs["UV"].links[0].from_node, node.inputs["UV"].links[0].from_node
         if theirs.bl_idname == ours.bl_idname == "ShaderNodeMapping":
+            ours.vector_type = theirs.vector_type
             for name in ("Location", "Rotation", "Scale"):
                 ours.inputs[name].default_value = theirs.inputs[name].default_value
 

@@ -9,8 +9,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ....bake.errors import BakeError
-from ....nodes.material_tree import SWATCH_MAPPING, measured_nodes
+from ....nodes.material_tree import measured_nodes
 from ....nodes.random_tiling_group import is_random_tiling, random_tiling_group
+from ....nodes.surface_inputs import SWATCH_MAPPING, source_of
 from ..facts import record_of
 from ..texel_footprint import uv_triangles
 
@@ -82,8 +83,8 @@ def metres_per_uv(obj: bpy.types.Object) -> float:
 def random_tiling_node(material: bpy.types.Material) -> bpy.types.Node | None:
     """The node that hides the repetition, where it is linked to the swatch."""
     socket = _uv_socket(material)
-    source = socket.links[0].from_node if socket is not None and socket.is_linked else None
-    return source if source is not None and is_random_tiling(source) else None
+    source = source_of(socket) if socket is not None else None
+    return source.node if source is not None and is_random_tiling(source.node) else None
 
 
 def set_random_tiling(material: bpy.types.Material, on: bool) -> None:
