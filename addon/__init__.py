@@ -27,6 +27,7 @@ _MODULES = (
     "ui.photograph_look",
     "ui.import_photographs",
     "ui.import_bundle",
+    "ui.maps.build_material",
     "ui.drop_files",
     "ui.bake_again",
     "ui.fit_to_scene",

@@ -24,6 +24,11 @@ def longest_name() -> int:
     return int(bpy.types.ID.bl_rna.properties["name"].length_max) - 1  # one for the end of the text
 
 
+def widest_bump_filter() -> dict[str, float]:
+    """Input by which a Bump node compares points a whole pixel apart, as it always does before 4.5."""
+    return {"Filter Width": 1.0} if blender_version() >= (4, 5) else {}
+
+
 def ensure_cycles() -> None:
     """Enable Cycles, which is an add-on and may be switched off; nothing happens where it runs already."""
     if not hasattr(bpy.types.Scene, "cycles"):

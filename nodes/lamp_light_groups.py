@@ -10,6 +10,7 @@ it is one picture, and are switched alike.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -95,7 +96,33 @@ def light_point_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     inputs = tables.place | dict.fromkeys(("Random Light", "Random 1", "Random 2"), "float")
     outputs = {"wi": "vector", "Density": "float", "Light": "vector"}
     nothing = expr.vec(0.0, 0.0, 1.0), 1.0, expr.vec(0.0, 0.0, 0.0)
-    return _switched_group("MM Light Point", inputs, outputs, results, nothing, tables)
+    return _switched_group("MM Light Point", inputs, outputs, results, lambda *_: nothing, tables)
+
+
+def light_side_group(tables: LightTables, least: float) -> bpy.types.ShaderNodeTree:
+    """(place of a sheet) to the part of the light that comes from where the normal points and is reflected, of all that
+    the viewer gets.
+
+    It is that of lamps, world and an even sky, as far as they are known, and lies between `least` and 1 - `least`:
+    other light may come from anywhere. Where none is known it is Front.
+    """
+
+    def results(slots: int, world: bool, position: Any, normal: Any, front: Any) -> tuple[Any, ...]:
+        sky, _, _ = expr.components(texel(tables.lamps, 0.0, TEXELS - 1)[0])
+        above, total = sky * front, sky
+        for k in range(slots):
+            found = dict(zip(_SEEN, call(_seen_group(tables), float(k), position, normal, front)))
+            above = found["Light"] * (expr.dot(found["axis"], normal) > 0) + above
+            total = found["Light"] + total
+        if world:
+            known = call(lit_group(_around(tables).table))[0] > 0
+            over = expected_world_light(expr, *texel(tables.lamps, 1.0, TEXELS - 1), normal)
+            above = over * front * known + above
+            total = call(_world_light_group(tables), normal, front) + total
+        part = expr.where(total > 0, expr.divide(above, total), front)
+        return (expr.minimum(expr.maximum(part, least), 1 - least),)
+
+    return _switched_group("MM Light Side", tables.place, {"Reflected": "float"}, results, lambda *lit: lit[2:], tables)
 
 
 def chosen_group(tables: LightTables, slots: int, world: bool) -> bpy.types.ShaderNodeTree:
@@ -191,7 +218,7 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
     nothing: tuple[Any, ...] = (dark, dark, 0.0, 0.0)
     if tables.sheet:
         outputs, nothing = outputs | {"Straight": "vector", "Bent": "vector"}, (*nothing, dark, dark)
-    return _switched_group("MM Light Met", inputs, outputs, results, nothing, tables)
+    return _switched_group("MM Light Met", inputs, outputs, results, lambda *_: nothing, tables)
 
 
 def _leaves(wi: Any, normal: Any = None) -> Any:
@@ -237,10 +264,11 @@ def _switched_group(
     inputs: dict[str, str],
     outputs: dict[str, str],
     results: Any,
-    nothing: tuple[Any, ...],
+    nothing: Callable[..., tuple[Any, ...]],
     tables: LightTables,
 ) -> bpy.types.ShaderNodeTree:
-    """A group of one Group Output for each number of lamps, without and with the world; the first gives `nothing`."""
+    """A group of one Group Output for each number of lamps, without and with the world; the first gives `nothing`, of
+    its inputs."""
 
     def build(*arguments: Any) -> tuple[Any, ...]:
         for slots in range(min(MAX_SLOTS, tables.lamps.size[1]) + 1):
@@ -251,7 +279,7 @@ def _switched_group(
                     made.is_active_output = False
                     made[SLOTS_KEY], made[WORLD_KEY] = slots, world
                     made.label = targets(slots, world)
-        return nothing
+        return nothing(*arguments)
 
     family = f"{name} by {tables.lamps.name_full} and {tables.lights.name_full}"
     if (around := tables.around) is not None:

@@ -32,6 +32,42 @@ class MeasuredLobe:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where on a swatch, and, of one whose map knows the light's azimuth, how the swatch lies there: unit, world."""
+
+    uv: Any
+    along_u: Any = None
+    along_v: Any = None
+
+    def parts_along(self, direction: Any) -> Any:
+        """A direction in world space by its parts along u and v."""
+        return expr.vec(expr.dot(direction, self.along_u), expr.dot(direction, self.along_v), 0.0)
+
+
+@dataclass(frozen=True)
+class MapGroups:
+    """Groups of a map.
+
+    Parameters
+    ----------
+    traced : for path tracing
+    viewport : the same with scalar x and without random choice, for EEVEE
+    still : where nothing is known of where light comes from: of a map over azimuth, lit from all around; else `traced`
+    turned : they take the light's azimuth too, but `still`
+    """
+
+    traced: bpy.types.ShaderNodeTree
+    viewport: bpy.types.ShaderNodeTree
+    still: bpy.types.ShaderNodeTree
+    turned: bool = False
+
+    def look_up(self, place: Place, x: Any, peak: Any, random: Any, wi_world: Any) -> Any:
+        """(Reflected, Residual, Envelope, Share) of light from one direction."""
+        light = (place.parts_along(wi_world),) if self.turned else ()
+        return call(self.traced, place.uv, x, peak, random, *light)
+
+
+@dataclass(frozen=True)
 class Lighting:
     """Lighting of a shading map.
 
@@ -128,23 +164,25 @@ class Lighting:
             drawn = drawn_direction(normal, self.sample, self.density, self.lamps, through=self.through)
         return drawn, self.f_cos(drawn.wi, drawn.wo, drawn.cosine)
 
-    def split(self, slices: Any, uv: Any, wo: Any, f_cos: Any, cosine: Any, random: Any) -> Parts:
+    def split(
+        self, groups: MapGroups, place: Place, wo: Any, wi_world: Any, f_cos: Any, cosine: Any, random: Any
+    ) -> Parts:
         """What the map reflects at a level, and the part of it that no closure carries.
 
         Parameters
         ----------
-        slices : group of the map
+        wi_world : to the light, of whose azimuth a map may know
         random : number that chooses a slice
         """
         x = times(f_cos, self.gain)
         if not self.exact:
-            reflected, _, envelope, share = call(slices, uv, x, 1.0, random)
+            reflected, _, envelope, share = groups.look_up(place, x, 1.0, random, wi_world)
             return Parts(reflected, reflected, envelope, share)
         lobe = self.lobe
         peak: Any = 1.0
         if self.peak:
             peak = call(lobe_peak_group(lobe.name), wo, lobe.p1, lobe.p2) * self.gain
-        reflected, residual, envelope, share = call(slices, uv, x, peak, random)
+        reflected, residual, envelope, share = groups.look_up(place, x, peak, random, wi_world)
         if lobe.native_share < 1:
             # The closure carries only the diffuse part of Phong; the envelope's rest joins the residual.
             native = cosine * (lobe.native_share / expr.pi * self.gain)

@@ -14,14 +14,19 @@ from ..bake.shading_maps.record import ShadingMapRecord
 from . import compat, portions
 from .adjustments import describe_sockets
 from .exchanged_group import exchange_group
+from .exported_look import look_of, show_to_exporters
 from .group import HASH_KEY, content_hash, hashing_once, trees_below
+from .random_tiling_group import is_random_tiling
 from .second_group import connect_second, follow, samples_by_second, showing
+from .swatch_frame_group import ALONG_U, ALONG_V, swatch_frame_group
 from .tangent_frame_group import surface_tangent_group
 
 # Custom properties of a built material: where it came from, so that the panel can bake it again. The measurement's path
 # is kept here only, not in the bundle that people share.
 BUNDLE_KEY = "measured_materials_bundle"
 SOURCE_KEY = "measured_materials_source"
+# Label of the node that lays a swatch out.
+SWATCH_MAPPING = "Swatch size and rotation"
 # Bytes of the longest such words, "MM Sampler Density " and " residual sampler", and of Blender's number.
 _ROOM = 24
 _NODE_KEY, _OUTPUT_KEY = "measured_materials_node", "measured_materials_output"
@@ -37,7 +42,7 @@ def build_from(
 ) -> bpy.types.Material:
     """A material of the group that `make_group` builds under a name; what a failure has made is removed."""
     compat.ensure_cycles()
-    name, albedo = safe_name(record.name), record.albedo.under_sky
+    name, albedo, look = safe_name(record.name), record.albedo.under_sky, look_of(record)
     before = {*bpy.data.images, *bpy.data.node_groups}
     if material is not None and material.get(BUNDLE_KEY) and not measured_nodes(compat.node_tree(material)):
         cause = "its measured group is no longer among its nodes, and these are not to be lost"
@@ -49,6 +54,7 @@ def build_from(
             portions.no_return()
             material = bpy.data.materials.new(name) if material is None else material
             assemble(material, group, albedo)
+            show_to_exporters(compat.node_tree(material), look)
     except Exception:
         for block in {*bpy.data.images, *bpy.data.node_groups} - before:
             (bpy.data.images if isinstance(block, bpy.types.Image) else bpy.data.node_groups).remove(block)
@@ -153,8 +159,11 @@ def _exchange(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node, group: bpy.t
     before = exchange_group(tree, node, group)
     if fresh:
         connect_inputs(tree, node)
-    elif "Tangent" in node.inputs and "Tangent" not in before:
+        return
+    if "Tangent" in node.inputs and "Tangent" not in before:
         _connect_tangent(tree, node)
+    if ALONG_U in node.inputs and ALONG_U not in before:
+        connect_frame(tree, node)
 
 
 def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.types.Node:
@@ -188,9 +197,11 @@ def connect_inputs(tree: bpy.types.ShaderNodeTree, node: bpy.types.Node) -> None
     if "UV" in node.inputs:
         coordinates, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
         coordinates.location, mapping.location = (-420, -60), (-220, -60)
-        mapping.label = "Swatch size and rotation"
+        mapping.label = SWATCH_MAPPING
         tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
         tree.links.new(mapping.outputs["Vector"], node.inputs["UV"])
+    if ALONG_U in node.inputs:
+        connect_frame(tree, node)
 
 
 def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
@@ -209,6 +220,33 @@ def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
         tree.links.new(geometry.outputs["Normal"], on_surface.inputs["Normal"])
         tree.links.new(made.outputs["Tangent"], on_surface.inputs["Tangent"])
     tree.links.new(on_surface.outputs["Tangent"], node.inputs["Tangent"])
+
+
+def connect_frame(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """How the swatch lies on the surface, by the coordinates that the group is given, before they are tiled at random:
+    from one patch to the next these jump."""
+    group = swatch_frame_group()
+    frame = next((n for n in tree.nodes if getattr(n, "node_tree", None) == group), None)
+    if frame is None:
+        frame = tree.nodes.new("ShaderNodeGroup")
+        frame.node_tree, frame.location = group, (-220, -400)
+    source = coordinates_before_tiling(node)
+    if source is not None:
+        tree.links.new(source, frame.inputs["UV"])
+    for name in (ALONG_U, ALONG_V):
+        tree.links.new(frame.outputs[name], node.inputs[name])
+
+
+def coordinates_before_tiling(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
+    """The socket that gives a measured group its texture coordinates, or those that are tiled at random before it."""
+    socket = node.inputs["UV"]
+    if not socket.is_linked:
+        return None
+    source = socket.links[0].from_socket
+    if is_random_tiling(source.node):
+        inner = source.node.inputs["UV"]
+        return inner.links[0].from_socket if inner.is_linked else None
+    return source
 
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:

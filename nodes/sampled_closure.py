@@ -44,7 +44,8 @@ def sampled_closure(
     chance = weights[0][1]
     ahead = draw_ahead(table, normal, frame, numbers, tables)
     weight, aims = adjustments.apply(ahead.weight), ahead.aims
-    met = met_light(tables, (position, normal), ahead.wi_world, (chance, ahead.of_table, u[5]), aims)
+    drawing = chance, chance * ahead.of_table, u[5]
+    met = met_light(tables, (position, normal), ahead.wi_world, drawing, aims)
     point = call(light_point_group(tables), position, normal, *random)
     surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
     # As a mirror does, nothing reflects light that comes from below the surface proper.
@@ -135,13 +136,14 @@ def met_light(
     Parameters
     ----------
     place : of the tables
-    drawing : about how often the mirror is followed, the material's own density of the direction, and a random number
+    drawing : about how often the mirror is followed, the density of the direction as the balance heuristic counts it,
+        and a random number
     aims : 1 where the direction was aimed at what cannot be sampled
     bent : of what leads through a sheet, 1 where its ray becomes one of transmission, else a Ray Portal's stays what it
         was; either may meet fewer lights
     """
-    chance, of_table, number = drawing
-    found = call(light_met_group(tables), *place, wi_world, chance * of_table)
+    chance, counted_as, number = drawing
+    found = call(light_met_group(tables), *place, wi_world, counted_as)
     every, counted, behind, together = found[:4]
     brought = every if bent is None else expr.where_vector(bent, found[5], found[4])
     lamp = expr.dot(brought, expr.vec(*LUMINANCE))
@@ -173,7 +175,7 @@ def direct_light(
     ----------
     up, frame : as of `draw_ahead`
     point : its direction in world space, density and light, and 1 where that may be reflected
-    chance : about how often a direction of the table is followed
+    chance : how often a direction of the table counts as drawn
     """
     world, density, light, lit = point
     wo, along, across = frame

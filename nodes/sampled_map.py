@@ -11,7 +11,7 @@ from .drawn_direction import frame_of
 from .group import call
 from .lamp_light_groups import light_point_group
 from .local_frame_group import to_world
-from .map_lighting import Lighting
+from .map_lighting import Lighting, MapGroups, Place
 from .native_closure import add_closures
 from .sampled_closure import drawn_numbers, emission, met_light
 from .stochastic_mirror_group import mirror_closure
@@ -20,7 +20,7 @@ from .stochastic_mirror_group import mirror_closure
 MIN_CHOICE = 0.04
 
 
-def sampled_map(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjustments, uv: Any) -> Any:
+def sampled_map(groups: MapGroups, lighting: Lighting, normal: Any, adjustments: Adjustments, place: Place) -> Any:
     """As `nodes.sampled_closure`, of S(r) a_max in the place of f cos(theta_i); all of it without a native closure.
 
     S is taken at the level r of the one direction, as for the mirror: the light of all directions is the sum over S(r),
@@ -28,7 +28,6 @@ def sampled_map(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjus
 
     Parameters
     ----------
-    slices : group of the map
     lighting : with `lights`, tables of lamps and of what they emit
     """
     tables = lighting.lights
@@ -45,11 +44,11 @@ def sampled_map(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjus
     wi = expr.where_vector(aims, turned, drawn)
     # The heuristic against what is sampled takes the lobe's own density all the same: it may take any.
     of_lobe = expr.where(aims, lighting.density(wi, wo), of_drawn)
-    parts = _at(slices, lighting, uv, wi, wo, u[4])
+    parts = _at(groups, lighting, place, (wi, wi_world), wo, u[4])
     chance = _chance(lighting, parts.share)
     weight = expr.scale(parts.traced, expr.divide(lighting.a_max, aimed + unaimed * of_lobe))
     weight = adjustments.apply(weight)
-    met = met_light(tables, (position, normal), wi_world, (chance, of_lobe, u[5]), aims)
+    met = met_light(tables, (position, normal), wi_world, (chance, chance * of_lobe, u[5]), aims)
     closures = [mirror_closure(wi_world, incoming, expr.scale(weight, met.of_mirror), more[2], aims)]
     if lighting.exact:
         closures.insert(0, lighting.closure(parts, normal, adjustments, met.of_closures * lighting.native_sigma))
@@ -61,17 +60,19 @@ def sampled_map(slices: Any, lighting: Lighting, normal: Any, adjustments: Adjus
     # As a mirror does, nothing reflects light that comes from below the surface proper.
     facing = (expr.dot(world, surface) > 0) * (expr.components(local)[2] > 0)
     shared = density + chance * lighting.density(local, wo)
-    reflected = adjustments.saturated(_at(slices, lighting, uv, local, wo, u[4]).traced)
+    reflected = adjustments.saturated(_at(groups, lighting, place, (local, world), wo, u[4]).traced)
     direct = reflected * expr.scale(light, expr.divide(facing * lighting.a_max, shared))
     reached = expr.dot(light, expr.vec(1.0, 1.0, 1.0)) * facing > 0
     closures.append(emission(direct * adjustments.gain, reached))
     return add_closures(closures)
 
 
-def _at(slices: Any, lighting: Lighting, uv: Any, wi: Any, wo: Any, random: Any) -> Any:
-    """`Lighting.split` of one direction of light; nothing is reflected of what comes from below the horizon."""
+def _at(groups: MapGroups, lighting: Lighting, place: Place, light: tuple[Any, Any], wo: Any, random: Any) -> Any:
+    """`Lighting.split` of one direction of light, local and in world space; nothing is reflected of what comes from
+    below the horizon."""
+    wi, wi_world = light
     cosine = expr.maximum(expr.components(wi)[2], 0.0)
-    return lighting.split(slices, uv, wo, lighting.f_cos(wi, wo, cosine), cosine, random)
+    return lighting.split(groups, place, wo, wi_world, lighting.f_cos(wi, wo, cosine), cosine, random)
 
 
 def _chance(lighting: Lighting, share: Any) -> Any:

@@ -12,7 +12,7 @@ from .adjustments import Adjustments
 from .brdf_group import BrdfParts
 from .drawn_direction import frame_of
 from .group import call
-from .lamp_light_groups import LightTables, light_point_group
+from .lamp_light_groups import LightTables, light_point_group, light_side_group
 from .native_closure import add_closures, choose_closure
 from .sampled_closure import direct_light, draw_ahead, drawn_numbers, emission, met_light
 from .stochastic_mirror_group import mirror_closure
@@ -30,7 +30,9 @@ class _Mirror:
     Parameters
     ----------
     followed : about how often one is followed beside the closures, whichever it is
-    drawn : how often this one is, of the two
+    drawn : how often this one is, of the two. By this and nothing else the balance heuristic has to count it, wherever
+        it does, or what it leaves of a light's points and of what the mirror meets does not add up to 1. Whether it is
+        followed does not matter: what it meets is shown on every sample that draws it
     number : even in [0, 1] where it is
     """
 
@@ -38,12 +40,6 @@ class _Mirror:
     followed: Any
     drawn: Any
     number: Any
-
-    @property
-    def chance(self) -> Any:
-        """About how often it is both: by this and nothing else the balance heuristic has to count it, wherever it does,
-        or what it leaves of a light's points and of what the mirror meets does not add up to 1."""
-        return self.followed * self.drawn
 
 
 def sampled_sheet(
@@ -57,8 +53,9 @@ def sampled_sheet(
     """As `nodes.sampled_closure`, of what the surface reflects and what it lets through.
 
     Native closures of both are there on every sample. Of the two mirrors one is, and one point of light is sampled: it
-    lies on either side of the sheet, and the table of that side alone is looked up. Both are chosen by the shares of
-    the light that the residuals are for this viewer.
+    lies on either side of the sheet, and the table of that side alone is looked up. Light is chosen by the shares of an
+    even one that the residuals are for this viewer, and the mirror by what the lights then bring on either side: a
+    shade that a lamp stands behind is seen by what it lets through, however little of white light that is.
 
     Parameters
     ----------
@@ -78,8 +75,9 @@ def sampled_sheet(
         native.append(partial(envelope.closure, weights, normal, adjustments))
         if part.table is not None:
             residuals.append((part.table, weights[0][1] * share))
-    front, mirrors = _drawn(residuals, u[5])
+    front, followed = _shares(residuals)
     place = position, normal, front
+    mirrors = _drawn(residuals, followed, place, u[5], tables)
     traced = [_mirrored(mirror, native, numbers, frame, place, adjustments, tables) for mirror in mirrors]
     world, density, light = call(light_point_group(tables), *place, *random)
     surface = expr.Vector(expr.node("ShaderNodeNewGeometry", {}, {}).outputs["True Normal"])
@@ -88,33 +86,45 @@ def sampled_sheet(
     point = world, density, light, side * expr.dot(world, surface) > 0
     shown = []
     for mirror in mirrors:
-        direct, reached = direct_light(
-            mirror.table, _up(mirror, normal), frame, point, u[4], mirror.chance, adjustments
-        )
+        direct, reached = direct_light(mirror.table, _up(mirror, normal), frame, point, u[4], mirror.drawn, adjustments)
         shown.append(emission(direct * adjustments.gain, reached))
     if len(mirrors) == 1:
         return add_closures([*traced, *shown])
-    chosen = choose_closure(u[5] < front, traced[1], traced[0])
+    chosen = choose_closure(u[5] < mirrors[0].drawn, traced[1], traced[0])
     return add_closures([chosen, choose_closure(side > 0, shown[1], shown[0])])
 
 
-def _drawn(residuals: list[tuple[TableGroups, Any]], number: Any) -> tuple[Any, list[_Mirror]]:
-    """The part of the light sampled that is reflected, and the mirrors of residuals, each with its share of all light.
+def _shares(residuals: list[tuple[TableGroups, Any]]) -> tuple[Any, Any]:
+    """Of the light that residuals are, the part that is reflected, and of all light that which they are."""
+    if len(residuals) == 1:
+        ((table, share),) = residuals
+        return 0.0 if table.through else 1.0, share
+    above, below = (share for _, share in residuals)
+    front = expr.minimum(expr.maximum(expr.divide(above, above + below), _LEAST), 1 - _LEAST)
+    return front, above + below
+
+
+def _drawn(
+    residuals: list[tuple[TableGroups, Any]],
+    followed: Any,
+    place: tuple[Any, Any, Any],
+    number: Any,
+    tables: LightTables,
+) -> list[_Mirror]:
+    """Their mirrors, of which one is drawn: by the light that is expected from either side.
 
     Parameters
     ----------
-    number : random, which draws one of the mirrors
+    number : random
     """
     if len(residuals) == 1:
-        ((table, share),) = residuals
-        return 0.0 if table.through else 1.0, [_Mirror(table, share, 1.0, number)]
-    (reflected, above), (through, below) = residuals
-    followed = above + below
-    front = expr.minimum(expr.maximum(expr.divide(above, followed), _LEAST), 1 - _LEAST)
+        return [_Mirror(residuals[0][0], followed, 1.0, number)]
+    (reflected, _), (through, _) = residuals
+    side = call(light_side_group(tables, _LEAST), *place)
     # What the choice between the mirrors leaves of the number is even again.
-    return front, [
-        _Mirror(reflected, followed, front, expr.divide(number, front)),
-        _Mirror(through, followed, 1 - front, expr.divide(number - front, 1 - front)),
+    return [
+        _Mirror(reflected, followed, side, expr.divide(number, side)),
+        _Mirror(through, followed, 1 - side, expr.divide(number - side, 1 - side)),
     ]
 
 

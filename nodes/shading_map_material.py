@@ -13,16 +13,18 @@ from ..bake.directions import spherical
 from ..bake.errors import BakeError
 from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
+from ..bake.shading_maps.azimuth.curve_layout import unpack_curves
 from ..bake.shading_maps.record import ShadingMapRecord
 from ..bake.shading_maps.record_parts import StoredMap
 from ..bake.shading_maps.reduced_map import reduced_size, reduced_slices
 from ..bake.shading_maps.render_settings import RenderSettings
 from ..bake.shading_maps.slice_atlas import SliceLayout
 from ..bake.source import luminance
+from .azimuth_group import AzimuthImages, azimuth_group, mean_group
 from .checked_pixels import check_image
 from .data_image import Images, bundle_images, made_image, new_data_image, of_part
 from .lamp_light_groups import LightTables
-from .map_lighting import Lighting, MeasuredLobe
+from .map_lighting import Lighting, MapGroups, MeasuredLobe
 from .map_models import basis_group, power_group
 from .material_tree import build_from, lit_by_emission
 from .osl_script import require_osl
@@ -78,7 +80,7 @@ def build_shading_map(
         record.measured_lobe()
     behind = record.transmitted()
     for part in [record] if behind is None else [record, behind]:
-        for name in {part.map.image, "envelope"} & set(part.images):
+        for name in {part.map.image, "envelope", "curves"} & set(part.images):
             check_image(part.files(), name)
     if behind is not None:
         lights, scripted = None, False
@@ -129,21 +131,18 @@ def _group(
         table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lighting.lamps is not None)
         measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
-    traced, shown = _map_groups(record, lighting, name, textures, reduce)
+    front = _map_groups(record, lighting, name, textures, reduce)
     transmitted = None
     if behind is not None:
         lit = lighting_of(behind, settings.of_transmission(behind.map.a_max is not None))
         lit = replace(lit, lamps=lighting.lamps, through=True)
         groups = _map_groups(behind, lit, f"{name} through", of_part(textures, "through"), reduce)
         skies = [float(luminance(np.array(part.albedo.white_sky))) for part in (record, behind)]
-        transmitted = Transmitted(*groups, lit, skies[0] / max(sum(skies), 1e-9))
-    return shading_map_group(f"Shading Map {name}", traced, shown, lighting, transmitted)
+        transmitted = Transmitted(groups, lit, skies[0] / max(sum(skies), 1e-9))
+    return shading_map_group(f"Shading Map {name}", front, lighting, transmitted)
 
 
-def _map_groups(
-    record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int
-) -> tuple[bpy.types.ShaderNodeTree, bpy.types.ShaderNodeTree]:
-    """Groups of a map for path tracing and for EEVEE."""
+def _map_groups(record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int) -> MapGroups:
     facts = record.map
     images = slice_images(record, textures)
     far = _reduced(record, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
@@ -151,7 +150,14 @@ def _map_groups(
     traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=not lighting.sampled))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
     viewport = SliceOptions("scale", tiling=lighting.settings.tiling, interpolation="Fetched")
-    return traced, map_group(f"MM Slices Viewport {name}", facts, images, viewport)
+    shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
+    if facts.model != "azimuth":
+        return MapGroups(traced, shown, traced)
+    curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
+    around = mean_group(
+        f"MM Slices Around {name}", images, curves.mean(1, dtype=np.float64), lighting.options(stochastic=False)
+    )
+    return MapGroups(traced, shown, around, turned=True)
 
 
 def _f_r_albedo(record: ShadingMapRecord) -> float:
@@ -167,7 +173,10 @@ def slice_images(record: ShadingMapRecord, textures: Images) -> SliceImages:
     facts = record.map
     main = textures(facts.image)
     envelope = textures("envelope") if facts.model != "power" else main
-    return SliceImages(main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
+    stored = (main, envelope, facts.layout, 1 / facts.scale, 1 / facts.envelope_scale)
+    if facts.model == "azimuth":
+        return AzimuthImages(*stored, curves=textures("curves"), curve_layout=facts.curve_layout)
+    return SliceImages(*stored)
 
 
 def _reduced(record: ShadingMapRecord, images: SliceImages, name: str, factor: int) -> SliceImages:
@@ -190,6 +199,8 @@ def map_group(name: str, facts: StoredMap, images: SliceImages, options: SliceOp
     """The lookup of whichever model the bundle holds."""
     if facts.model == "power":
         return power_group(name, images, options)
+    if isinstance(images, AzimuthImages):
+        return azimuth_group(name, images, options)
     if facts.model == "basis":
         return basis_group(name, images, facts.curves, options)
     return slices_group(name, images, options)

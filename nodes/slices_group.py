@@ -104,13 +104,13 @@ def tapper(images: SliceImages, u: Any, v: Any, interpolation: str) -> Tap:
 
     def tap(index: Any) -> Any:
         at = tile_v(expr, images.layout, index, v)
-        colour, _ = _image_tap(images.residual, size, u, at, interpolation, "REPEAT")
+        colour, _ = image_tap(images.residual, size, u, at, interpolation, "REPEAT")
         return _scaled(colour, images.residual_scale)
 
     return tap
 
 
-def _image_tap(
+def image_tap(
     image: bpy.types.Image, size: tuple[int, int], u: Any, v: Any, interpolation: str, extension: str
 ) -> tuple[Any, Any]:
     if interpolation != "Fetched":
@@ -131,7 +131,7 @@ def texel_tap(images: SliceImages, u: Any, v: Any, options: SliceOptions) -> tup
     """Envelope and share at this place of the swatch."""
     size = images.layout.width, images.layout.height
     repeat = "REPEAT" if options.tiling == "repeat" else "EXTEND"
-    colour, alpha = _image_tap(images.envelope, size, u, v, options.interpolation, repeat)
+    colour, alpha = image_tap(images.envelope, size, u, v, options.interpolation, repeat)
     return _scaled(colour, images.envelope_scale), alpha
 
 

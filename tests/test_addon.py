@@ -330,7 +330,7 @@ def test_panel_offers_settings_that_have_an_effect(lacquer: Any) -> None:
 
 def test_panel_of_another_material_offers_the_import(plate: Any) -> None:
     plain = bpy.data.materials.new("plain")
-    imports = ["measured_materials.import_brdf", "measured_materials.import_arc"]
+    imports = [f"measured_materials.import_{kind}" for kind in ("brdf", "arc", "arc", "maps")]
     assert Stage(plain).drawn(panel._ImportPanel) == imports
     for other in (plain, None):
         assert panel._ImportPanel.poll(Stage(other))

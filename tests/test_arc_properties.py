@@ -8,7 +8,7 @@ import bpy
 import pytest
 from measured_materials.addon.material.lighting import lighting_of, show_lighting
 from measured_materials.addon.summary.bake_stages import USUAL_SIZE
-from measured_materials.addon.ui.properties.photographs import arc_settings_of, show_arc_settings
+from measured_materials.addon.ui.properties.photographs import _shown, arc_settings_of, show_arc_settings
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import LOBES, Lobe
 from measured_materials.bake.photographs.settings import StackSettings
@@ -29,6 +29,8 @@ from test_addon import registered  # noqa: F401
                 decode="gamma:1.8", azimuth=40, spread=7.5, sides="both", crop=(1, 2, 30, 40), albedo=0.3
             ),
         ),
+        ArcSettings(azimuths="all", azimuth_rank=7),
+        ArcSettings(azimuths="arc", compression="power"),
         ArcSettings(through=ThroughSettings(
             Path("behind").resolve(), Path("dirs.csv").resolve(), transmittance=0.125
         )),
@@ -53,6 +55,23 @@ def test_settings_survive_the_properties(settings: ArcSettings) -> None:
         show_lighting(material, settings.render)
         assert _settings(material) == settings
         assert material.measured_arc.pack is False
+    finally:
+        bpy.data.materials.remove(material)
+
+
+def test_light_from_every_side_leaves_out_what_is_said_of_an_arc() -> None:
+    """As the dialogue does, which no longer shows it."""
+    material = bpy.data.materials.new("settings")
+    try:
+        arc = material.measured_arc
+        arc.azimuths, arc.compression, arc.one_plane, arc.azimuth = "all", "power", True, 40
+        assert _settings(material) == ArcSettings(azimuths="all", stack=StackSettings(size=USUAL_SIZE))
+        shown = _shown(arc, material.measured_lighting)
+        assert shown["lights"] == ("lights", "azimuths", "azimuth_rank", "fit_lobe")
+        assert shown["files"] == ("storage", "pack")
+        arc.azimuths = "arc"
+        assert "azimuth_rank" not in _shown(arc, material.measured_lighting)["lights"]
+        assert _settings(material).stack.azimuth == 40
     finally:
         bpy.data.materials.remove(material)
 

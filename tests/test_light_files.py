@@ -157,7 +157,12 @@ def test_inspect_finds_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_inspect_tells_of_a_list_under_another_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is read where it lists all photographs, and only told of where it does not."""
     folder = stack(tmp_path / "s", ["a.png", "b.png", "c.png"])
-    (folder / "positions.txt").write_text("a.png 0.9397 0 0.3420\nb.png 0.7071 0 0.7071\nc.png 0.3420 0 0.9397\n")
+    lines = ["a.png 0.9397 0 0.3420", "b.png 0.7071 0 0.7071", "c.png 0.3420 0 0.9397"]
+    (folder / "positions.txt").write_text("\n".join(lines))
+    told = inspected(folder, capsys)["warnings"]
+    assert any("the lights are those of positions.txt" in warning for warning in told)
+    (folder / "positions.txt").write_text("\n".join(lines[:2]))
     told = inspected(folder, capsys)["warnings"]
     assert any("positions.txt lists lights" in warning and "lights.csv" in warning for warning in told)

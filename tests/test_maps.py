@@ -15,7 +15,7 @@ from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.image_io import read_image, write_image
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.maps.bake import MapSettings, all_around, bake_maps, maps_of
-from measured_materials.bake.maps.gloss import Gloss, fit_gloss, ggx_lobe, half_vectors
+from measured_materials.bake.maps.gloss import Gloss, fit_gloss, ggx_lobe
 from measured_materials.bake.maps.height import height_of, unfollowed
 from measured_materials.bake.maps.normals import Surface, check_directions, photometric_stereo
 from measured_materials.bake.maps.surface import surface_of
@@ -25,49 +25,7 @@ from measured_materials.bake.photographs.photograph import read_photograph
 from measured_materials.bake.source import luminance
 from measured_materials.bake.sources import analytic
 from PIL import Image
-
-N = 48
-DARK, LIGHT = np.array([0.1, 0.15, 0.3]), np.array([0.5, 0.3, 0.2])
-
-
-def lights(ring: int) -> np.ndarray:
-    """Rings at 25 and 50 degrees of elevation, and half of one at 75."""
-    found = [
-        (np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e))
-        for e, count in ((np.radians(25), ring), (np.radians(50), ring), (np.radians(75), ring // 2))
-        for a in 2 * np.pi * (np.arange(count) + 0.3 * e) / count
-    ]
-    return np.array(found)
-
-
-def relief() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Height in texels (N, N) that repeats, its normals, and albedo in squares."""
-    y, x = np.mgrid[0:N, 0:N]
-    waves = (2.0, 1, 2, 0.0), (1.0, 3, 1, 1.0), (0.6, 5, 4, 2.0)
-    height = sum(a * np.sin(2 * np.pi * (u * x + v * y) / N + phase) for a, u, v, phase in waves)
-    dx = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2
-    up = (np.roll(height, 1, 0) - np.roll(height, -1, 0)) / 2
-    normals = np.dstack([-dx, -up, np.ones_like(dx)])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    squares = ((x // 8 + y // 8) % 2)[..., None]
-    return height, normals, np.where(squares, DARK, LIGHT)
-
-
-def photographs(
-    directions: np.ndarray, gloss: float = 0.0, roughness: float = 0.43, shadows: float = 0.0
-) -> np.ndarray:
-    """Of the relief, f cos in 1/sr; a share of the values lies in shadow."""
-    _, normals, albedo = relief()
-    lit = np.einsum("ni,hwi->nhw", directions, normals)
-    tilt = np.clip(np.einsum("ni,hwi->nhw", half_vectors(directions), normals), 0, 1)
-    images = np.maximum(lit, 0)[..., None] * albedo / np.pi
-    images += (gloss * ggx_lobe(roughness**2, lit, tilt, np.broadcast_to(normals[..., 2], lit.shape)))[..., None]
-    shaded = np.random.default_rng(1).random(lit.shape) < shadows
-    return np.where(shaded[..., None], 0.05 * images, images).astype(np.float32)
-
-
-def degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(np.clip((a * b).sum(-1), -1, 1)))
+from support.known_maps import N, degrees, lights, photographs, relief, write_photographs
 
 
 def pixels(file: Path) -> np.ndarray:
@@ -172,15 +130,9 @@ def test_lights_that_tell_no_normal_are_refused(directions: np.ndarray | None, c
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Photographs of the relief, a little gloss on it, as a person has them."""
-    folder = tmp_path_factory.mktemp("stacks") / "relief"
-    folder.mkdir()
     directions = lights(8)
-    lines = ["file,x,y,z"]
-    for k, (image, way) in enumerate(zip(photographs(directions, gloss=0.04), directions, strict=True)):
-        write_image(folder / f"p{k:02}.exr", image, Storage.HALF)
-        lines.append(f"p{k:02}.exr,{way[0]:.6f},{way[1]:.6f},{way[2]:.6f}")
-    (folder / "lights.csv").write_text("\n".join(lines))
-    return folder
+    folder = tmp_path_factory.mktemp("stacks") / "relief"
+    return write_photographs(folder, photographs(directions, gloss=0.04), directions)
 
 
 def test_maps_as_programs_read_them(folder: Path, tmp_path: Path) -> None:
@@ -190,6 +142,7 @@ def test_maps_as_programs_read_them(folder: Path, tmp_path: Path) -> None:
     assert {p.name for p in made.path.iterdir()} == {
         *(f"{name}.png" for name in ("normal", "albedo", "height", "roughness", "specular")),
         "maps.json",
+        "maps.mtlx",
     }
     facts = json.loads((made.path / "maps.json").read_text())
     assert facts == json.loads(json.dumps(made.facts)) and facts["calibrated"]

@@ -64,6 +64,7 @@ def recorded(name: str) -> dict[str, float]:
 
 
 BENCHES = (
+    "azimuth",
     "engine",
     "arc",
     "techniques",
@@ -78,6 +79,7 @@ BENCHES = (
     "formats",
     "readings",
     "behind",
+    "sheets",
     "maps",
     "library",
     "thousand",

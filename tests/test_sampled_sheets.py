@@ -25,10 +25,24 @@ from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
-from measured_materials.bake.sampling.lamps import RECTANGLE, SUN, Lamp, aim_at, expected_light, expected_light_on_sheet
+from measured_materials.bake.sampling.lamp_light import lamp_light_table
+from measured_materials.bake.sampling.lamps import (
+    RECTANGLE,
+    SUN,
+    Lamp,
+    aim_at,
+    aim_numpy,
+    expected_light,
+    expected_light_on_sheet,
+    lamp_table,
+)
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
+from measured_materials.nodes.aimed_light_group import aim_by
+from measured_materials.nodes.group import call
+from measured_materials.nodes.lamp_light_groups import LightTables, light_side_group
 from measured_materials.nodes.osl_script import use_osl
+from support.cards import card, data_image
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.direct_light import environment
@@ -41,13 +55,16 @@ from support.sheet_scenes import (
     GLAZED,
     LINED,
     PRISMATIC,
+    RESOLUTION,
     SETTINGS,
+    SHADE,
     assert_mean,
     lit_by,
     record_of,
     set_sky,
     sheet_scene,
     under_sky,
+    viewer,
 )
 from test_sheet_material import Woven
 
@@ -128,7 +145,7 @@ def test_a_lamp_hidden_from_the_camera_loses_nothing(
         lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
         assert not lamp.visible_camera
         dress(scene, glazed)
-        assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=48)
+        assert_mean(scene, lit_by(glazed, "exact", theta, lamp), samples=64)
 
 
 def test_a_lamp_that_no_portal_meets_loses_nothing(tmp_path: Path) -> None:
@@ -263,6 +280,21 @@ def test_noise_under_a_lamp_behind_is_a_fraction(glazed: BrdfRecord) -> None:
         assert variances[1] < 0.02 * variances[0]
 
 
+@pytest.mark.slow
+def test_a_large_lamp_seen_through_a_shade_is_found_by_what_lets_it_through(tmp_path: Path) -> None:
+    """A quarter of the variance is left at most; 0.75 of it where mirrors are drawn by white light."""
+    shade = record_of(bake_source(SHADE, tmp_path / "shade", SETTINGS))
+    with shown(40.0) as scene:
+        scene.scene.render.resolution_x = 4 * RESOLUTION
+        lamp = add_lamp(scene, "AREA", tuple(-3 * viewer(40.0)), energy=300, size=2.0)
+        lamp.visible_camera = True
+        variances = []
+        for choices in (AIMED, SAMPLED):
+            dress(scene, shade, choices)
+            variances.append(float(scene.render(16, 2).var((1, 2)).mean()))
+        assert variances[1] < 0.25 * variances[0]
+
+
 def test_which_rays_meet_a_light_is_known() -> None:
     """Under a film that shows nothing behind glass, the world is not sampled at all."""
     with sheet_scene(diffuse_material(), 40.0) as scene:
@@ -334,3 +366,28 @@ def test_light_of_either_side_is_expected_by_what_the_side_sends_on(kind: int) -
         assert expected_light_on_sheet(xp, aim, normal, lamp.power, 0.3) == pytest.approx(part * alone)
         assert expected_light(xp, aim, -up, lamp.power) == 0
         assert expected_light_on_sheet(xp, aim, normal, lamp.power, 0.0) > 0
+
+
+@pytest.mark.parametrize("sky", [0.0, 0.7])
+def test_the_mirror_is_drawn_by_the_light_of_its_side(sky: float) -> None:
+    """Two lamps and what comes from everywhere; where no light is known, by the parts of white light."""
+    rng, count, least, xp = np.random.default_rng(3), 2000, 0.1, xp_numpy
+    lamps = [
+        Lamp(RECTANGLE, 3.0, (0.2, 0.1, z), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, -math.copysign(1, z)))
+        for z in (2.0, -1.5)
+    ]
+    table = lamp_table(lamps, 4, sky)
+    tables = LightTables(data_image("lamps", table), data_image("lights", lamp_light_table([], 4)), sheet=True)
+    position = rng.uniform(-0.5, 0.5, (count, 3)).astype(np.float32)
+    normal = np.asarray(xp.normalize(rng.normal(size=(count, 3))), np.float32)
+    front = rng.uniform(0.1, 0.9, count).astype(np.float32)
+    group = light_side_group(tables, least)
+    assert card(lambda *a: call(group, *a), position, normal, front)[0] == pytest.approx(front, abs=1e-6)
+    aim_by(group, 2, False)
+    (found,) = card(lambda *a: call(group, *a), position, normal, front)
+    p, n, part = (values.astype(float) for values in (position, normal, front))
+    aims = [aim_numpy(row, p) for row in table[:2]]
+    light = np.stack([expected_light_on_sheet(xp, aim, n, 3.0, part) for aim in aims])
+    above = np.stack([xp.dot(aim.axis, n) > 0 for aim in aims])
+    truth = ((light * above).sum(0) + sky * part) / (light.sum(0) + sky)
+    assert found == pytest.approx(np.clip(truth, least, 1 - least), abs=1e-4)

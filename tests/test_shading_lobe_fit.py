@@ -11,8 +11,8 @@ from measured_materials.bake.brdf.closures import lobe_of
 from measured_materials.bake.bundle.checked_json import Fields
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
+from measured_materials.bake.lobes.lobe_fit import FITTED, fit_lobe
 from measured_materials.bake.lobes.lobes import LOBES, PARAMETERS, Lobe
-from measured_materials.bake.shading_maps.lobe_fit import FITTED, fit_lobe
 from support.lobe_cases import NARROW, WIDE, identity
 
 

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_materials.bake.bundle.bundle import MATERIAL, read_bundle
 from measured_materials.bake.errors import BakeError
-from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.images.storage import Storage, round_down
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading_maps.albedo import map_albedo_facts, resolved_scale
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
-from measured_materials.bake.shading_maps.envelope_split import bounded_envelope, round_down, split
+from measured_materials.bake.shading_maps.envelope_split import bounded_envelope, split
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import UNCALIBRATED_SIGMA, RenderSettings
 from measured_materials.bake.shading_maps.shading_map import (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image
 from measured_materials.addon.material.adjust.blend import blend_with
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import MODES
@@ -30,6 +30,7 @@ from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import assemble
 from measured_materials.nodes.second_group import MOST_LAMPS, mask_node
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.azimuth import clamped_basis, write_azimuth_bundle
 from support.coarse_bakes import coarse_bakes
 from support.gloss import link_socket
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
@@ -196,6 +197,25 @@ def test_half_vector_brdfs_leave_room(half_paint: Bundle, name: str) -> None:
 @pytest.mark.parametrize("name", MAPS)
 def test_shading_maps_leave_room(paint: Bundle, tmp_path: Path, name: str) -> None:
     material = map_material(paint, tmp_path, name)
+    assert fits_with(material, ROOM)
+    assert closures_in(material) <= CLOSURES // 4
+
+
+@pytest.mark.parametrize(
+    "mode, technique, sampled",
+    [
+        ("balanced", "lookup", False),
+        pytest.param("exact", "lookup", True, marks=pytest.mark.slow),
+        pytest.param("exact", "angular", False, marks=pytest.mark.slow),
+    ],
+)
+def test_maps_over_azimuth_leave_room(tmp_path: Path, mode: str, technique: str, sampled: bool) -> None:
+    """Sixteen curves, all of which are read for each direction."""
+    settings = RenderSettings(Lobe("phong", 12.0, 0.4), sigma=0.8, mode=mode, technique=technique, a_max=0.1)
+    bundle = write_azimuth_bundle(tmp_path / "turned.mmat", clamped_basis(rank=16), settings)
+    lights = {"lights": lamp_light_image(), "scripted": True} if sampled else {}
+    material = build_shading_map(bundle, lamps=lamp_image(), features=not sampled, **lights)
+    aim_at_everything()
     assert fits_with(material, ROOM)
     assert closures_in(material) <= CLOSURES // 4
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +17,7 @@ from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.shading_maps.shading_map import ShadingMap
 from measured_materials.nodes import compat
 from measured_materials.nodes.shading_map_material import build_shading_map
+from support.eevee import eevee_pictures
 from support.swatches import identity_map, map_bundle, rough_map
 
 NORMAL = (0.0, 0.0, 1.0)
@@ -208,50 +206,16 @@ def _distance(seeds: np.ndarray, expected: np.ndarray) -> float:
     return max(whole, (float(square.mean()) - 1.4) / (2.4 / math.sqrt(square.size)))
 
 
-_EEVEE = """
-import json, os, sys
-from dataclasses import replace
-import bpy, numpy as np
-from measured_materials.addon.gantry import photograph_arc as gantry
-from measured_materials.addon.studio import studio
-from measured_materials.bake.bundle.bundle import read_bundle
-from measured_materials.bake.shading_maps.record import ShadingMapRecord
-from measured_materials.nodes.shading_map_material import build_shading_map
-
-path, out, techniques, view, light, size = json.loads(sys.argv[1])
-bundle = read_bundle(path)
-pictures = {}
-for technique in techniques:
-    usual = ShadingMapRecord.read(bundle).render
-    material = build_shading_map(bundle, settings=replace(usual, technique=technique))
-    with gantry.plane_scene(material, view=view, light=light, size=size, samples=1, sun_angle=0.0) as scene:
-        scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
-        scene.eevee.taa_render_samples = 1
-        scene.render.filter_size = 0.0  # a pixel is its middle alone
-        second = bpy.data.lights.new("second", "SUN")
-        second.energy, second.angle, second.color = 3.0, 0.0, (1.0, 0.7, 0.4)
-        scene.collection.objects.link(bpy.data.objects.new("second", second))  # straight from above
-        pictures[technique] = studio.render_linear(scene)
-np.savez(out, **pictures)
-os._exit(0)  # Blender's own end may hang once OpenGL has been used
-"""
-
-
 @pytest.mark.slow
 def test_eevee_shows_what_numpy_finds(tmp_path: Path) -> None:
     """Under two suns of different strength and colour. In a process of its own: without OpenGL it ends there."""
     render = RenderSettings(Lobe("lambert"), sigma=0.8, a_max=0.3)
     bundle = map_bundle(tmp_path / "rough", rough_map(size=6), render)
-    size, shown, out = 12, ("final_radiance", "lit_texture"), tmp_path / "pictures.npz"
-    arguments = json.dumps([str(bundle.path), str(out), shown, VIEW, LIGHT, size])
-    done = subprocess.run([sys.executable, "-P", "-c", _EEVEE, arguments], capture_output=True, text=True, timeout=240)
-    if done.returncode < 0:  # Blender aborts where there is no OpenGL
-        pytest.skip(f"EEVEE cannot render here: {(done.stderr.strip() or 'ended by a signal').splitlines()[-1][:200]}")
-    assert done.returncode == 0, done.stderr
+    size, shown = 12, ("final_radiance", "lit_texture")
+    pictures = eevee_pictures(bundle, tmp_path, shown, VIEW, LIGHT, size)
     key = techniques.direction(90 - math.degrees(LIGHT[0]), math.degrees(LIGHT[1]))
     lights = [Light(key), Light(NORMAL, (3.0, 2.1, 1.2))]
     wo = techniques.direction(90 - math.degrees(VIEW[0]), math.degrees(VIEW[1]))
-    pictures = np.load(out)
     mapped = techniques.mapped_swatch(bundle)
     for technique in shown:
         expected = shade(technique, mapped, lights, wo, techniques.frame_uv(size, VIEW))

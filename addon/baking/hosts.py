@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from ...bake.images.image_io import load_openimageio
+from ...bake.maps.bake import MapSettings
 from ...bake.shading_maps.bake import ArcSettings
 from .request import BakeRequest
 
@@ -21,7 +22,7 @@ def hosts(request: BakeRequest, blender: str) -> list[list[str]]:
     python = [[program, "-u", str(BOOTSTRAP)] for program in pythons()]
     arguments = ["--background", "--factory-startup", "-noaudio", "--python-exit-code", "9", "--python", str(BOOTSTRAP)]
     application = [[blender, *arguments]] if blender and Path(blender).is_file() else []
-    if application and isinstance(request.settings, ArcSettings) and load_openimageio() is None:
+    if application and isinstance(request.settings, ArcSettings | MapSettings) and load_openimageio() is None:
         return application
     return python + application
 

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...bake.bundle.bundle import move_bundle, read_bundle, staging
+from ...bake.bundle.bundle import staging
 from ...bake.bundle.result import BakeResult
 from ...bake.errors import BakeError
 from . import spare
 from .look import Look
-from .request import BakeRequest
+from .request import BakeRequest, publish
 from .worker_process import WorkerProcess, ending_words
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED, NO_HOST = "waiting", "running", "done", "failed", "cancelled", "no host"
@@ -86,8 +86,8 @@ class BakeJob:
         assert self._baked
         path, seconds = self._baked
         try:
-            move_bundle(path, target := target or self.target)
-            return BakeResult(target, read_bundle(target).material, seconds)
+            target = target or self.target
+            return BakeResult(target, publish(self.request, path, target), seconds)
         finally:
             self.close()
 

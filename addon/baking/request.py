@@ -9,10 +9,13 @@ from typing import Any
 
 from ...bake.brdf.bake import bake_file, bake_source
 from ...bake.brdf.settings import BakeSettings
+from ...bake.bundle.bundle import move_bundle, read_bundle
 from ...bake.bundle.result import BakeResult, Progress
+from ...bake.maps.bake import MapSettings, bake_maps, move_maps
 from ...bake.photographs.stack import PhotoStack
 from ...bake.sampling.half_vector_cells import SamplerLayout
 from ...bake.shading_maps.bake import ArcSettings, bake_arc, bake_stack
+from ...bake.source import Facts
 from ...bake.sources.analytic import by_name
 
 # Texels of the longer side of a swatch's quick bake.
@@ -37,13 +40,13 @@ class BakeRequest:
     Parameters
     ----------
     source : a measurement's file, a model, or photographs: their folder or a tuple of them
-    settings : those of photographs for photographs, else those of a BRDF
+    settings : those of a shading map or of maps for photographs, else those of a BRDF
     quick : a quick bake comes first, for a picture of the material while it is baked
     look : of photographs: nothing is baked, they are only looked at
     """
 
     source: Path | Model | tuple[Path, ...]
-    settings: BakeSettings | ArcSettings
+    settings: BakeSettings | ArcSettings | MapSettings
     quick: bool = False
     look: bool = False
 
@@ -67,7 +70,7 @@ def run_request(
     decoder: Any = None,
     quick: tuple[Path, Callable[[Path], None]] | None = None,
 ) -> BakeResult:
-    """Bake to the bundle `target`. Raises BakeError; then nothing is written.
+    """Bake to the bundle `target`, or the folder of maps. Raises BakeError; then nothing is written.
 
     Parameters
     ----------
@@ -76,6 +79,9 @@ def run_request(
     """
     if isinstance(request.settings, ArcSettings):
         return _bake_photographs(request, request.settings, target, progress, decoder, quick)
+    if isinstance(request.settings, MapSettings):
+        made = bake_maps(request.photographs(), target, request.settings, progress, decoder)
+        return BakeResult(made.path, made.facts, made.seconds)
     settings = request.settings
     if isinstance(request.source, Model):
         return bake_source(by_name(request.source.name, **request.source.parameters), target, settings, progress)
@@ -87,6 +93,14 @@ def run_request(
             quick[1](small.path)
 
     return bake_file(request.source, target, settings, progress, bake_quickly)
+
+
+def publish(request: BakeRequest, whole: Path, target: Path) -> Facts:
+    """Have what was baked elsewhere on the disk become `target`, and return its account. Raises BakeError."""
+    if isinstance(request.settings, MapSettings):
+        return move_maps(whole, target)
+    move_bundle(whole, target)
+    return read_bundle(target).material
 
 
 def quick_settings(settings: BakeSettings) -> BakeSettings:

@@ -17,7 +17,8 @@ from ...bake.images.storage import IMAGE_STORAGES, Storage
 from ...bake.lobes.lobes import Lobe
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
 from ...bake.shading_maps.against_light import ThroughSettings
-from ...bake.shading_maps.bake import TILEABLES, ArcSettings, bake_arc
+from ...bake.shading_maps.azimuth.azimuth_basis import MAX_RANK, MIN_RANK
+from ...bake.shading_maps.bake import AZIMUTHS, TILEABLES, ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.store import COMPRESSIONS
@@ -63,6 +64,7 @@ def add_to(kinds: Any) -> None:
     add_rights(arc)
     add_quality(arc, MAP_LEVELS)
     add_photographs(arc.add_argument_group("photographs"))
+    add_azimuths(arc.add_argument_group("light from every side"))
     add_through(arc.add_argument_group("against the light"))
     add_map(arc.add_argument_group("shading map"))
     add_lighting(
@@ -79,6 +81,26 @@ def add_to(kinds: Any) -> None:
     )
     arc.add_argument("--json", action="store_true", help="print the result as JSON")
     arc.set_defaults(run=run, command="bake photographs")
+
+
+def add_azimuths(group: Any) -> None:
+    """Add the options on photographs lit from many sides."""
+    usual = ArcSettings()
+    group.add_argument(
+        "--azimuths",
+        choices=AZIMUTHS,
+        default=usual.azimuths,
+        help="arc: the photographs of one arc, whose shadows stay where they are when the light turns; all: the "
+        "shadows turn with it; auto: all, where lights surround the swatch and nothing is said of the arc, its "
+        "compression or byte storage (%(default)s)",
+    )
+    group.add_argument(
+        "--azimuth-rank",
+        type=int,
+        metavar=f"{MIN_RANK}..{MAX_RANK}",
+        help="numbers per texel and channel of a map of light from every side (default: as many as photographs that "
+        "are left out call for)",
+    )
 
 
 def add_through(group: Any) -> None:
@@ -228,6 +250,8 @@ def settings_of(options: argparse.Namespace) -> ArcSettings:
             render=render,
             rights=stated_rights(options),
             through=_through(options),
+            azimuths=options.azimuths,
+            azimuth_rank=options.azimuth_rank,
             stack=stack_settings(
                 options, level["size"], azimuth=options.azimuth, spread=options.spread, sides=options.sides
             ),

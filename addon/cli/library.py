@@ -124,6 +124,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     add_photographs(parser.add_argument_group("photographs"))
     bake_photographs.add_through(parser.add_argument_group("against the light"))
     bake_photographs.add_map(parser.add_argument_group("shading map"), "--map-storage")
+    bake_photographs.add_azimuths(parser.add_argument_group("light from every side"))
     add_lighting(
         parser.add_argument_group("lighting of shading maps, which can be changed later without baking"),
         f"base reflection (f_r): {known_lobes()}; auto fits one to the photographs; FILE{SUFFIX} is a baked BRDF "

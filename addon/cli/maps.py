@@ -8,10 +8,12 @@ from typing import Any
 
 from ...bake.errors import BakeError
 from ...bake.maps.bake import STAGES, MapSettings, MapsResult, bake_maps
+from ...bake.maps.folder import read_maps_folder
 from ...bake.maps.write import FILE_KINDS, NORMAL_CONVENTIONS
 from ..photographs.find_decoder import blender_decoder
 from ..summary.quality_levels import MAP_LEVELS
 from .bake_jobs import add_quality, chosen_quality, made_folder, usage_error
+from .console.blend_options import add_blend, check_blend
 from .console.photograph_options import add_photographs, stack_settings
 from .console.progress import Progress
 from .console.result import Result, complain
@@ -46,19 +48,34 @@ def add_to(kinds: Any) -> None:
     )
     parser.add_argument("--no-level", action="store_true", help="leave the mean slope as it is: the swatch is not flat")
     parser.add_argument("--replace", action="store_true", help="also maps of other photographs under that name")
+    parser.add_argument(
+        "--reduce",
+        type=int,
+        default=usual.reduce,
+        metavar="N",
+        help="N x N texels become one, for a swatch seen from far away: what their normals vary by goes into the "
+        "roughness, so that highlights keep their width (%(default)d)",
+    )
     parser.add_argument("--repeats", action="store_true", help="the frame goes on at its opposite edge")
     add_quality(parser, _SIZES)
     add_photographs(parser.add_argument_group("photographs"), arc=False)
+    add_blend(parser.add_argument_group("as a material of Blender"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.set_defaults(run=run, command="bake maps")
 
 
 def run(options: argparse.Namespace) -> Result:
     """Write the maps of every folder; a bad one is reported and does not stop the others."""
+    check_blend(options)
     try:
         size = chosen_quality(options, _SIZES)["size"]
         settings = MapSettings(
-            options.normals, options.files, not options.no_level, options.repeats, stack_settings(options, size)
+            options.normals,
+            options.files,
+            not options.no_level,
+            options.repeats,
+            stack_settings(options, size),
+            options.reduce,
         )
     except BakeError as error:
         raise usage_error(error, options) from None
@@ -76,8 +93,31 @@ def run(options: argparse.Namespace) -> Result:
             progress.close()
             for warning in result.warnings:
                 complain(f"warning: {target.name}: {warning}")
-    document = {"command": options.command, "maps": [{"path": str(made.path), **made.facts} for made in done]}
-    return Result(document, [_line(made) for made in done], errors)
+    document: dict[str, Any] = {
+        "command": options.command,
+        "maps": [{"path": str(made.path), **made.facts} for made in done],
+    }
+    lines = [_line(made) for made in done]
+    try:
+        if materials := _written_blend(options, [made.path for made in done]):
+            document["blend"] = {"file": str(options.blend), "materials": materials}
+            lines.append(f"{options.blend}: {', '.join(materials)}")
+    except BakeError as error:
+        errors.append(error)
+    return Result(document, lines, errors)
+
+
+def _written_blend(options: argparse.Namespace, folders: list[Path]) -> list[str]:
+    """Names of the materials that were written of these folders of maps; none where no file is wanted.
+
+    Raises BakeError.
+    """
+    if options.blend is None or not folders:
+        return []
+    from ..asset_library.maps_blend import write_maps_blend
+
+    maps = [read_maps_folder(folder) for folder in folders]
+    return write_maps_blend(maps, options.blend, relief=options.relief, width=options.width, pack=options.pack)
 
 
 def _targets(options: argparse.Namespace) -> list[Path]:
@@ -92,6 +132,6 @@ def _targets(options: argparse.Namespace) -> list[Path]:
 
 def _line(made: MapsResult) -> str:
     facts = made.facts
-    files = ", ".join(str(about["file"]) for about in facts["maps"].values())
+    files = ", ".join([*(str(about["file"]) for about in facts["maps"].values()), str(facts["materialx"])])
     told = f"{len(facts['lights'])} lights, misfit {facts['misfit']:.1%}, gloss told by {facts['gloss_told_share']:.0%}"
     return f"{made.path}: {files} ({told} of the texels, {made.seconds:.1f} s)"

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from ...bake.brdf.preview_sphere import to_srgb
 from ...bake.bundle.bundle import Bundle
 from ...bake.errors import BakeError
+from ...bake.lobes.lobe_fit import fit_lobe
 from ...bake.lobes.lobes import Lobe
 from ...bake.shading_maps.albedo import resolved_scale
-from ...bake.shading_maps.lobe_fit import fit_lobe
+from ...bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import TECHNIQUES, RenderSettings
 from ...bake.shading_maps.shading_map import Above, ShadingMap
@@ -55,6 +56,7 @@ class MappedSwatch:
     a_max : r at the last slice, in 1/sr
     level_by_cosine : x of the photograph at even cosines of the light's angle from 0 to 1, for "angular"
     above : beyond the last slice
+    around : of a swatch lit from every side the map over azimuth, by which "lookup" goes; `map` is then its mean
     """
 
     map: ShadingMap
@@ -63,6 +65,7 @@ class MappedSwatch:
     a_max: float
     level_by_cosine: Sequence[float]
     above: Above = "clamp"
+    around: AzimuthBasis | None = None
 
     @property
     def gain(self) -> float:
@@ -92,7 +95,8 @@ def mapped_swatch(bundle: Bundle, settings: RenderSettings | None = None, *, thr
     if settings.lobe is None:
         raise BakeError(bundle.path, "takes f_r from a measured BRDF", "choose a lobe")
     sigma, a_max = resolved_scale(settings, stored.a_max)
-    return MappedSwatch(record.load_map(), settings.lobe, sigma, a_max, stored.level_by_cosine, settings.above)
+    around = record.load_azimuth() if stored.model == "azimuth" else None
+    return MappedSwatch(record.load_map(), settings.lobe, sigma, a_max, stored.level_by_cosine, settings.above, around)
 
 
 def shade(
@@ -118,15 +122,15 @@ def shade(
     """
     if technique not in TECHNIQUES:
         raise ValueError(f"there is no technique {technique!r}")
-    lit = [(float(light.wi[2]), _f_cos(swatch.lobe, light, wo), np.asarray(light.irradiance)) for light in lights]
+    lit = [(light.wi, _f_cos(swatch.lobe, light, wo), np.asarray(light.irradiance)) for light in lights]
     if technique == "final_radiance":
         radiance = sum((f_cos * irradiance * np.ones(3) for _, f_cos, irradiance in lit), np.zeros(3))
         brightness = float(luminance(radiance))
         texel = swatch.map.evaluate(uv, _level(uv, brightness * swatch.gain / light_level), "scale")
         return texel * radiance * (light_level * swatch.a_max / max(brightness, 1e-30))
     total = np.zeros((*np.shape(uv)[:-1], 3))
-    for cosine, f_cos, irradiance in lit:
-        total += irradiance * _reflected(technique, swatch, cosine, f_cos, uv)
+    for wi, f_cos, irradiance in lit:
+        total += irradiance * _reflected(technique, swatch, wi, f_cos, uv)
     return total
 
 
@@ -134,14 +138,17 @@ def _f_cos(lobe: Lobe, light: Light, wo: Sequence[float]) -> float:
     return float(lobe.value(np.array(light.wi), np.array(wo))) * max(float(light.wi[2]), 0.0)
 
 
-def _reflected(technique: str, swatch: MappedSwatch, cosine: float, f_cos: float, uv: Array) -> Array:
+def _reflected(technique: str, swatch: MappedSwatch, wi: Sequence[float], f_cos: float, uv: Array) -> Array:
     """Of one light of irradiance 1."""
+    if technique == "lookup" and swatch.around is not None:
+        phi = np.full(np.shape(uv)[:-1], math.atan2(wi[1], wi[0]))
+        return swatch.a_max * swatch.around.at(uv, _level(uv, f_cos * swatch.gain), phi, swatch.above)
     if technique == "lookup":
         return swatch.a_max * swatch.map.evaluate(uv, _level(uv, f_cos * swatch.gain), swatch.above)
     level = 1.0
     if technique == "angular":
         knots = np.linspace(0, 1, len(swatch.level_by_cosine))
-        level = max(float(np.interp(cosine, knots, swatch.level_by_cosine)), _DARKEST_LEVEL)
+        level = max(float(np.interp(wi[2], knots, swatch.level_by_cosine)), _DARKEST_LEVEL)
     return swatch.map.evaluate(uv, _level(uv, level)) * (swatch.sigma * f_cos / level)
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ...bake.brdf.settings import BakeSettings
 from ...bake.bundle.bundle import Bundle, move_bundle, read_bundle, staging
 from ...bake.bundle.origin import Origin, file_origin, model_origin, photographs_origin, refuse_another
 from ...bake.bundle.recipe import RECIPE, recipe_of
@@ -88,6 +89,7 @@ def recipe_of_request(request: BakeRequest) -> str:
     origin = origin_of(request)
     if isinstance(request.settings, ArcSettings):
         return arc_recipe(request.photographs(), request.settings, origin)
+    assert isinstance(request.settings, BakeSettings)
     return recipe_of(request.settings, origin)
 
 
@@ -101,7 +103,7 @@ def origin_of(request: BakeRequest) -> Origin:
         photographs = request.photographs()
         folder = photographs if isinstance(photographs, Path) else photographs[0].parent
         return {"name": folder.resolve().name, **photographs_origin(photographs)}
-    assert isinstance(source, Path)
+    assert isinstance(source, Path) and isinstance(request.settings, BakeSettings)
     return file_origin(source, chosen_material(source, request.settings.reading))
 
 

@@ -149,10 +149,10 @@ def bundle_folder(chosen: str, file: Path) -> Path:
     return Path(file).parent
 
 
-def free_bundle(folder: Path, stem: str) -> Path:
-    """A bundle's path in `folder` that nothing has yet."""
+def free_bundle(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
+    """A bundle's path in `folder` that nothing has yet, or that of another folder."""
     number = 1
-    while exists(path := folder / f"{stem}{f'_{number}' if number > 1 else ''}{SUFFIX}"):
+    while exists(path := folder / f"{stem}{f'_{number}' if number > 1 else ''}{suffix}"):
         number += 1
     return path
 

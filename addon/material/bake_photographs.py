@@ -16,12 +16,13 @@ from ...bake.shading_maps.bake import ArcSettings, bake_arc
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...nodes import portions
+from ...nodes.material_tree import SWATCH_MAPPING
 from ...nodes.shading_map_material import build_shading_map
 from ..lights.light_tables import lamp_image
 from ..photographs.blender_decoder import decode
 from ..summary.shading_map_rows import energy_rows, map_error_rows, map_rows
 from .bake_material import free_bundle, remember, target_of
-from .build_shading_map import SWATCH_MAPPING, build_map
+from .build_shading_map import build_map
 from .facts import record_of, source_file
 from .lighting import show_lighting
 from .textures.kept import keep_textures

@@ -12,6 +12,7 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
+from ...nodes.material_tree import SWATCH_MAPPING
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import GAIN_OF_SWATCH, Sampling, sampling_of, what_to_aim_at
@@ -31,6 +32,7 @@ from .scene_fit import (
     Effect,
     is_ready,
     plan_aim,
+    plan_azimuth,
     plan_bounces,
     plan_detail,
     plan_sampling,
@@ -42,8 +44,6 @@ from .textures.packed import pack_textures
 _AIMED_ONLY = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
 # What the panel does not offer for these, whatever was set before.
 _NOT_OF_THROUGH = {"sample": AUTO, "shader": NODES}
-# Label of the node that lays the swatch out.
-SWATCH_MAPPING = "Swatch size and rotation"
 
 
 def build_map(
@@ -67,6 +67,8 @@ def build_map(
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     effects = [detail]
+    if stored.model == "azimuth":
+        effects.append(plan_azimuth(settings, layout.tiles))
     light = plan_map_light(settings, choices, report, ready=ready, through=record.through is not None)
     effects += light.effects
     if record.through is not None and settings.mode != "preview":

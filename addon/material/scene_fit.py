@@ -13,6 +13,8 @@ from typing import Any
 from ...bake.brdf.record import BrdfRecord
 from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
+from ...bake.shading_maps.azimuth.curve_layout import PER_TEXEL
+from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.tables.grids.patch_grid import PatchGrid
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
@@ -20,6 +22,7 @@ from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 OSL_EFFECT = "Open Shading Language"
+AZIMUTH_EFFECT = "Light from every side"
 # Of nodes whose rays are scripts.
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 NO_PASSES = "OSL cannot write them; built of nodes they can be had"
@@ -294,9 +297,20 @@ def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str
         if choices.detail == NEVER:
             raise BakeError(where, f"needs its texels: {known}", "leave the detail to Automatic")
         return 1, Effect(name, True, known)
+    if model == "azimuth":
+        return 1, Effect(name, True, "a map over azimuth, whose texels are cut off at black and have no mean")
     if model != "slices":
         return 1, Effect(name, True, f"compressed as {model}, which has no mean")
     return factor, Effect(name, False, f"{factor} x {factor} as one: seen here they are {footprint:.2g} pixels across")
+
+
+def plan_azimuth(settings: RenderSettings, rank: int) -> Effect:
+    """What a map over azimuth takes, and where it does without the light's azimuth."""
+    if settings.technique == "lit_texture" or settings.mode == "preview":
+        return Effect(AZIMUTH_EFFECT, False, "one picture for all light: lit from all around")
+    cost = f"{rank} texels and {-(-rank // PER_TEXEL)} of its curves are read for a direction of light"
+    around = "; after a diffuse bounce lit from all around" * (settings.mode == "balanced")
+    return Effect(AZIMUTH_EFFECT, True, f"shadows turn with the lamps; {cost}{around}")
 
 
 def plan_bounces(mode: str) -> Effect:

@@ -16,12 +16,12 @@ import numpy as np
 
 from ...bake.bundle.bundle import Bundle, read_bundle
 from ...bake.images.png import png_bytes
+from ...bake.lobes.lobe_fit import fit_lobe
 from ...bake.photographs.stack import PhotoStack
 from ...bake.report.chart import Chart, Point
 from ...bake.report.journal import Journal
 from ...bake.report.page import Gallery, Picture, Section, Table
 from ...bake.shading_maps.bake import ArcSettings, bake_stack
-from ...bake.shading_maps.lobe_fit import fit_lobe
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.shading_map import averages_of

@@ -16,6 +16,7 @@ from . import (
     pass_rules,
     scene_rules,
     sheet_rules,
+    swatch_rules,
 )
 from .findings import NOTE, SEVERITIES, Finding, Subject, subject_of
 
@@ -40,6 +41,7 @@ def _found(subject: Subject) -> list[Finding] | None:
         *material_rules.RULES,
         *pass_rules.RULES,
         *sheet_rules.RULES,
+        *swatch_rules.RULES,
         mix_rules.mixed_mirror,
         *camera_rules.RULES,
         energy_rules.too_bright,

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from ...bake.brdf.bake import KIND_OF_STAGE
 from ...bake.brdf.settings import BakeSettings
 from ...bake.brdf.sheet_bake import KIND_OF_SHEET, STAGE
+from ...bake.maps.bake import STAGES as STAGES_OF_MAPS
+from ...bake.maps.bake import MapSettings
 from ...bake.shading_maps.against_light import STAGE as STAGE_BEHIND
 from ...bake.shading_maps.bake import ArcSettings
 
@@ -15,14 +17,16 @@ from ...bake.shading_maps.bake import ArcSettings
 USUAL_SIZE = 1024
 
 
-def bake_stages(settings: BakeSettings | ArcSettings) -> dict[str, float]:
-    """Typical seconds of the stages of `bake_file` or of `bake_arc`, in their order.
+def bake_stages(settings: BakeSettings | ArcSettings | MapSettings) -> dict[str, float]:
+    """Typical seconds of the stages of `bake_file`, of `bake_arc` or of `bake_maps`, in their order.
 
     Only reading it shows whether a BRDF is anisotropic, or a sheet: the stages of all kinds are listed one kind behind
     the other, and `share_done` keeps to the kind that it is asked for.
     """
     if isinstance(settings, ArcSettings):
         return _arc_stages(settings)
+    if isinstance(settings, MapSettings):
+        return dict(STAGES_OF_MAPS)
     usual, anisotropic = _brdf_stages(settings), _anisotropic_stages(settings)
     kinds = {
         "": usual,

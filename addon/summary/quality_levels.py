@@ -31,6 +31,8 @@ _BYTES = {Storage.HALF: 1.0, Storage.FLOAT32: 2.0, Storage.RGBE: 0.7, Storage.LO
 # Bytes that a half float takes once it is compressed, and the shorter side of a photograph in parts of the longer.
 _COMPRESSED, _ASPECT = 1.5, 2 / 3
 _USUAL_SIDE = 1024
+# Of a map over azimuth, where as many are taken as it takes.
+_CURVES = 12
 # Seconds of the stages of photographs are those of swatches so large.
 _SIDE_OF_STAGES = 1700
 # How long bakes took here beside what was expected of them; the last ones count.
@@ -70,6 +72,8 @@ def expected_megabytes(settings: BakeSettings | ArcSettings) -> float:
         side = settings.stack.size or _USUAL_SIDE
         texels = side * side * _ASPECT
         numbers = {"none": settings.slices - 1, "power": 2, "basis": settings.rank}[settings.compression] + 1
+        if settings.azimuths == "all":
+            numbers = (settings.azimuth_rank or _CURVES) + 1
         return texels * numbers * 3 * _COMPRESSED * _BYTES[settings.storage] / 1e6
     parts = 1.0 if settings.envelope else 0.4
     if settings.table_bytes is None:

@@ -8,14 +8,13 @@ from typing import Any
 from ...bake.lobes.lobes import Lobe
 from ...bake.photographs.stack import FORMAT, PhotoStack
 from ...bake.shading_maps.record import ShadingMapRecord
-from ...bake.shading_maps.record_parts import PhotographsRecord
+from ...bake.shading_maps.record_parts import MapRecord, PhotographsRecord
 from ...bake.shading_maps.shading_map import SAME_LEVEL
 from .brdf_rows import Rows, colour
 from .sheet_rows import above_one, beyond_one
 
 # The control that scales what is let through.
 _TRANSMITTED = "Transmitted"
-_MODEL_WORDS = {"slices": "slices", "power": "power law"}
 
 
 def photograph_rows(record: ShadingMapRecord) -> Rows:
@@ -32,6 +31,9 @@ def read_rows(photographs: PhotographsRecord, scale: str = "Strength") -> Rows:
     degrees = photographs.elevations_deg
     elevations = f"{min(degrees):.0f}° to {max(degrees):.0f}°" if degrees else "not known"
     rows = [("Photographs", f"{lights}, {level_count(averages)} levels"), ("Elevations", elevations)]
+    if photographs.azimuths_deg:
+        gaps = _gaps(photographs.azimuths_deg)
+        rows.append(("Azimuths", f"all around, at most {max(gaps):.0f}° between neighbours"))
     if photographs.lights is not None:
         rows.append(("Directions", photographs.lights))
     rows += [("Decoded as", words) for words in photographs.decoded_as]
@@ -40,6 +42,12 @@ def read_rows(photographs: PhotographsRecord, scale: str = "Strength") -> Rows:
         known = photographs.calibrated_by is not None
         rows.append(("Calibration", photographs.calibration if known else f"none, {scale} sets the scale"))
     return rows
+
+
+def _gaps(degrees: Sequence[float]) -> list[float]:
+    """Angles between neighbouring azimuths all around."""
+    ordered = sorted(degrees)
+    return [after - before for before, after in zip(ordered, [*ordered[1:], ordered[0] + 360], strict=True)]
 
 
 def level_count(averages: Sequence[float]) -> int:
@@ -54,13 +62,20 @@ def level_count(averages: Sequence[float]) -> int:
 def map_rows(record: ShadingMapRecord) -> Rows:
     """Size, model and tiling of the map."""
     stored = record.map
-    words = f"basis of rank {len(stored.curves)}" if stored.model == "basis" else _MODEL_WORDS[stored.model]
     size = f"{stored.slices} slices of {stored.layout.width} x {stored.layout.height}"
-    rows = [("Shading map", size), ("Texels", f"{words}, {stored.storage}")]
+    rows = [("Shading map", size), ("Texels", f"{_model_words(stored)}, {stored.storage}")]
     if (tiling := record.tiling) is not None:
         seams = f"seams {tiling.before:.2g} before, {tiling.after:.2g} now (1: not to be seen)"
         rows.append(("Tileable", f"{tiling.method}, {seams}"))
     return rows
+
+
+def _model_words(stored: MapRecord) -> str:
+    if stored.model == "basis":
+        return f"basis of rank {len(stored.curves)}"
+    if stored.model == "azimuth":
+        return f"light from every side, {stored.azimuths} azimuths, basis of rank {stored.layout.tiles}"
+    return {"slices": "slices", "power": "power law"}[stored.model]
 
 
 def lighting_rows(record: ShadingMapRecord) -> Rows:

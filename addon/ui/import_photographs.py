@@ -1,6 +1,7 @@
 """Operator: bake photographs of a swatch on a light arc and make a material of them; file menu, dropped light files."""
 
 # No postponed annotations here: Blender reads the properties from them.
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +10,21 @@ import bpy
 from ...bake.errors import BakeError
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
 from ...bake.shading_maps.bake import ArcSettings
-from ..baking.request import BakeRequest
+from ..baking.request import BakeRequest, run_request
 from ..material.bake_material import bundle_folder, told_place
 from ..material.bake_photographs import folder_of, import_arc, map_words
+from ..photographs.find_decoder import blender_decoder
 from ..summary.text import one_line
 from .background import warm_worker
 from .background.bake_queue import queue
-from .background.tasks import ImportTask, warnings_of
+from .background.maps_task import MapsTask
+from .background.tasks import ImportTask, Task, warnings_of
 from .background.window import push_for_script, window
 from .context import object_under
 from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting, draw_transmission
+from .properties.maps import MapsProperties, draw_maps, map_settings_of, width_of
 from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
 from .window_progress import window_progress
 
@@ -36,7 +40,9 @@ _SIDE = 26
 _OF_LOOK = ("files", "looked", "quality", "full_size")
 
 
-class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, LightingProperties, bpy.types.Operator):
+class MEASURED_MATERIALS_OT_import_arc(
+    ImportProperties, MapsProperties, ArcProperties, LightingProperties, bpy.types.Operator
+):
     """Bake photographs of a flat swatch, lit from several elevations, and make a material of them.
     Choose the photographs, or none or one of them for the whole folder"""
 
@@ -72,6 +78,7 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
         place = self.layout
         if not self.advanced:  # both together are higher than many a screen
             place = draw_look(place, _given(chosen_photographs(self)))
+        draw_maps(place, self)
         draw_arc_settings(place, self, self, self._draw_in_part)
         if not self.advanced or self.part == "files":
             self.draw_results()
@@ -97,8 +104,14 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             if self.asked and not bpy.app.background:
                 self._bake_beside(context, source, folder, settings)
                 return {"CANCELLED"}  # so far nothing has changed that could be undone
+            if self.make == "maps":
+                self._maps_here(context, source, folder, settings)
+                push_for_script(self)
+                return {"FINISHED"}
             with window_progress(context, settings) as progress_of:
                 material = import_arc(source, folder, settings, pack=self.pack, progress=progress_of(0))
+            if self.make == "both":
+                self._maps_here(context, source, folder, settings)
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
@@ -142,10 +155,43 @@ class MEASURED_MATERIALS_OT_import_arc(ImportProperties, ArcProperties, Lighting
             if as_asset:
                 mark_and_tell(material)
 
-        request = BakeRequest(_given(source), settings, quick=True)
-        stem = folder_of(source).resolve().name or "swatch"
-        queue.add([ImportTask(request, folder, stem, pack, self.target(context), settle, "Import Photographs")])
-        self.remember(context, ArcProperties, LightingProperties)
+        stem, target = folder_of(source).resolve().name or "swatch", self.target(context)
+        tasks: list[Task] = []
+        if self.make != "maps":
+            request = BakeRequest(_given(source), settings, quick=True)
+            tasks.append(ImportTask(request, folder, stem, pack, target, settle, "Import Photographs"))
+        if self.make != "shading":
+            tasks.append(self._maps_task(source, folder, settings, None if tasks else target, _say_all))
+        queue.add(tasks)
+        self.remember(context, MapsProperties, ArcProperties, LightingProperties)
+
+    def _maps_task(
+        self,
+        source: Path | list[Path],
+        folder: Path,
+        settings: ArcSettings,
+        target: bpy.types.Object | None,
+        settled: Callable[[bpy.types.Material, tuple[str, ...]], None],
+    ) -> MapsTask:
+        """Maps of the photographs as they are read for a shading map. Raises BakeError."""
+        request = BakeRequest(_given(source), map_settings_of(self, settings.stack))
+        stem = f"{folder_of(source).resolve().name or 'swatch'}_maps"
+        return MapsTask(request, folder, stem, self.relief, width_of(self), self.pack, target, settled)
+
+    def _maps_here(
+        self, context: bpy.types.Context, source: Path | list[Path], folder: Path, settings: ArcSettings
+    ) -> None:
+        """Bake maps while Blender waits, and make their material. Raises BakeError."""
+
+        def settle(material: bpy.types.Material, warnings: tuple[str, ...]) -> None:
+            for warning in warnings:
+                self.report({"WARNING"}, one_line(warning))
+
+        target = self.target(context) if self.make == "maps" else None
+        task = self._maps_task(source, folder, settings, target, settle)
+        with window_progress(context, task.request.settings) as progress_of:
+            result = run_request(task.request, task.target(), progress_of(0), blender_decoder())
+        self.report({"INFO"}, task.finish(result))
 
 
 def _given(source: Path | list[Path] | None) -> Any:
@@ -184,7 +230,11 @@ def tell_warnings(operator: bpy.types.Operator, material: bpy.types.Material) ->
 
 def say_warnings(material: bpy.types.Material) -> None:
     """The same, where the operator is gone."""
-    for warning in warnings_of(material):
+    _say_all(material, warnings_of(material))
+
+
+def _say_all(_material: bpy.types.Material, warnings: tuple[str, ...]) -> None:
+    for warning in warnings:
         bpy.ops.measured_materials.tell(words=one_line(warning), kind="WARNING")
 
 

@@ -90,7 +90,11 @@ class _ShadingMapForm(Form):
 
     def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
         properties, mode = material.measured_arc, material.measured_quality.mode
-        return arc_settings_of(properties, material.measured_lighting, mode), properties.pack
+        settings = arc_settings_of(properties, material.measured_lighting, mode)
+        with contextlib.suppress(BakeError):
+            if settings.stack.lights is None and (spheres := record_of(material).settings.stack.spheres):
+                settings = replace(settings, stack=replace(settings.stack, spheres=spheres))
+        return settings, properties.pack
 
     def chosen(self, operator: Any) -> Source:
         return chosen_photographs(operator)

@@ -8,12 +8,14 @@ from contextlib import contextmanager
 import bpy
 
 from ...bake.brdf.settings import BakeSettings
+from ...bake.maps.bake import MapSettings
+from ...bake.shading_maps.bake import ArcSettings
 from ..summary.bake_stages import bake_stages, share_done
 
 
 @contextmanager
 def window_progress(
-    context: bpy.types.Context, settings: BakeSettings, jobs: int = 1
+    context: bpy.types.Context, settings: BakeSettings | ArcSettings | MapSettings, jobs: int = 1
 ) -> Iterator[Callable[[int], Callable[[str, float], None]]]:
     """Give a function from a job's number, counted from 0, to its progress callback (stage, share)."""
     stages, manager = bake_stages(settings), context.window_manager

@@ -2,8 +2,8 @@
 
     NAME_HASH_IMAGE.exr, .hdr or .png
                      images, those that the material has: table, sampler, envelope, residual, residual_sampler,
-                     residual_share, preview_weights, slices, power, coefficients; of a sheet's other parts, and of a
-                     swatch against the light, the same behind the part's name, as through_table; see `image_names`
+                     residual_share, preview_weights, slices, power, coefficients, curves; of a sheet's other parts, and
+                     of a swatch against the light, the same behind the part's name, as through_table; see `image_names`
     material.json    all parameters, errors and facts, and the images' names
     preview.png      for people
 
@@ -54,12 +54,14 @@ KINDS: tuple[str, ...] = get_args(Kind)
 # 4: samplers may be warps, which readers of 3 would take for alias tables.
 # 5: what lets light through, of which readers of 4 would show reflection alone, and isotropic tables stored times
 #    cosines, which they would take for the BRDF itself; everything else is still written as 4.
-SCHEMA = 5
+# 6: shading maps over azimuth.
+SCHEMA = 6
+_SCHEMA_OF_NEW = 5
 _SCHEMA_OF_OTHERS = 4
 _LETS_THROUGH = {"sheet", "through"}
 SUFFIX = ".mmat"
 _OF_TABLES = "table", "sampler", "envelope", "residual", "residual_sampler", "residual_share", "preview_weights"
-_OF_MAPS = "slices", "power", "coefficients"
+_OF_MAPS = "slices", "power", "coefficients", "curves"
 IMAGES = (
     *_OF_TABLES,
     *_OF_MAPS,
@@ -135,6 +137,14 @@ class Bundle:
         return require(self.material["images"], name, dict, self.path / MATERIAL)
 
 
+def _schema_of(material: Mapping[str, Any]) -> int:
+    """The oldest schema whose readers understand it."""
+    stored = material.get("map")
+    if isinstance(stored, Mapping) and stored.get("model") == "azimuth":
+        return SCHEMA
+    return _SCHEMA_OF_NEW if _is_new(material) else _SCHEMA_OF_OTHERS
+
+
 def _is_new(material: Mapping[str, Any]) -> bool:
     """Whether readers of an older schema would misunderstand it."""
     table, residual = material.get("table"), material.get("residual")
@@ -175,7 +185,7 @@ def write_bundle(
     unknown = sorted(set(images) - set(IMAGES))
     if unknown or kind not in KINDS:
         raise BakeError(target, f"cannot hold {', '.join(unknown) or kind}", f"use {', '.join(IMAGES)}")
-    document = {**material, "schema": SCHEMA if _is_new(material) else _SCHEMA_OF_OTHERS, "kind": kind}
+    document = {**material, "schema": _schema_of(material), "kind": kind}
     document.pop("images", None)
     # Without indentation, for the headers; also refuses what JSON cannot hold before anything is written.
     parameters = json.dumps(json.loads(dump_json(document, target / MATERIAL)), sort_keys=True)

@@ -114,6 +114,19 @@ def quantize(pixels: NDArray[Any], storage: Storage) -> NDArray[np.float32]:
     return radiance_hdr.decode(radiance_hdr.encode(values)) if storage is Storage.RGBE else values
 
 
+def round_down(values: NDArray[np.float32], storage: Storage, scale: float = 1.0) -> NDArray[np.float32]:
+    """The largest values >= 0 that `storage` holds at `scale` and that are not above `values`. RGBE is not for this."""
+    inverse = np.float32(1 / scale)
+    stored = quantize(values * np.float32(scale), storage)
+    if storage is Storage.HALF:
+        lower = np.nextafter(stored.astype(np.float16), np.float16(0)).astype(np.float32)
+    elif storage is Storage.BYTE:
+        lower = np.maximum(stored - np.float32(1 / 255), 0)
+    else:
+        lower = np.nextafter(stored, np.float32(0))
+    return np.where(stored * inverse > values, quantize(lower, storage), stored) * inverse
+
+
 def raised(values: NDArray[Any], scale: float, storage: Storage) -> NDArray[np.float32]:
     """Values as the file of a table holds them: scaled, and raised by `offset_for`."""
     texels: NDArray[np.float32] = values * np.float32(scale) + np.float32(offset_for(storage))

@@ -13,19 +13,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import VERSION
-from ..atomic_write import replacing_folder
+from ..atomic_write import publish_folder, replacing_folder
 from ..bundle.checked_json import dump_json, load_json
 from ..bundle.origin import Origin, photographs_origin
 from ..errors import BakeError, check_choice
 from ..photographs.photograph import Decoder
 from ..photographs.stack import PhotoStack, StackSettings, plan_stack, read_planned
+from ..source import Facts
+from .detail import MOST as MOST_REDUCED
+from .detail import reduced_maps
 from .height import height_of, slopes, unfollowed
+from .materialx import materialx_document
 from .normals import Surface, check_directions
 from .surface import surface_of
-from .write import FILE_KINDS, FULL_SPECULAR, NORMAL_CONVENTIONS, FileKind, Maps, NormalConvention, write_maps
+from .write import (
+    DOCUMENT,
+    FILE_KINDS,
+    FULL_SPECULAR,
+    MATERIALX,
+    NORMAL_CONVENTIONS,
+    PROGRAM,
+    FileKind,
+    Maps,
+    NormalConvention,
+    write_maps,
+)
 
-DOCUMENT = "maps.json"
-_PROGRAM = "measured_materials maps"
 STAGES = {"reading": 3.0, "aligning": 2.0, "fitting": 10.0, "writing": 1.0}
 # Of photographs on no known scale, the brightest texels but for a two-hundredth are made as bright as this.
 _BRIGHTEST, _BRIGHT_SHARE = 0.8, 99.5
@@ -45,6 +58,7 @@ class MapSettings:
     files : "png8", "png16" or "exr"
     level : the swatch is flat as a whole: slopes that are linear across the frame are those of a lamp that was near, or
         of a swatch not quite square to the camera, and are left out
+    reduce : so many texels of the fit, across and down, become one of the maps (`reduced_maps`)
     repeats : the frame goes on at its opposite edge, as that of a swatch made tileable does
     stack : how the photographs are read; whichever arc it names, all lights are used
 
@@ -58,8 +72,11 @@ class MapSettings:
     level: bool = True
     repeats: bool = False
     stack: StackSettings = field(default_factory=StackSettings)
+    reduce: int = 1
 
     def __post_init__(self) -> None:
+        if not 1 <= self.reduce <= MOST_REDUCED:
+            raise BakeError("reduce", f"is {self.reduce}", f"choose 1 to {MOST_REDUCED}")
         check_choice("normals", self.normals, NORMAL_CONVENTIONS)
         check_choice("files", self.files, FILE_KINDS)
 
@@ -108,12 +125,28 @@ def bake_maps(
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with replacing_folder(folder) as temporary:
-            facts["maps"] = write_maps(temporary, maps, settings.normals, settings.files)
+            facts["maps"] = written = write_maps(temporary, maps, settings.normals, settings.files)
+            facts["materialx"] = MATERIALX
+            (temporary / MATERIALX).write_text(materialx_document(name, written), encoding="utf-8")
             (temporary / DOCUMENT).write_text(dump_json(facts, folder / DOCUMENT), encoding="utf-8")
     except OSError as error:
-        raise BakeError(folder, f"cannot be written ({error.strerror or error})", "choose another folder") from error
+        raise _unwritten(folder, error) from error
     say("writing", 1.0)
     return MapsResult(folder, facts, time.monotonic() - started, warnings)
+
+
+def move_maps(whole: Path, target: Path) -> Facts:
+    """Have a folder of maps become `target`, in one step, and return its facts. Raises BakeError."""
+    _refuse_foreign(target)
+    try:
+        publish_folder(whole, target)
+    except OSError as error:
+        raise _unwritten(target, error) from error
+    return load_json(target / DOCUMENT)
+
+
+def _unwritten(folder: Path, error: OSError) -> BakeError:
+    return BakeError(folder, f"cannot be written ({error.strerror or error})", "choose another folder")
 
 
 def all_around(stack: StackSettings) -> StackSettings:
@@ -159,7 +192,7 @@ def maps_of(
     albedo = surface.albedo * np.float32(scale)
     beyond = float((albedo > 1).mean())
     facts = {
-        "program": _PROGRAM,
+        "program": PROGRAM,
         "version": VERSION,
         "source": origin,
         "photographs": list(stack.names),
@@ -177,7 +210,10 @@ def maps_of(
     }
     width = np.float32(normal.shape[1])
     reflectance = gloss.strength * np.float32(scale)
-    return Maps(normal, albedo, height / width, gloss.roughness, reflectance), facts, tuple(warnings)
+    maps = Maps(normal, albedo, height / width, gloss.roughness, reflectance)
+    if settings.reduce > 1:
+        facts["reduced"] = settings.reduce
+    return reduced_maps(maps, settings.reduce), facts, tuple(warnings)
 
 
 def _levelled(surface: Surface) -> tuple[NDArray[np.float32], float]:
@@ -232,8 +268,9 @@ def _refuse_foreign(folder: Path) -> None:
         document = load_json(folder / DOCUMENT)
         maps = document.get("maps")
         known = {str(about["file"]) for about in maps.values()} if isinstance(maps, dict) else set()
+        known.add(str(document.get("materialx")))
     except (BakeError, OSError, ValueError, KeyError, TypeError, AttributeError):
         known, document = set(), {}
-    if document.get("program") != _PROGRAM or (foreign := sorted(names - known - {DOCUMENT})):
-        what = f"holds other files ({foreign[0]})" if document.get("program") == _PROGRAM else "holds other files"
+    if document.get("program") != PROGRAM or (foreign := sorted(names - known - {DOCUMENT})):
+        what = f"holds other files ({foreign[0]})" if document.get("program") == PROGRAM else "holds other files"
         raise BakeError(folder, what, remedy)

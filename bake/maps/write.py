@@ -20,6 +20,10 @@ NormalConvention = Literal["opengl", "directx"]
 NORMAL_CONVENTIONS: tuple[str, ...] = get_args(NormalConvention)
 FileKind = Literal["png8", "png16", "exr"]
 FILE_KINDS: tuple[str, ...] = get_args(FileKind)
+MAP_NAMES = ("normal", "albedo", "height", "roughness", "specular")
+# The account that lies beside the files, and what it says of who wrote it.
+DOCUMENT, PROGRAM = "maps.json", "measured_materials maps"
+MATERIALX = "maps.mtlx"
 # F0 of Principled BSDF's IOR Level, or Specular, of 1.
 FULL_SPECULAR = 0.08
 

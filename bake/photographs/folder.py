@@ -11,7 +11,23 @@ from .photograph import IMAGE_SUFFIXES
 
 MAX_PHOTOGRAPHS = 4096
 _DIGITS = re.compile(r"(\d+)")
-_COMPANION_SUFFIXES = {".lp", ".csv", ".txt", ".md", ".json", ".xmp", ".ini", ".db", ".log", ".pp3", ".rst", ".pdf"}
+_COMPANION_SUFFIXES = {
+    ".lp",
+    ".csv",
+    ".txt",
+    ".tsv",
+    ".dat",
+    ".lst",
+    ".md",
+    ".json",
+    ".xmp",
+    ".ini",
+    ".db",
+    ".log",
+    ".pp3",
+    ".rst",
+    ".pdf",
+}
 _COMPANION_STEMS = {"license", "licence", "readme", "copying", "makefile"}
 _RAW_SUFFIXES = {".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".pef", ".srw"}
 _SHOWN = 3

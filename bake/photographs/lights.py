@@ -24,7 +24,7 @@ _SAME = 1e-4
 _TABLE_NAMES = ("lights.csv",), ("lights.txt", "lights.tsv")
 # Of DiLiGenT: directions, and beside them how strong each light was, by channel.
 _DIRECTIONS, STRENGTHS = "light_directions.txt", "light_intensities.txt"
-_TABLE_SUFFIXES = {".csv", ".txt", ".tsv"}
+_TABLE_SUFFIXES = {".csv", ".txt", ".tsv", ".dat", ".lst"}
 _CANDIDATES = range(0, 360, 10)
 # A light that leans less than this beyond the zenith counts as overhead, on either side.
 _OVERHEAD = np.sin(np.radians(8))
@@ -51,12 +51,15 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
     lights without a photograph are reported as well. Lights `behind` the swatch are mirrored in it, where they are not
     told so already. Raises BakeError.
     """
-    file = given or _in_folder(paths)
+    file, told = given or _in_folder(paths), []
+    if file is None and (file := _of_any_name(paths)) is not None:
+        told = [f"the lights are those of {file.name}, which lists these photographs"]
     if file is None:
         lights = _from_names(paths, behind)
         lights.warnings += _passed_over(paths)
         return lights
     entries, warnings = read_lights(file)
+    warnings = told + warnings
     lookup: dict[str, list[LightEntry]] = defaultdict(list)
     for entry in entries:
         lookup[_key(entry.file)].append(entry)
@@ -69,7 +72,9 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
     missing = [entry.file for entry in entries if _key(entry.file) not in here]
     if missing and whole_folder:
         warnings.append(f"{file.name} lists photographs that are not here: {list_names(missing)}")
-    lights = _keep(file, paths, _above(file, directions) if behind else directions, warnings, {"source": file.name})
+    lights = keep_lights(
+        file, paths, _above(file, directions) if behind else directions, warnings, {"source": file.name}
+    )
     if (strengths := _intensities_beside(file, entries)) is not None:
         lights.intensities = np.array(
             [strengths[key] for key in (_entry_key(path, strengths) for path in lights.paths)]
@@ -114,8 +119,9 @@ def _in_folder(paths: list[Path]) -> Path | None:
     folder = folders.pop()
     for place in (folder, folder.absolute().parent):
         files = light_files(place)
-        if place != folder:  # only a file that speaks of this very folder
-            files = [file for file in files if _mentions(file, folder.absolute().name)]
+        if place != folder:  # only a file that speaks of this very folder, or of all its photographs
+            named = [file for file in files if _mentions(file, folder.absolute().name)]
+            files = named or _alone([file for file in files if _lists_all(file, paths)])
         if len(files) > 1:
             raise BakeError(place, f"holds several light files ({list_names([f.name for f in files])})", "name one")
         if files:
@@ -128,7 +134,9 @@ def light_files_beside(folder: Path) -> list[Path]:
 
     With those that are read with them.
     """
-    files = [file for place in (folder, folder.absolute().parent) for file in light_files(place)]
+    places = folder, folder.absolute().parent
+    files = [file for place in places for file in light_files(place)]
+    files += [file for place in places for file in _texts(place) if file not in files and _entries_of(file)]
     return [*files, *(beside for file in files for beside in read_with(file))]
 
 
@@ -154,18 +162,49 @@ def light_files(folder: Path) -> list[Path]:
 
 def _passed_over(paths: list[Path]) -> list[str]:
     """A warning where a file of another name lists lights of these photographs."""
-    folder, here = paths[0].parent, {name_key(name) for path in paths for name in _spellings(path)}
+    here = {name_key(name) for path in paths for name in _spellings(path)}
+    for file in _texts(paths[0].parent):
+        if any(_key(entry.file) in here for entry in _entries_of(file)):
+            return [f"{file.name} lists lights, but is not read under this name: call it lights.csv, or give it"]
+    return []
+
+
+def _of_any_name(paths: list[Path]) -> Path | None:
+    """The one file, whatever it is called, that lists the lights of all these photographs; None where several do."""
+    folders = {path.parent for path in paths}
+    if len(folders) != 1:
+        return None
+    folder = folders.pop()
+    for place in (folder, folder.absolute().parent):
+        if found := [file for file in _texts(place) if _lists_all(file, paths)]:
+            return next(iter(_alone(found)), None)
+    return None
+
+
+def _alone(files: list[Path]) -> list[Path]:
+    return files if len(files) == 1 else []
+
+
+def _texts(folder: Path) -> list[Path]:
+    """Files of a folder that may be lists or tables."""
     try:
-        texts = sorted(p for p in folder.iterdir() if p.suffix.casefold() in _TABLE_SUFFIXES and p.is_file())
+        return sorted(p for p in folder.iterdir() if p.suffix.casefold() in _TABLE_SUFFIXES and p.is_file())
     except OSError:
         return []
-    for file in texts:
-        try:
-            if any(_key(entry.file) in here for entry in read_lights(file)[0]):
-                return [f"{file.name} lists lights, but is not read under this name: call it lights.csv, or give it"]
-        except BakeError:
-            continue
-    return []
+
+
+def _entries_of(file: Path) -> list[LightEntry]:
+    """Entries of a file; none where it lists no lights."""
+    try:
+        return read_lights(file)[0]
+    except BakeError:
+        return []
+
+
+def _lists_all(file: Path, paths: list[Path]) -> bool:
+    """Whether a file lists every photograph, by names without a folder."""
+    listed = {_key(entry.file) for entry in _entries_of(file) if "/" not in entry.file}
+    return bool(listed) and all(any(name_key(name) in listed for name in _spellings(path)) for path in paths)
 
 
 def _key(file: str) -> str:
@@ -173,11 +212,7 @@ def _key(file: str) -> str:
 
 
 def _mentions(file: Path, folder: str) -> bool:
-    try:
-        entries = read_lights(file)[0]
-        return any(name_key(PurePosixPath(entry.file).parent.name) == name_key(folder) for entry in entries)
-    except BakeError:
-        return False
+    return any(name_key(PurePosixPath(entry.file).parent.name) == name_key(folder) for entry in _entries_of(file))
 
 
 def _spellings(path: Path) -> list[str]:
@@ -215,12 +250,13 @@ def _from_names(paths: list[Path], behind: bool) -> Lights:
     if sum(direction is not None for direction in directions) < 2:
         return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
     directions = _above(paths[0].parent, directions) if behind else directions
-    return _keep(paths[0].parent, paths, directions, [], {"source": "file names"})
+    return keep_lights(paths[0].parent, paths, directions, [], {"source": "file names"})
 
 
-def _keep(
+def keep_lights(
     origin: Path, paths: list[Path], directions: list[Vector | None], warnings: list[str], facts: dict[str, Any]
 ) -> Lights:
+    """Photographs whose lights are known and above the horizon, others left out with a warning. Raises BakeError."""
     unknown = [path.name for path, direction in zip(paths, directions) if direction is None]
     if unknown:
         warnings.append(f"left out, without a light direction: {list_names(unknown)}")
@@ -248,12 +284,7 @@ def choose_arc(
         if azimuth is None:
             return lights
         raise BakeError(origin, "an azimuth was asked for, but no light directions are known", "give a lights file")
-    if azimuth is None:
-        directions = lights.directions
-        chosen = float(max(_CANDIDATES, key=lambda a: _merit(directions, a, spread, sides)))
-    else:
-        chosen = azimuth
-    near = _near(lights.directions, chosen, spread, sides)
+    chosen, near = arc_of(lights.directions, azimuth, spread, sides)
     if near.sum() < 2:
         cause = f"{int(near.sum())} of {len(near)} lights lie within {spread:g} degrees of azimuth {chosen:g}"
         raise BakeError(origin, cause, "choose another azimuth, a larger spread, or both sides")
@@ -265,11 +296,21 @@ def choose_arc(
     if azimuth is None and not near.all():
         warnings.append(
             f"lights cover many azimuths: {int(near.sum())} of {len(near)} used, those within {spread:g} degrees "
-            f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations"
+            f"of azimuth {chosen:g}{' on both sides' if sides == 'both' else ''}, which has the most elevations; "
+            "azimuths auto or all take those of every side"
         )
     paths = [path for path, keep in zip(lights.paths, near) if keep]
     strengths = None if lights.intensities is None else lights.intensities[near]
     return Lights(paths, lights.directions[near], warnings, lights.facts | {"arc": facts}, strengths)
+
+
+def arc_of(
+    directions: NDArray[np.float64], azimuth: float | None, spread: float, sides: str = "one"
+) -> tuple[float, NDArray[np.bool_]]:
+    """Azimuth of the plane that `choose_arc` takes, in degrees, and which of the lights (n, 3) lie near it."""
+    if azimuth is None:
+        azimuth = float(max(_CANDIDATES, key=lambda a: _merit(directions, a, spread, sides)))
+    return azimuth, _near(directions, azimuth, spread, sides)
 
 
 def _near(directions: NDArray[np.float64], azimuth: float, spread: float, sides: str) -> NDArray[np.bool_]:

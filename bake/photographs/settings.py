@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import BakeError
+from .light_files.spheres import LEAST_RADIUS, Sphere
 from .radiometry.response import parse_rule
 
 Rectangle = tuple[int, int, int, int]
@@ -40,6 +41,7 @@ class StackSettings:
     white_reflectance : of that card
     albedo : of the swatch as the artist states it, instead of a card
     align : "auto" corrects small movements of the camera, "warn" only reports them, "off" does not look
+    spheres : x, y, radius of mirror spheres in the picture, whose highlights tell the directions of the lights
     behind : the lights stand behind the swatch, and card and albedo are a diffuser and a transmittance, as errors and
         warnings call them then
 
@@ -62,6 +64,11 @@ class StackSettings:
     albedo: float | None = None
     align: str = "auto"
     behind: bool = False
+    spheres: tuple[Sphere, ...] = ()
+
+    def all_around(self) -> StackSettings:
+        """The same reading of photographs, with lights of every azimuth."""
+        return replace(self, azimuth=None, spread=90.0, sides="both")
 
     @property
     def card_word(self) -> str:
@@ -98,6 +105,9 @@ class StackSettings:
         for name in ("lights", "flat_field"):
             if (value := getattr(self, name)) is not None:
                 put(name, _path(name, value))
+        put("spheres", tuple(_sphere(value) for value in self.spheres))
+        if self.spheres and self.lights is not None:
+            raise _wrong("both a lights file and spheres are given", "give one of them")
         if self.crop and self.corners:
             raise _wrong("both a crop and corners are given", "give one of them")
         if self.white_card and self.albedo is not None:
@@ -146,6 +156,16 @@ def _rectangle(name: str, value: Any) -> Rectangle:
         _whole(f"y of {name}", y, 0, 1 << 24),
         _whole(f"width of {name}", width, 1, 1 << 24),
         _whole(f"height of {name}", height, 1, 1 << 24),
+    )
+
+
+def _sphere(value: Any) -> Sphere:
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence) or len(value) != 3:
+        raise _wrong(f"a sphere is {value!r}", "give x and y of its centre, and its radius, in pixels")
+    return (
+        _number("x of a sphere", value[0], 0, 1 << 24),
+        _number("y of a sphere", value[1], 0, 1 << 24),
+        _number("radius of a sphere", value[2], LEAST_RADIUS, 1 << 24),
     )
 
 

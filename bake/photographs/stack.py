@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 from ..errors import BakeError
 from ..source import Facts, Json
 from . import shifts
+from .brackets import bracket_stem
 from .calibration import calibrate_by_albedo, calibrate_by_card
 from .development import Counts, Development
 from .flat_field import FlatField
 from .folder import find_photographs
-from .frame import Placement
-from .lights import STRENGTHS, choose_arc, find_lights
-from .photograph import Decoder, read_info, read_photograph
+from .frame import Placement, upright
+from .light_files.spheres import DOUBTFUL_DEG, lights_on_spheres
+from .lights import STRENGTHS, Lights, choose_arc, find_lights, keep_lights
+from .photograph import Decoder, PhotoInfo, read_info, read_photograph
 from .plan import Plan, plan_reading
 from .settings import StackSettings
 from .verdict import judge_brightness, judge_elevations, shift_report
@@ -113,9 +115,13 @@ def plan_stack(
     paths, warnings = find_photographs(source, (settings.lights, settings.flat_field))
     origin = paths[0].parent
     infos = {path: read_info(path, decoder) for path in paths}  # also of those left out: a broken file is never silent
+    if settings.spheres:
+        found = lights_by_spheres(paths, [infos[path] for path in paths], settings, decoder)
+    else:
+        found = find_lights(paths, settings.lights, isinstance(source, str | Path), settings.behind)
     lights = choose_arc(
         origin,
-        find_lights(paths, settings.lights, isinstance(source, str | Path), settings.behind),
+        found,
         settings.azimuth,
         settings.spread,
         settings.sides,
@@ -123,6 +129,46 @@ def plan_stack(
     headers = [infos[path] for path in lights.paths]
     plan = plan_reading(lights.paths, headers, lights.directions, settings, lights.intensities)
     return PlannedStack(settings, origin, plan, (*warnings, *lights.warnings, *plan.warnings), lights.facts)
+
+
+def lights_by_spheres(
+    paths: list[Path], infos: list[PhotoInfo], settings: StackSettings, decoder: Decoder | None = None
+) -> Lights:
+    """Directions of the lights by mirror spheres in each photograph.
+
+    Photographs whose names differ by an exposure mark alone have the light of the shortest, on which the highlight is
+    the smallest. Raises BakeError.
+    """
+    turn = len({info.orientation for info in infos}) == 1
+    directions: dict[tuple[Path, str], tuple[float, NDArray[np.float64]]] = {}
+    dark: dict[tuple[Path, str], BakeError] = {}
+    keys = [(path.parent, bracket_stem(path.stem)) for path in paths]
+    spread: list[tuple[float, str]] = []
+    for path, info, key in zip(paths, infos, keys, strict=True):
+        pixels = upright(read_photograph(path, decoder).pixels, info.orientation if turn else 1)
+        try:
+            direction, off = lights_on_spheres(path, pixels, settings.spheres)
+        except BakeError as error:  # of a bracket another exposure may show it
+            dark[key] = error
+            continue
+        spread.append((off, path.name))
+        brightness = float(pixels.mean(dtype=np.float64))
+        if key not in directions or brightness < directions[key][0]:
+            directions[key] = brightness, direction
+    for key in keys:
+        if key not in directions:
+            raise dark[key]
+    warnings = []
+    if settings.crop is None and settings.corners is None:
+        warnings.append("the spheres lie in the picture that is read: give --crop or --corners of the swatch")
+    off, name = max(spread)
+    if off > DOUBTFUL_DEG:
+        warnings.append(
+            f"the spheres of {name} tell lights {off:.0f} degrees off their mean: the lamp was near, or a circle is "
+            "not on its sphere"
+        )
+    facts = {"source": "spheres", "spheres": [list(sphere) for sphere in settings.spheres]}
+    return keep_lights(paths[0].parent, paths, [tuple(directions[key][1].tolist()) for key in keys], warnings, facts)
 
 
 def read_planned(planned: PlannedStack, progress: Progress | None = None, decoder: Decoder | None = None) -> PhotoStack:

@@ -59,6 +59,7 @@ class ThroughSettings:
         return replace(
             beside,
             lights=self.lights,
+            spheres=(),
             flat_field=None,
             white_card=self.diffuser,
             white_reflectance=self.diffuser_transmittance,

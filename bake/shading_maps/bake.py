@@ -20,25 +20,30 @@ from ..bundle.recipe import RECIPE, recipe_of
 from ..bundle.result import BakeResult
 from ..errors import BakeError, check_choice
 from ..images.storage import IMAGE_STORAGES, Storage
+from ..lobes.lobe_fit import fit_lobe
 from ..photographs.lights import light_files_beside, read_with
-from ..photographs.stack import FORMAT, PhotoStack, StackSettings, read_stack
+from ..photographs.stack import FORMAT, PhotoStack, PlannedStack, StackSettings, plan_stack, read_planned, read_stack
 from ..rights import Rights
 from ..source import BrdfSource, Facts, Json
 from ..tables.albedo import directional_albedo
-from ..tiling.tileable import TileSettings, make_tileable
+from ..tiling.tileable import TileSettings
 from .against_light import ThroughSettings, read_both
 from .albedo import map_albedo_facts
-from .lobe_fit import fit_lobe
+from .azimuth.against_arc import check_lights, foretells, surround
+from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK
+from .azimuth.azimuth_fit import MOST_LEVELS
+from .azimuth.light_stack import LightStack
+from .baked_map import Storing, along_arc, over_azimuth
 from .render_settings import RenderSettings
-from .shading_map import MAX_SLICES, Linearised, ShadingMap, averages_of, held_out_errors, level_by_cosine, linearise
-from .slice_atlas import GUTTER, SliceLayout
-from .store import COMPRESSIONS, Compression, check_storage, store_map
+from .slice_atlas import SliceLayout
+from .store import COMPRESSIONS, Compression, check_azimuth_storage, check_storage
 from .swatch_preview import preview_swatch
 
 Progress = Callable[[str, float], None]
 Tileable = Literal["off", "auto", "quilt", "offset"]
 TILEABLES: tuple[str, ...] = get_args(Tileable)
-
+Azimuths = Literal["auto", "arc", "all"]
+AZIMUTHS: tuple[str, ...] = get_args(Azimuths)
 
 MAX_MAP_BYTES = 4 << 30
 # Seams, relative to the swatch's own structure, from which on they catch the eye.
@@ -63,6 +68,9 @@ class ArcSettings:
     stack : how the photographs are read
     rights : author, licence and source, which the bundle keeps
     through : photographs against the light, of which the bundle then holds a second map
+    azimuths : "arc" keeps the photographs of one arc; "all" makes a map over azimuth of all of them; "auto" that, where
+        lights surround the swatch, nothing is said of the arc, and it foretells photographs better
+    azimuth_rank : curves of a map over azimuth; None takes as many as photographs that are left out call for
     """
 
     slices: int = 8
@@ -76,9 +84,12 @@ class ArcSettings:
     stack: StackSettings = field(default_factory=StackSettings)
     rights: Rights = field(default_factory=Rights)
     through: ThroughSettings | None = None
+    azimuths: Azimuths = "auto"
+    azimuth_rank: int | None = None
 
     def __post_init__(self) -> None:
-        for name, choices in (("compression", COMPRESSIONS), ("tileable", TILEABLES), ("storage", IMAGE_STORAGES)):
+        offered = {"compression": COMPRESSIONS, "tileable": TILEABLES, "storage": IMAGE_STORAGES, "azimuths": AZIMUTHS}
+        for name, choices in offered.items():
             check_choice(name, str(getattr(self, name)), choices)
         object.__setattr__(self, "storage", Storage(self.storage))
         if not 2 <= self.slices <= 64:
@@ -90,6 +101,30 @@ class ArcSettings:
         check_storage(self.compression, self.storage)
         if self.through is not None:
             self.through.stack(self.stack)
+        if self.azimuth_rank is not None and not MIN_RANK <= self.azimuth_rank <= MAX_RANK:
+            raise BakeError("azimuth rank", f"cannot be {self.azimuth_rank}", f"choose {MIN_RANK} to {MAX_RANK}")
+        if self.azimuths == "all":
+            self._check_all()
+
+    def _check_all(self) -> None:
+        """Raise BakeError where something else is asked for that holds of one arc alone."""
+        check_azimuth_storage(self.storage)
+        for name, asked in (
+            ("an azimuth", self.stack.azimuth is not None),
+            (f"compression {self.compression}", self.compression != "none"),
+            ("photographs against the light", self.through is not None),
+        ):
+            if asked:
+                raise BakeError(
+                    "azimuths all", f"and {name} exclude each other", "choose azimuths arc, or leave it out"
+                )
+
+    def takes_azimuths(self) -> bool:
+        """Whether a map over azimuth is made where lights surround the swatch."""
+        usual = StackSettings()
+        said = any(getattr(self.stack, name) != getattr(usual, name) for name in ("azimuth", "spread", "sides"))
+        kept = self.compression == "none" and self.storage in (Storage.HALF, Storage.FLOAT32)
+        return self.azimuths == "all" or (self.azimuths == "auto" and kept and not said and self.through is None)
 
 
 def bake_arc(
@@ -110,9 +145,9 @@ def bake_arc(
     """
     settings = settings or ArcSettings()
     started = time.perf_counter()
-    paths, through = _paths(source), None
+    paths, through, products = _paths(source), None, None
     if settings.through is None:
-        stack = read_stack(paths, settings.stack, progress, decoder)
+        stack, products = _read(paths, settings, progress, decoder)
     else:
         behind = settings.through.found(paths if isinstance(paths, Path) else Path(*paths[:1]).parent)
         stack, through = read_both(paths, settings.stack, behind, progress, decoder)
@@ -121,8 +156,42 @@ def bake_arc(
     recipe = arc_recipe(paths, settings, {"name": name, **origin})
     if on_read:
         on_read(stack, name, origin)
-    result = bake_stack(stack, out, settings, progress, name=name, origin=origin, through=through, recipe=recipe)
+    beside: dict[str, Any] = {"origin": origin, "through": through, "recipe": recipe, "products": products}
+    result = bake_stack(stack, out, settings, progress, name=name, **beside)
     return replace(result, seconds=round(time.perf_counter() - started, 2))
+
+
+def _read(
+    source: Path | Sequence[Path], settings: ArcSettings, progress: Progress | None, decoder: Any
+) -> tuple[PhotoStack, LightStack | None]:
+    """Photographs of all lights with their products, where a map over azimuth is to be made of them; else of one arc.
+
+    Raises BakeError.
+    """
+    if settings.takes_azimuths():
+        planned = _planned_around(source, settings, decoder)
+        if planned is not None:
+            stack = read_planned(planned, progress, decoder)
+            assert stack.directions is not None
+            products = LightStack.of(stack.images, stack.directions)
+            if settings.azimuths == "all" or foretells(products, settings.stack.spread):
+                return stack, products
+    return read_stack(source, settings.stack, progress, decoder), None
+
+
+def _planned_around(source: Path | Sequence[Path], settings: ArcSettings, decoder: Any) -> PlannedStack | None:
+    """Photographs of all lights; None where they do not surround the swatch and need not. Raises BakeError."""
+    try:
+        planned = plan_stack(source, settings.stack.all_around(), decoder)
+    except BakeError:
+        if settings.azimuths == "all":
+            raise
+        return None  # what is wrong may not be of the arc
+    if settings.azimuths == "all":
+        check_lights(planned.plan.directions)
+    elif not surround(planned.plan.directions):
+        return None
+    return planned
 
 
 def arc_recipe(source: Path | Sequence[Path], settings: ArcSettings, origin: Origin) -> str:
@@ -149,6 +218,7 @@ def bake_stack(
     origin: dict[str, str] | None = None,
     through: PhotoStack | None = None,
     recipe: str = "",
+    products: LightStack | None = None,
 ) -> BakeResult:
     """Bake photographs already read; `origin` is kept in the bundle. Raises BakeError.
 
@@ -156,32 +226,30 @@ def bake_stack(
     ----------
     through : of the same frame against the light
     recipe : of all that is baked, kept in the bundle
+    products : of the photographs, of which a map over azimuth is made if `settings` allow it
     """
     say = progress or (lambda stage, share: None)
     started = time.perf_counter()
     stacks = [stack] if through is None else [stack, through]
-    _check_size(stack, settings, len(stacks))
-    say("averages and slices", 0.0)
-    made = [linearise(one.images, settings.slices, name) for one in stacks]
-    say("predicting photographs", 0.0)
-    held_out = [held_out_errors(one.images, settings.slices) for one in stacks]
-    swatches, tiling = [_Swatch(one.map, one.a_max) for one in made], None
-    if settings.tileable != "off":
-        swatches, tiling = _tiled(
-            swatches, TileSettings(method=settings.tileable), name, lambda share: say("making it tile", share)
-        )
+    tile = None if settings.tileable == "off" else TileSettings(method=settings.tileable)
     measured, f_r = _measured_brdf(settings.brdf)
-    render, fit = _chosen_render(stack, made[0].averages, settings)
-    say("compressing", 0.0)
-    kept = [_Kept(*store_map(one.map, settings.compression, settings.storage, settings.rank)) for one in swatches]
-    say("measuring", 0.0)
-    told = [_told(*one) for one in zip(stacks, made, swatches, held_out, kept, strict=True)]
-    calibrated = swatches[0].a_max if stack.calibrated else None
+    around = through is None and settings.takes_azimuths()
+    around = around and (settings.azimuths == "all" or surround(stack.directions))
+    _check_size(stack, settings, len(stacks), around)
+    if around:
+        check_lights(stack.directions)
+        made, tiling = over_azimuth(stack, settings.storage, settings.azimuth_rank, tile, say, products)
+        maps = [made]
+    else:
+        storing = Storing(settings.slices, settings.compression, settings.storage, settings.rank)
+        maps, tiling = along_arc(stacks, storing, tile, name, say)
+    render, fit = _chosen_render(stack, maps[0].averages, settings)
+    calibrated = maps[0].a_max if stack.calibrated else None
     facts: dict[str, Json] = {
         "generator": f"measured_materials {VERSION}",
-        **told[0],
+        **maps[0].told,
         "source": {"name": name, **(origin or {}), **_source(stack)},
-        "warnings": [*stack.warnings, *_slice_warnings(made[0]), *_tiling_warnings(tiling)],
+        "warnings": [*stack.warnings, *maps[0].warnings, *_tiling_warnings(tiling)],
         "settings": _plain(settings),
         **({RECIPE: recipe} if recipe else {}),
         **settings.rights.entry(),
@@ -189,95 +257,41 @@ def bake_stack(
         "lobe_fit": fit,
         "render": render.facts(),
         **_f_r_facts(measured, f_r),
-        "albedo": map_albedo_facts(kept[0].stored, render, calibrated, f_r),
+        "albedo": map_albedo_facts(maps[0].stored, render, calibrated, f_r),
     }
-    images = dict(kept[0].images)
+    images = dict(maps[0].images)
     if through is not None:
-        behind = swatches[1].a_max if through.calibrated else None
+        behind = maps[1].a_max if through.calibrated else None
         lit = render.of_transmission(through.calibrated)
         facts["through"] = {
-            **told[1],
+            **maps[1].told,
             "source": {"name": name, **_source(through)},
-            "warnings": [*through.warnings, *_slice_warnings(made[1])],
-            "albedo": map_albedo_facts(kept[1].stored, lit, behind),
+            "warnings": [*through.warnings, *maps[1].warnings],
+            "albedo": map_albedo_facts(maps[1].stored, lit, behind),
         }
-        images |= {f"through_{key}": image for key, image in kept[1].images.items()}
+        images |= {f"through_{key}": image for key, image in maps[1].images.items()}
     say("writing", 0.0)
     if measured:
         images |= {part: _copied(measured, part) for part in ("table", "sampler")}
-    path = write_bundle(out, facts, images, preview_swatch(kept[0].stored), kind="shading_map")
+    path = write_bundle(out, facts, images, preview_swatch(maps[0].stored), kind="shading_map")
     say("writing", 1.0)
     return BakeResult(path, facts, round(time.perf_counter() - started, 2))
-
-
-@dataclass(frozen=True, eq=False)
-class _Swatch:
-    """A map and its level 1 in the unit of the photographs."""
-
-    map: ShadingMap
-    a_max: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Kept:
-    """What `store_map` makes."""
-
-    images: dict[str, StoredImage]
-    facts: Facts
-    stored: ShadingMap
-
-
-def _tiled(
-    swatches: list[_Swatch], settings: TileSettings, name: str, say: Callable[[float], None]
-) -> tuple[list[_Swatch], dict[str, Any]]:
-    """The same made to tile, by one set of seams for the slices of all, and the account of it."""
-    slices = np.concatenate([swatches[0].map.slices, *(one.map.slices[1:] for one in swatches[1:])])
-    tiled = make_tileable(slices, settings, lambda _, share: say(share))
-    parts, found = np.split(tiled.slices[1:], len(swatches)), []
-    for one, part in zip(swatches, parts, strict=True):
-        # The tile shows a choice of the swatch's texels, whose averages are no longer even.
-        again = linearise(part, len(part) + 1, name)
-        found.append(_Swatch(again.map, one.a_max * again.a_max))
-    return found, tiled.facts
-
-
-def _told(
-    stack: PhotoStack, made: Linearised, swatch: _Swatch, held_out: list[dict[str, float]], kept: _Kept
-) -> dict[str, Json]:
-    """Map, averages and errors of a stack, JSON-ready."""
-    count, height, width, _ = swatch.map.slices.shape
-    return {
-        "map": {
-            **kept.facts,
-            "slices": count,
-            "height": int(height),
-            "width": int(width),
-            "gutter": GUTTER,
-            "storage": str(next(iter(kept.images.values())).storage),
-            "a_max": swatch.a_max if stack.calibrated else None,
-            "level_by_cosine": level_by_cosine(stack.directions, made.averages / made.a_max),
-        },
-        # For the plot of the linearisation (Kautz et al. 2004).
-        "averages": {
-            **stack.in_order(made.averages, made.order),
-            "after": averages_of(swatch.map.slices).tolist(),
-        },
-        "errors": _errors(held_out, swatch.map, kept.stored),
-    }
 
 
 def _source(stack: PhotoStack) -> dict[str, Json]:
     return {"facts": {"format": FORMAT, **stack.facts}}
 
 
-def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int) -> None:
+def _check_size(stack: PhotoStack, settings: ArcSettings, maps: int, around: bool) -> None:
     """Refuse, before memory is taken, what no image or no memory would hold."""
     height, width = stack.images.shape[1:3]
-    if settings.compression == "none":
+    if around:
+        SliceLayout(settings.azimuth_rank or MIN_RANK, height, width)
+    elif settings.compression == "none":
         SliceLayout(settings.slices - 1, height, width)
-    if maps * settings.slices * height * width * 12 > MAX_MAP_BYTES:
-        slices = f"{maps * settings.slices} slices of {width} x {height}"
-        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {slices}"
+    levels = MOST_LEVELS if around else maps * settings.slices
+    if levels * height * width * 12 > MAX_MAP_BYTES:
+        cause = f"would take more than {MAX_MAP_BYTES >> 30} GiB as {levels} slices of {width} x {height}"
         raise BakeError("shading map", cause, "choose a smaller --size or fewer --slices")
 
 
@@ -324,16 +338,6 @@ def _chosen_render(
     return (replace(settings.render, lobe=fit.lobe) if settings.lobe_auto else settings.render), fit.facts()
 
 
-def _slice_warnings(made: Linearised) -> list[str]:
-    """Warnings where a highlight takes up the slices: most photographs then lie below the first of them."""
-    slices = len(made.map.slices)
-    below = int((made.averages < made.a_max / (slices - 1)).sum())
-    if 2 * below <= len(made.averages):
-        return []
-    wanted = int(min(np.ceil(made.a_max / max(float(np.median(made.averages)), 1e-30)) * 4, MAX_SLICES))
-    return [f"{below} of {len(made.averages)} photographs are darker than the first of {slices} slices; try {wanted}"]
-
-
 def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
     """Warnings of seams that people will see; a picture, unlike a texture, has no good ones."""
     after = float(tiling["seams"]["after"]["visibility"]) if tiling else 0.0
@@ -342,24 +346,19 @@ def _tiling_warnings(tiling: dict[str, Any] | None) -> list[str]:
     return [f"seams remain visible where the swatch repeats ({after:.1f} times as strong as its own structure)"]
 
 
-def _errors(held_out: list[dict[str, float]], shading_map: ShadingMap, stored: ShadingMap) -> Facts:
-    difference = stored.slices[1:] - shading_map.slices[1:]
-    return {
-        "storage_rms": float(np.sqrt(np.square(difference).mean(dtype=np.float64))),
-        "signal_rms": float(np.sqrt(np.square(shading_map.slices[1:]).mean(dtype=np.float64))),
-        "held_out": held_out,
-        "held_out_rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in held_out]))) if held_out else None,
-        "held_out_relative": float(np.median([row["relative"] for row in held_out])) if held_out else None,
-    }
-
-
 def _plain(settings: ArcSettings) -> dict[str, Any]:
     plain = asdict(replace(settings, render=RenderSettings()))
     plain.pop("render")
     plain.pop("rights")
     plain["storage"] = str(settings.storage)
+    for name in ("azimuths", "azimuth_rank"):
+        if plain[name] == ArcSettings.__dataclass_fields__[name].default:  # as bundles were before there was a choice
+            plain.pop(name)
     plain["brdf"] = settings.brdf.name if settings.brdf else None
-    plain["stack"] = {key: _json_ready(value) for key, value in plain["stack"].items() if key != "behind"}
+    stack = {key: _json_ready(value) for key, value in plain["stack"].items() if key != "behind"}
+    if not stack["spheres"]:  # which older versions do not know
+        del stack["spheres"]
+    plain["stack"] = stack
     plain.pop("through")
     if settings.through is not None:
         plain["through"] = settings.through.facts()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.storage import Storage, quantize
+from ..images.storage import Storage, round_down
 from .shading_map import ShadingMap
 
 
@@ -54,19 +54,6 @@ def split(shading_map: ShadingMap, storage: Storage = Storage.FLOAT32, scale: fl
     envelope = round_down(envelope, storage, scale)
     residual = slices - levels[:, None, None, None] * envelope
     return EnvelopeSplit(envelope, np.maximum(residual, 0, out=residual))
-
-
-def round_down(values: NDArray[np.float32], storage: Storage, scale: float = 1.0) -> NDArray[np.float32]:
-    """The largest values >= 0 that `storage` holds at `scale` and that are not above `values`. RGBE is not for this."""
-    inverse = np.float32(1 / scale)
-    stored = quantize(values * np.float32(scale), storage)
-    if storage is Storage.HALF:
-        lower = np.nextafter(stored.astype(np.float16), np.float16(0)).astype(np.float32)
-    elif storage is Storage.BYTE:
-        lower = np.maximum(stored - np.float32(1 / 255), 0)
-    else:
-        lower = np.nextafter(stored, np.float32(0))
-    return np.where(stored * inverse > values, quantize(lower, storage), stored) * inverse
 
 
 def reach(x_peak: float, above: str) -> bool:

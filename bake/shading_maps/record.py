@@ -22,6 +22,8 @@ from ..photographs.settings import StackSettings
 from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
 from .against_light import ThroughSettings
+from .azimuth.azimuth_basis import AzimuthBasis, mean_over_azimuth
+from .azimuth.curve_layout import unpack_curves
 from .bake import ArcSettings
 from .record_parts import (
     LitAlbedoRecord,
@@ -36,6 +38,8 @@ from .record_parts import (
 from .render_settings import RenderSettings
 from .shading_map import ShadingMap
 from .slice_atlas import unpack_slices
+
+_LARGEST_CURVE = 1e6
 
 
 @dataclass(frozen=True)
@@ -123,9 +127,23 @@ class ShadingMapRecord(BundleRecord):
         lobe = self.measured_lobe()
         return BakedTable(self.files(), "table", lobe.table, lobe.sampler, lobe.table.filter)
 
-    def load_map(self) -> ShadingMap:
-        """The map as stored, for numpy. Raises BakeError."""
+    def load_azimuth(self) -> AzimuthBasis:
+        """The map over azimuth as stored. Raises BakeError where the swatch was lit along an arc alone."""
         bundle, stored = self.files(), self.map
+        if stored.model != "azimuth":
+            raise BakeError(self.where, "holds no map over azimuth", "bake photographs with lights all around")
+        tiles = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3] * np.float32(1 / stored.scale)
+        curves = unpack_curves(bundle.load("curves"), stored.curve_layout)
+        if np.abs(curves).max() > _LARGEST_CURVE or curves[:, :, 0].any():
+            cause = f"has curves above {_LARGEST_CURVE:g}, or light where none falls"
+            raise BakeError(self.where, cause, "bake it again")
+        return AzimuthBasis(np.ascontiguousarray(np.moveaxis(tiles, 0, -1)), curves)
+
+    def load_map(self) -> ShadingMap:
+        """The map as stored, for numpy; of one over azimuth its mean over that. Raises BakeError."""
+        bundle, stored = self.files(), self.map
+        if stored.model == "azimuth":
+            return ShadingMap(mean_over_azimuth(self.load_azimuth()))
         tiles = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3] * np.float32(1 / stored.scale)
         levels = np.linspace(0, 1, stored.slices)
         if stored.model == "slices":

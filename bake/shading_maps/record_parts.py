@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..brdf.closures import lobe_of
@@ -11,12 +11,14 @@ from ..brdf.modes import MODES
 from ..bundle.checked_json import Fields, settings_in
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
+from .azimuth.azimuth_basis import MAX_AZIMUTHS, MAX_RANK, MIN_AZIMUTHS, MIN_RANK
+from .azimuth.curve_layout import PER_TEXEL, CurveLayout
 from .render_settings import TECHNIQUES, TILINGS, RenderSettings
 from .shading_map import ABOVE, ANGLE_KNOTS, MAX_SLICES
 from .slice_atlas import GUTTER, SliceLayout
 
-MODELS = ("slices", "power", "basis")
-_IMAGE = {"slices": "slices", "power": "power", "basis": "coefficients"}
+MODELS = ("slices", "power", "basis", "azimuth")
+_IMAGE = {"slices": "slices", "power": "power", "basis": "coefficients", "azimuth": "coefficients"}
 _MOST_PHOTOGRAPHS = 1 << 20
 _SHARE = -1e-3, 1.001  # with room for rounding
 
@@ -27,11 +29,12 @@ class StoredMap:
 
     Attributes
     ----------
-    model : "slices", "power" or "basis"
+    model : "slices", "power", "basis" or "azimuth"
     slices : N, the black one included
     layout : of the image named `image`
     scale, envelope_scale : what stored values were multiplied by
-    curves : (rank, N) of model "basis"
+    curves : (rank, N) of model "basis"; of "azimuth", whose curves are an image, the mean over azimuth
+    azimuths : P of model "azimuth", else 0
     """
 
     model: str
@@ -40,6 +43,12 @@ class StoredMap:
     scale: float
     envelope_scale: float
     curves: tuple[tuple[float, ...], ...]
+    azimuths: int = field(default=0, kw_only=True)
+
+    @property
+    def curve_layout(self) -> CurveLayout:
+        """Of the image "curves" of model "azimuth"."""
+        return CurveLayout(self.layout.tiles, self.azimuths, self.slices)
 
     @property
     def image(self) -> str:
@@ -74,8 +83,12 @@ class MapRecord(StoredMap):
         slices = fields.whole("slices", 2, MAX_SLICES)
         height, width = (fields.whole(key, 1, 1 << 14) for key in ("height", "width"))
         fields.whole("gutter", GUTTER, GUTTER)
-        curves = fields.rows("curves", (1, 3), slices, -1e6, 1e6) if model == "basis" else ()
-        tiles = {"slices": slices - 1, "power": 2, "basis": len(curves)}[model]
+        all_around = model == "azimuth"
+        rank = fields.whole("rank", MIN_RANK, MAX_RANK) if all_around else 0
+        name, ranks = ("mean_curves", (rank, rank)) if all_around else ("curves", (1, 3))
+        curves = fields.rows(name, ranks, slices, -1e6, 1e6) if model in ("basis", "azimuth") else ()
+        azimuths = fields.whole("azimuths", MIN_AZIMUTHS, MAX_AZIMUTHS) if all_around else 0
+        tiles = {"slices": slices - 1, "power": 2, "basis": len(curves), "azimuth": rank}[model]
         return cls(
             model,
             slices,
@@ -83,6 +96,7 @@ class MapRecord(StoredMap):
             _positive(fields, "scale"),
             1.0 if model == "power" else _positive(fields, "envelope_scale"),
             curves,
+            azimuths=azimuths,
             storage=fields.text("storage"),
             a_max=_positive(fields, "a_max") if fields.has("a_max") else None,
             level_by_cosine=fields.numbers("level_by_cosine", (ANGLE_KNOTS, ANGLE_KNOTS), -1e6, 1e6),
@@ -132,6 +146,7 @@ class PhotographsRecord:
     calibration : what fixed the scale, in words; None where nothing is told
     calibrated_by : "card", "albedo" and their like, None where sigma sets the scale
     warnings : what is doubtful about them
+    azimuths_deg : (n,) of the lights of a map over azimuth, else none
     """
 
     averages: tuple[float, ...]
@@ -144,6 +159,7 @@ class PhotographsRecord:
     calibration: str | None
     calibrated_by: str | None
     warnings: tuple[str, ...]
+    azimuths_deg: tuple[float, ...] = ()
 
     @classmethod
     def parse(cls, document: Fields) -> PhotographsRecord:
@@ -165,6 +181,7 @@ class PhotographsRecord:
             calibration=str(calibration.get("how", "?")) if isinstance(calibration, dict) else None,
             calibrated_by=str(by) if by else None,
             warnings=tuple(text for text in _list(document.entries.get("warnings")) if isinstance(text, str)),
+            azimuths_deg=_numbers(averages.entries.get("azimuths_deg")),
         )
 
 
@@ -260,9 +277,11 @@ def check_images_hold(record: StoredMap, sizes: dict[str, tuple[int, int, int]],
     wanted = {record.image: (layout.width, layout.rows)}
     if record.model != "power":
         wanted["envelope"] = (layout.width, layout.height)
+    if record.model == "azimuth":
+        wanted["curves"] = (record.curve_layout.width, record.curve_layout.rows)
     for name, size in wanted.items():
         if name not in sizes:
             raise BakeError(where, f"'{name}' is missing", "bake it again")
         width, height, channels = sizes[name]
-        if (width, height) != size or channels not in (3, 4):
+        if (width, height) != size or channels not in ((PER_TEXEL,) if name == "curves" else (3, 4)):
             raise BakeError(where, f"{name} is {width} x {height} texels, not {size[0]} x {size[1]}", "bake it again")

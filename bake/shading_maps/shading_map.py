@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BakeError
+from ..images.bilinear import texels_around
 
 Above = Literal["clamp", "scale"]
 ABOVE: tuple[str, ...] = get_args(Above)
@@ -52,26 +53,13 @@ class ShadingMap:
         base = np.minimum(position.astype(np.intp), len(self.slices) - 2)
         t = position - base
         value = np.zeros(x.shape)
-        for index, weight in _texels(self.slices.shape[1:3], np.asarray(uv, np.float64)):
+        for index, weight in texels_around(self.slices.shape[1:3], np.asarray(uv, np.float64)):
             for channel in range(3):
                 k = base[..., channel]
                 low, high = (self.slices[(j, *index)][..., channel] for j in (k, k + 1))
                 share = t[..., channel]
                 value[..., channel] += weight * ((1 - share) * low + share * high)
         return value * np.maximum(x, 1.0) if above == "scale" else value
-
-
-def _texels(size: tuple[int, ...], uv: NDArray[np.float64]) -> list[tuple[tuple[Any, Any], Any]]:
-    """The four texels around each uv, as index and bilinear weight."""
-    height, width = size
-    column, row = uv[..., 0] * width - 0.5, (1 - uv[..., 1]) * height - 0.5
-    left, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
-    a, b = column - left, row - top
-    return [
-        (((top + i) % height, (left + j) % width), (b if i else 1 - b) * (a if j else 1 - a))
-        for i in (0, 1)
-        for j in (0, 1)
-    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,11 @@ import numpy as np
 from ..bundle.bundle import StoredImage
 from ..errors import BakeError
 from ..images.storage import HALF_LARGEST, Storage, quantize, scale_for
-from ..source import Facts
+from ..source import Facts, Json
 from . import power_law, slice_basis
+from .azimuth.azimuth_basis import AzimuthBasis
+from .azimuth.azimuth_envelope import azimuth_envelope
+from .azimuth.curve_layout import pack_curves
 from .envelope_split import EnvelopeSplit, split
 from .shading_map import ShadingMap
 from .slice_atlas import pack_slices
@@ -41,6 +44,41 @@ def check_storage(compression: str, storage: Storage) -> None:
     if compression != "none" and str(storage) in ("rgbe", "byte"):
         cause = f"is too coarse for the exponents or coefficients of compression {compression}"
         raise BakeError(f"storage {storage}", cause, "choose half or float32")
+
+
+def check_azimuth_storage(storage: Storage) -> None:
+    """Raise BakeError where the storage cannot hold coefficients of either sign."""
+    if storage not in (Storage.HALF, Storage.FLOAT32):
+        cause = "cannot hold the coefficients of a map over azimuth, which are of either sign"
+        raise BakeError(f"storage {storage}", cause, "choose half or float32")
+
+
+def store_azimuth(basis: AzimuthBasis, storage: Storage) -> tuple[dict[str, StoredImage], Facts, AzimuthBasis]:
+    """Images to write, what a bundle has to say of them, and the map as it will come back from them."""
+    check_azimuth_storage(storage)
+    scale = scale_for(basis.coefficients, storage)
+    texels = np.ascontiguousarray(np.moveaxis(basis.coefficients, -1, 0)) * np.float32(scale)
+    kept = quantize(texels, storage) * np.float32(1 / scale)
+    again = AzimuthBasis(np.ascontiguousarray(np.moveaxis(kept, 0, -1)), basis.curves)
+    split = azimuth_envelope(again, storage)
+    m = split.envelope * np.float32(split.scale)
+    images = {
+        "coefficients": StoredImage(pack_slices(texels), storage),
+        "curves": StoredImage(pack_curves(basis.curves), Storage.FLOAT32),
+        "envelope": StoredImage(np.concatenate([m, split.share[..., None]], -1), storage),
+    }
+    facts: dict[str, Json] = {
+        "model": "azimuth",
+        "rank": basis.rank,
+        "azimuths": basis.curves.shape[1],
+        # For what knows no azimuth.
+        "mean_curves": basis.curves.mean(axis=1, dtype=np.float64).tolist(),
+        "scale": scale,
+        "envelope_scale": split.scale,
+        "envelope_energy": split.energy,
+        "residual_energy": 1 - split.energy,
+    }
+    return images, facts, again
 
 
 def _store_slices(shading_map: ShadingMap, storage: Storage) -> Stored:

@@ -49,6 +49,7 @@ _BOUNDS = np.radians([0, 5, 15, 25, 35, 45, 55, 65, 75, 90])
 _PHIS = np.array([1, 8, 16, 20, 24, 24, 24, 16, 12])
 _LAMP, _PLACE, _ENERGY = 0.5, (0.25, 0.1, -1.2), 40.0
 _EYE, _LENS = (0.9, -0.7, 1.5), 40.0
+_FEW = 64
 # Points along each side of a pixel: patches end within it.
 _SUB = 4
 
@@ -65,13 +66,17 @@ def run(out: Path, quick: bool) -> int | None:
             print(f"{name}: holds no transmission")
             continue
         truth = quadrature(matrix, 24 if quick else 48)
-        seen = picture(DATA / file, *((24, 64) if quick else (48, 1024)))
-        error = float(np.sqrt(((seen - truth) ** 2).mean() / (truth**2).mean()))
+        few = None if quick else rms(picture(DATA / file, 48, _FEW), truth)
+        seen = picture(DATA / file, *((24, _FEW) if quick else (48, 1024)))
+        error = rms(seen, truth)
         light = float(seen.mean() / truth.mean() - 1)
         read = read_error(DATA / file, matrix)
         for size, left in interpolated(DATA / file, (24, 160)).items():
             print(f"{name}: interpolated between {size} samples an RMS of {left:.2f} of the signal's would be left")
             put(f"{name}, {size} samples", left)
+        if few is not None:
+            print(f"{name}: RMS {few:.1%} at {_FEW} samples")
+            put(f"{name}, RMS at {_FEW} samples", few)
         print(f"{name}: RMS {error:.1%} of the quadrature's, light {light:+.2%}; the reader's own RMS {read:.1%}")
         put(f"{name}, RMS", error)
         put(f"{name}, light", abs(light))
@@ -83,6 +88,11 @@ def run(out: Path, quick: bool) -> int | None:
     if cells:
         write_sheet(out / "behind.png", cells, 3)
     return None if cells else 1
+
+
+def rms(seen: Array, truth: Array) -> float:
+    """Of the difference, in parts of the truth's."""
+    return float(np.sqrt(((seen - truth) ** 2).mean() / (truth**2).mean()))
 
 
 def transmission_of(file: Path) -> Array | None:

@@ -2,7 +2,8 @@
 
 Nodes ask scripts of OSL what their rays meet, as *Shade by OSL* has them do before Blender 5.1. A plane is seen along
 one direction; its native stand-in reflects and lets through as much of an even light. All take turns, one thread
-renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter.
+renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter. Quiet is
+a camera whose lens gives numbers more even than the shader's own.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 from support.scenes import TestScene, add_lamp
 from support.sheet_scenes import BEFORE, BEHIND, GLAZED, SETTINGS, record_of, set_sky, sheet_scene
 
-_NATIVE, _AIMED, _SAMPLED = "native", "aimed", "sampled"
+_NATIVE, _AIMED, _SAMPLED, _QUIET = "native", "aimed", "sampled", "sampled, quiet"
+# Of the camera whose lens gives numbers; pixels that all show the same hide its blur.
+_STOP = 64.0
 _THETA, _SAMPLES, _COLUMNS = 40.0, 64, 96
 SKY = "sky"
 LIGHTS = ("lamp behind", "lamp before", SKY, "HDR world")
@@ -41,16 +44,15 @@ LIGHTS = ("lamp behind", "lamp before", SKY, "HDR world")
 
 def run(out: Path, quick: bool) -> None:
     """A table of noise at equal samples and of time, as multiples of the native closures'; --quick takes two lights."""
-    table = Table(
-        "light", "native's noise", *(f"{name}: {what}" for name in (_AIMED, _SAMPLED) for what in ("noise", "time"))
-    )
+    beside = _AIMED, _SAMPLED, _QUIET
+    table = Table("light", "native's noise", *(f"{name}: {what}" for name in beside for what in ("noise", "time")))
     with TemporaryDirectory() as folder:
         record = record_of(bake_source(GLAZED, Path(folder) / "glazed", SETTINGS))
         for light in LIGHTS[:: 2 if quick else 1]:
             found = _measured(record, light, turns=2 if quick else 4)
             noise, seconds = found[_NATIVE]
             cells = []
-            for name in (_AIMED, _SAMPLED):
+            for name in beside:
                 if name not in found:
                     cells += ["", ""]
                     continue
@@ -114,16 +116,18 @@ def _measured(record: BrdfRecord, light: str, turns: int) -> dict[str, tuple[flo
         blender_scene.render.resolution_x = _COLUMNS
         _lit(scene, light)
         update_scene(blender_scene)
-        for name in (_NATIVE, _AIMED, _SAMPLED):
-            material = stand_in
+        for name in (_NATIVE, _AIMED, _SAMPLED, _QUIET):
+            material, samples = stand_in, name in (_SAMPLED, _QUIET)
+            lens = blender_scene.camera.data.dof
+            lens.use_dof, lens.aperture_fstop, lens.focus_distance = name == _QUIET, _STOP, 5.0
             if name != _NATIVE:
-                shader, sample = ("osl", "auto") if name == _SAMPLED else ("nodes", "never")
+                shader, sample = ("osl", "auto") if samples else ("nodes", "never")
                 choices = Choices(mode="exact", sample=sample, shader=shader)
                 material, plan = build_brdf(record, choices=choices, scene=blender_scene, pack=True)
-                assert plan.sample == (name == _SAMPLED and light != SKY)
-                if name == _SAMPLED and not plan.sample:
+                assert plan.sample == (samples and light != SKY)
+                if samples and not plan.sample:
                     continue
-            if name == _SAMPLED:
+            if samples:
                 use_osl(blender_scene)
             scene.show(material)
             update_scene(blender_scene)

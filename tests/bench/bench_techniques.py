@@ -23,11 +23,13 @@ from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.swatches import SWATCHES
 from measured_materials.addon.gantry.techniques import IN_ORDER, Case, Frames, MappedSwatch
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
-from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.bundle.bundle import Bundle, read_bundle
+from measured_materials.bake.images.storage import Storage
+from measured_materials.bake.lobes.lobe_fit import fit_lobe
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
-from measured_materials.bake.shading_maps.lobe_fit import fit_lobe
+from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from record import put, put_range
 
@@ -42,8 +44,14 @@ CASES = (
     *(Case("view 60 degrees", ((46.5, 0.0, 1.0),), (60.0, phi)) for phi in (-90.0, 180.0)),
     Case("two lights, low one brighter", ((28.0, 0.0, 4.0), (65.0, 0.0, 1.0))),
     Case("two lights, high one brighter", ((28.0, 0.0, 1.0), (65.0, 0.0, 4.0))),
+    *(Case("between azimuths", ((37.0, a, 1.0),)) for a in (67.5, 202.5)),
 )
 ARC_CASES = tuple(Case("arc", ((e, 0.0, 1.0),)) for e in ARC)
+# Photographs of a map over azimuth: those of the arc, and seven azimuths more.
+AROUND_CASES = (
+    *ARC_CASES,
+    *(Case("around", ((e, a, 1.0),)) for a in range(45, 360, 45) for e in (10.0, 30.0, 50.0, 70.0)),
+)
 # What the sheet shows: one sun, four times as bright as in the photographs.
 SHOWN = Case("sheet", ((28.0, 0.0, 4.0),))
 SLICES = (8, 16, 32, 64)
@@ -52,9 +60,10 @@ SLICES_OF = {"plastic_60": 64}
 CHOSEN = "family"
 OBLIQUE = ("view 30 degrees", "view 60 degrees")
 OWN_LEVEL = "own level"
+EVERY_SIDE = "every side"
 ASIDE = ("azimuth 90", "azimuth 180")
-COLUMNS = (*IN_ORDER, OWN_LEVEL)
-LABELS = {**techniques.LABELS, OWN_LEVEL: "r as it is"}
+COLUMNS = (*IN_ORDER, OWN_LEVEL, EVERY_SIDE)
+LABELS = {**techniques.LABELS, OWN_LEVEL: "r as it is", EVERY_SIDE: "over azimuth"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +73,8 @@ class Material:
     lit : "family" the lobe that an artist would name for such a swatch, with the parameters that fit its averages;
         "auto" the lobe that fits them best; "suggested" the named lobe with its parameters as they stand
     slices : number of slices to the same map as "family"
+    around : the map over azimuth of more photographs, lit as `lit`
+    bytes : of its texels, in parts of those of the usual map of one arc
     noise : of a frame, in parts of its RMS
     """
 
@@ -71,6 +82,8 @@ class Material:
     frames: Frames
     lit: dict[str, MappedSwatch]
     slices: dict[int, MappedSwatch]
+    around: dict[str, MappedSwatch]
+    bytes: float
     noise: float
     seconds: float
 
@@ -88,7 +101,7 @@ def run(out: Path, quick: bool) -> None:
         _print_material(material, rows)
     _print_summary(rows)
     _print_slices(shown, size)
-    _print_verdict(rows)
+    _print_verdict(rows, shown)
     write_sheet(out / "techniques.png", [cell for m in shown for cell in _cells(m, size)], 1 + len(IN_ORDER), _TITLE)
     write_rows(out / "techniques.csv", rows)
     (out / "techniques.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
@@ -102,32 +115,50 @@ def make(name: str, size: int, samples: int) -> Material:
     started = time.perf_counter()
     swatch = SWATCHES[name](0)
     with gantry_scene(swatch, size=size, samples=samples) as gantry:
-        frames = techniques.photograph(gantry, (*ARC_CASES, *CASES))
+        frames = techniques.photograph(gantry, (*AROUND_CASES, *CASES))
         ((key, other),) = techniques.photograph(gantry, CASES[1:2], seed=1).items()
     noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
-    images = np.stack([techniques.truth(case, frames) for case in ARC_CASES]).astype(np.float32)
-    averages = images.mean((1, 2, 3), dtype=np.float64)
-    named = Lobe.of(swatch.lobe, **swatch.lobe_parameters)
-    elevations = np.radians(ARC)
-    fit = fit_lobe(elevations, averages)
-    renders = {
-        "family": techniques.fitted_render(swatch.lobe, elevations, averages),
-        "auto": RenderSettings(fit.lobe, fit.scale),
-        "suggested": RenderSettings(named, techniques.scale_of(named, elevations, averages)),
-    }
-    directions = np.array([techniques.direction(e, 0.0) for e in ARC])
-    stack = PhotoStack(images, tuple(f"{e:g}" for e in ARC), directions, True, ())
+    arc, all_around = (_stack(cases, frames) for cases in (ARC_CASES, AROUND_CASES))
+    renders, renders_around = (_renders(swatch, stack) for stack in (arc, all_around))
     made = {}
     with tempfile.TemporaryDirectory() as folder:
         for count in SLICES:
             path = Path(folder) / f"{name}_{count}"
-            made[count] = read_bundle(bake_stack(stack, path, ArcSettings(slices=count), name=name).path)
+            made[count] = read_bundle(bake_stack(arc, path, ArcSettings(slices=count), name=name).path)
+        path = Path(folder) / f"{name}_around"
+        over_azimuth = read_bundle(bake_stack(all_around, path, ArcSettings(azimuths="all"), name=name).path)
         lit = {
             key: techniques.mapped_swatch(made[SLICES_OF.get(name, SLICES[0])], render)
             for key, render in renders.items()
         }
         slices = {count: techniques.mapped_swatch(bundle, renders["family"]) for count, bundle in made.items()}
-    return Material(name, frames, lit, slices, noise, time.perf_counter() - started)
+        around = {key: techniques.mapped_swatch(over_azimuth, render) for key, render in renders_around.items()}
+        share = _bytes(over_azimuth) / _bytes(made[SLICES[0]])
+    return Material(name, frames, lit, slices, around, share, noise, time.perf_counter() - started)
+
+
+def _stack(cases: tuple[Case, ...], frames: Frames) -> PhotoStack:
+    images = np.stack([techniques.truth(case, frames) for case in cases]).astype(np.float32)
+    directions = np.array([techniques.direction(*case.lights[0][:2]) for case in cases])
+    return PhotoStack(images, tuple(f"{case.lights[0][:2]}" for case in cases), directions, True, ())
+
+
+def _renders(swatch: Any, stack: PhotoStack) -> dict[str, RenderSettings]:
+    """Lighting by each choice of f_r, fitted to photographs."""
+    assert stack.directions is not None
+    elevations = np.arcsin(stack.directions[:, 2])
+    averages = stack.images.mean((1, 2, 3), dtype=np.float64)
+    named, fit = Lobe.of(swatch.lobe, **swatch.lobe_parameters), fit_lobe(elevations, averages)
+    return {
+        "family": techniques.fitted_render(swatch.lobe, elevations, averages),
+        "auto": RenderSettings(fit.lobe, fit.scale),
+        "suggested": RenderSettings(named, techniques.scale_of(named, elevations, averages)),
+    }
+
+
+def _bytes(bundle: Bundle) -> int:
+    images = ShadingMapRecord.read(bundle).images.values()
+    return sum(i.width * i.height * Storage(i.storage).file_bytes(i.channels) for i in images)
 
 
 # --- compare --------------------------------------------------------------------------------------------
@@ -139,7 +170,8 @@ def compare(material: Material, size: int) -> Iterator[dict[str, Any]]:
         target = techniques.truth(case, material.frames)
         for kind, swatch in material.lit.items():
             for technique in COLUMNS:
-                picture = _picture(technique, swatch, case, material.frames, size)
+                shown = material.around[kind] if technique == EVERY_SIDE else swatch
+                picture = _picture(technique, shown, case, material.frames, size)
                 yield {
                     "material": material.name,
                     "case": case.group,
@@ -158,7 +190,7 @@ def compare(material: Material, size: int) -> Iterator[dict[str, Any]]:
 def _picture(technique: str, swatch: MappedSwatch, case: Case, frames: Frames, size: int) -> np.ndarray:
     if technique == OWN_LEVEL:
         return techniques.at_own_level(swatch, case, frames, size)
-    return techniques.shown(technique, swatch, case, size)
+    return techniques.shown("lookup" if technique == EVERY_SIDE else technique, swatch, case, size)
 
 
 def _lobe_words(swatch: MappedSwatch) -> str:
@@ -226,6 +258,9 @@ def _print_material(material: Material, rows: list[dict[str, Any]]) -> None:
     slices = len(swatch.map.slices)
     own = [row for row in rows if row["material"] == material.name and row["chosen"]]
     words = f"{slices} slices, f_r {_lobe_words(swatch)}, sigma {swatch.sigma:.3f}"
+    basis = material.around[CHOSEN].around
+    assert basis is not None
+    words += f"; over azimuth rank {basis.rank}, {material.bytes:.2f} of the bytes"
     _heading(f"{material.name}: {words}; noise of the truth {material.noise:.1%}; {material.seconds:.0f} s")
     for group in _groups():
         _line(group, [row for row in own if row["case"] == group], "rms")
@@ -267,24 +302,28 @@ def _print_slices(materials: list[Material], size: int) -> None:
         print()
 
 
-def _print_verdict(rows: list[dict[str, Any]]) -> None:
+def _print_verdict(rows: list[dict[str, Any]], materials: list[Material]) -> None:
     """What the lookup can do and where it fails, in words with this run's medians."""
 
     def median(technique: str, case: str, key: str = "rms") -> str:
         chosen = [row for row in rows if row["chosen"] and (row["case"], row["technique"]) == (case, technique)]
         return f"{_median(chosen, key):.0%}"
 
-    for technique in IN_ORDER:
+    for technique in (*IN_ORDER, EVERY_SIDE):
         for group in _groups():
             own = [row for row in rows if row["chosen"] and (row["case"], row["technique"]) == (group, technique)]
             each = [_median([row for row in own if row["material"] == name], "rms") for name in _names(rows)]
             put_range(f"RMS, {technique}, {group}", each)
-    aside = [row for row in rows if row["chosen"] and row["technique"] == "lookup" and row["case"] in ASIDE]
-    by_case = [[r for r in aside if (r["material"], r["case"]) == (n, c)] for n in _names(rows) for c in ASIDE]
-    put_range("RMS, lookup, aside or behind", [_median(own, "rms") for own in by_case])
+            put(f"RMS, {technique}, {group}, median", _median(own, "rms"))
+    for technique in ("lookup", EVERY_SIDE):
+        aside = [row for row in rows if row["chosen"] and row["technique"] == technique and row["case"] in ASIDE]
+        by_case = [[r for r in aside if (r["material"], r["case"]) == (n, c)] for n in _names(rows) for c in ASIDE]
+        put_range(f"RMS, {technique}, aside or behind", [_median(own, "rms") for own in by_case])
+        put(f"RMS, {technique}, aside or behind, median", float(np.median([_median(own, "rms") for own in by_case])))
+    put_range("bytes, every side over arc", [material.bytes for material in materials])
     put("swatches", len(_names(rows)))
     lookup, texture = partial(median, "lookup"), partial(median, "lit_texture")
-    between, across, behind, grazing, tilted, oblique, low, high = _groups()
+    between, across, behind, grazing, tilted, oblique, low, high, askew = _groups()
     bright = median("final_radiance", high)
     aside, opposite, flat, tones = lookup(across), lookup(behind), texture(behind), lookup(behind, "tones")
     seen_30, seen_60, flat_60 = lookup(tilted), lookup(oblique), texture(oblique)
@@ -298,6 +337,9 @@ def _print_verdict(rows: list[dict[str, Any]]) -> None:
         f"fails  parallax: {seen_30} seen at 30 degrees, {seen_60} at 60 (lit texture {flat_60}):",
         "       what stands out neither shifts nor hides, and an f_r that was found from above is a guess there",
         f"       (brightness off by {lookup(oblique, 'mean')})",
+        f"over azimuth: {median(EVERY_SIDE, across)} at 90 degrees, {median(EVERY_SIDE, behind)} at 180,",
+        f"       {median(EVERY_SIDE, askew)} between the azimuths that were photographed (one arc: {lookup(askew)}),",
+        f"       {median(EVERY_SIDE, between)} along the arc",
         "fails  gloss in few slices: photographs of a glossy swatch crowd near black, see plastic_60 above",
     ):
         print(f"  {line}")

@@ -11,6 +11,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from no_figures import NO_FIGURES
+
 ROOT = Path(__file__).resolve().parents[2]
 FIELD = re.compile(r"\{([^{}|]+)\|([^{}|]+)\}")
 
@@ -143,10 +145,26 @@ def _kind(label: str, name: str) -> Stated:
     return Stated("speed", _row(label, *times, *rest))
 
 
+def _azimuth(label: str, stack: str, form: str) -> Stated:
+    models = ("PTM, 6 terms", "HSH, 16 terms", "RBF, 16 components", "map over azimuth")
+    best = [f"RMS, {stack}, map over azimuth < RMS, {stack}, {model}" for model in models[:-1]]
+    size = f"bytes, {stack} < 101"
+    return Stated("azimuth", _row(label, *(f"{{RMS, {stack}, {m}|{form}}} %" for m in models)), claims=(*best, size))
+
+
 def _format(label: str, name: str) -> Stated:
     return Stated("formats", f"| {label} | {{round trip, {name}|2s%}} % |", "addon/docs/formats.md")
 
 
+_STACKS = (
+    "canvas, hand-held lamp; canvas; 0%",
+    "painted wood, dome; painted_wood; 0%",
+    "gilded icon, dome; gold_icon; 0%",
+    "rendered plate, matte; rendered_plate/single1; 1%",
+    "rendered plate, some gloss; rendered_plate/single3; 1%",
+    "rendered plate, glossy; rendered_plate/single5; 0%",
+    "rendered plate, several materials; rendered_plate/multi2; 1%",
+)
 _BASES = (
     "median {{{0}, gain, median|0}} times, glossy half {{{0}, gain, glossy half|0}} times, "
     "least {{{0}, gain, least|{1}}}"
@@ -204,6 +222,15 @@ STATED = (
         "error, between 160 samples {mecho shade, 160 samples|0%} and {2011-SA1, 160 samples|0%} %.",
         "addon/docs/sheets.md",
     ),
+    Stated(
+        "sheets",
+        "a cloth with a highlight, sampled, has {HDR world, sampled, noise|1} times the noise of Diffuse and "
+        "Translucent BSDF under a picture of the world, {HDR world, aimed, noise|1} times aimed. Under a lamp of one "
+        "metre behind it, where these have {lamp behind, native, noise|2%} %, it has {lamp behind, sampled, noise|0} "
+        "times that, with Quiet Camera {lamp behind, sampled, quiet, noise|0} times, aimed "
+        "{lamp behind, aimed, noise|0}; under a graded sky, which cannot be sampled, {sky, aimed, noise|0} times.",
+        "addon/docs/sheets.md",
+    ),
     _format("MERL", "MERL"),
     _format("NVIDIA MBSDF", "NVIDIA MBSDF"),
     _format("numpy array", "numpy array"),
@@ -251,6 +278,7 @@ STATED = (
         "or from behind {RMS, lookup, aside or behind, least|0%} to "
         "{RMS, lookup, aside or behind, most|0%} %",
     ),
+    *(_azimuth(*row.split("; ")) for row in _STACKS),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
@@ -343,45 +371,4 @@ STATED = (
         "{bytes, log over half, least|2} to {bytes, log over half, most|2} of the bytes of half floats",
         file="CHANGELOG.md",
     ),
-)
-
-# Versions, settings, counts of the code and sizes that are asked for: no bench measures them.
-NO_FIGURES = (
-    "| 4.4 |",
-    "| 4.2 LTS and older |",
-    "Blender 4.2 LTS cannot show",
-    "there that it keeps from 4.3 on",
-    "Use Blender 4.5 LTS",
-    "about the same look (1.0)",
-    # Held by tests/test_anisotropic_bake.py.
-    "from 80 to 88 degrees, a table of the usual size reflects within about 2 % of the measurement",
-    "| 4.3 |",
-    "| 4.5 LTS |",
-    "| 5.0 |",
-    "| 5.2 |",
-    "From Blender 5.1 on",
-    "by nodes from Blender 5.1 on",
-    "in the same bench on 4.5",
-    "Python 3.11",
-    "3 GB of disk",
-    "at most 0.1 % of the light is too much",
-    "medians over 12 materials",
-    "median of 8 measured materials",
-    "Exit codes: 0 done, 1 bad input (one line naming file, cause and remedy), 2 usage",
-    "The exit code is 1 where",
-    "Principled BSDF = 1",
-    "at the bytes of 64 x 64 x 128",
-    "tables of 82 materials",
-    "Figure 3 of",
-    "figures 3 to 7",
-    "keeps 8 bits",
-    "exponents from 1 to 256",
-    "from 4 on",
-    "peaks of 1e4, exponents to 1e8, tables of 1e30, random numbers of exactly 0 and 1",
-    "float32",
-    "in 1/sr",
-    "GPL-3.0-or-later",
-    "3-Degree Polynomial",
-    "Display P3, ACES and others",
-    "converted to Rec.709",
 )

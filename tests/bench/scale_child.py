@@ -1,7 +1,7 @@
 """Many materials in one scene, in a process of its own: what they take, as one line of JSON.
 
-`python scale_child.py JSON`: "side" is "measured" or "principled", "count" of materials, "bundles" their folders,
-"edge" of the pictures in pixels. Runs with the package of an older commit too.
+`python scale_child.py JSON`: "side" is "measured", "preview" (BRDFs in that mode) or "principled", "count" of
+materials, "bundles" their folders, "edge" of the pictures in pixels. Runs with the package of an older commit too.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import measured_materials
 from measured_materials.addon.lights import light_tables
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.build_shading_map import build_map
+from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.rendering.renderer import render_pixels, set_unbiased
 from measured_materials.addon.studio.studio_meshes import sphere_mesh
 from measured_materials.bake.bundle.bundle import read_bundle
@@ -35,7 +36,7 @@ MOVES, LAMPS, ONE_BY_ONE = 5, 3, 8
 def main(side: str, count: int, bundles: list[str], edge: int) -> dict[str, Any]:
     """All figures: processor seconds, but for those of a picture's wall; MB; numbers of datablocks."""
     compat.ensure_cycles()
-    if side == "measured":
+    if side != "principled":
         measured_materials.register()
     bpy.ops.wm.read_homefile(use_empty=True)
     scene, spheres = _scene(count, edge)
@@ -48,6 +49,7 @@ def main(side: str, count: int, bundles: list[str], edge: int) -> dict[str, Any]
             sphere.material_slots[0].material = _material(side, bundles, k)
             seconds.append(time.process_time() - start)
     found |= {"build": time.process_time() - began, "new": seconds[: len(bundles)], "again": seconds[len(bundles) :]}
+    found["nodes"] = sum(_nodes(sphere.material_slots[0].material.node_tree) for sphere in spheres)
     found |= {"images": len(bpy.data.images), "groups": len(bpy.data.node_groups), "megabytes_built": _megabytes()}
     for samples in (1, 16):
         found[f"wall_{samples}"], found[f"processor_{samples}"] = _rendered(scene, samples, side)
@@ -57,7 +59,7 @@ def main(side: str, count: int, bundles: list[str], edge: int) -> dict[str, Any]
     for k in range(extra):
         _material(side, bundles, k)
     found["one_by_one"] = (time.process_time() - start) / extra
-    if side == "measured":
+    if side != "principled":
         measured_materials.unregister()
     return found
 
@@ -71,6 +73,15 @@ def _together() -> Any:
     return together.built_together()
 
 
+def _nodes(tree: bpy.types.NodeTree) -> int:
+    """That Cycles compiles; commits before cannot tell, which gives 0."""
+    sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
+    try:
+        return int(importlib.import_module("support.node_count").count_nodes(tree))
+    except ImportError:
+        return 0
+
+
 def _material(side: str, bundles: list[str], k: int) -> bpy.types.Material:
     if side == "principled":
         material = compat.new_material(f"plain {k}")
@@ -81,7 +92,7 @@ def _material(side: str, bundles: list[str], k: int) -> bpy.types.Material:
         return material
     bundle = read_bundle(bundles[k % len(bundles)])
     if bundle.material["kind"] != "shading_map":
-        return build_brdf(bundle)[0]
+        return build_brdf(bundle, **({"choices": Choices(mode="preview")} if side == "preview" else {}))[0]
     record = ShadingMapRecord.read(bundle)
     made = build_shading_map(record, lamps=light_tables.lamp_image())
     build_map(record, made, record.render, pack=False)
@@ -128,7 +139,7 @@ def _rendered(scene: bpy.types.Scene, samples: int, side: str) -> tuple[float, f
     """Wall and processor seconds of a picture, from nothing."""
     scene.cycles.samples = samples
     wall, processor = time.perf_counter(), time.process_time()
-    if side == "measured":
+    if side != "principled":
         light_tables.keep_current(scene)
     render_pixels(scene)
     return time.perf_counter() - wall, time.process_time() - processor

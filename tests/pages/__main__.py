@@ -13,6 +13,7 @@ PICTURES = {
     "setup": "setup.jpg: how a swatch is photographed, drawn",
     "sheets": "lampshade.jpg, curtain.jpg: light through cloth, photographed and of a formula",
     "swatch": "swatch_photographs.jpg, swatch_plot.jpg, swatch.jpg: denim of the gantry, to the material",
+    "turned": "turned.jpg: suede and cloth turned under a lamp: geometry, map over azimuth, map of one arc",
     "gallery": "gallery.jpg: one material for each command of gallery.md",
     "quieter": "quieter.jpg: a paint by Principled and Exact, before and after lamps were sampled, denoised or not",
     "formats": "formats.jpg: a sphere of each format, on formats.md",

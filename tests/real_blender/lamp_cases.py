@@ -290,6 +290,7 @@ CASES = {
     "bumpy": Case(bumpy),
     "out of focus": Case(out_of_focus),
     "swatch": Case(swatch_on_a_ball, swatch="swatch_none"),
+    "swatch over azimuth": Case(swatch_on_a_ball, swatch="swatch_azimuth", samples=128),
     "swatch, measured": Case(swatch_on_a_ball, swatch="swatch_measured"),
 }
 

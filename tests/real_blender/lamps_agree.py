@@ -26,6 +26,7 @@ from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
+from support.azimuth import clamped_basis, write_azimuth_bundle
 from support.monte_carlo import SKEWNESS_LIMIT, compare
 from support.swatches import map_bundle, rough_map
 
@@ -44,10 +45,12 @@ def prepare(share: Path) -> None:
 
 
 def swatches(share: Path) -> None:
-    """A rough canvas lit beyond its brightest photograph, in each model, and one whose f_r is measured."""
+    """A rough canvas lit beyond its brightest photograph, in each model, one over azimuth of the most curves, and one
+    whose f_r is measured."""
     render = RenderSettings(Lobe("ggx", 0.4), sigma=0.8, above="scale", a_max=0.3)
     for compression in ("none", "power", "basis"):
         map_bundle(share / f"swatch_{compression}", rough_map(), render, compression=compression)
+    write_azimuth_bundle(share / "swatch_azimuth", clamped_basis(8, 8, rank=16), render)
     measured = bake_source(
         analytic.Ggx(alpha=0.5, f0=(0.9, 0.6, 0.3)),
         share / "f_r",

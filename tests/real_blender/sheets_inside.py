@@ -1,6 +1,7 @@
 """Run inside a real Blender by sheets.py: its cases with native closures, aimed mirrors and sampled lamps.
 
-Of each, NAME.json holds the means of parts of a picture, noise of a pixel over its mean, and seconds of a sample.
+Of each, NAME.json holds the means of parts of a picture, noise of a pixel over its mean, and seconds of a sample. With
+`--parts` parts.json holds seconds of a sample while parts of the shader are taken away, one after the other.
 """
 
 import json
@@ -17,6 +18,7 @@ from mathutils import Matrix, Vector
 
 EDGE, PARTS, SAMPLES = 16, 24, 32
 TIMED, TURNS = 512, 5
+STOP = 64.0  # of a camera whose lens gives numbers; pixels that all show the same hide its blur
 compat, tables = ours("nodes.compat"), ours("addon.lights.light_tables")
 
 
@@ -90,10 +92,12 @@ def measured(case):
     Choices, build = ours("addon.material.choices").Choices, ours("addon.material.build_brdf").build_brdf
     scene, sheet = made(*case)
     found = {}
-    for name, sample in (("native", ""), ("aimed", "never"), ("sampled", "auto")):
+    for name, sample in (("native", ""), ("aimed", "never"), ("sampled", "auto"), ("quiet", "auto")):
+        lens = scene.camera.data.dof
+        lens.use_dof, lens.aperture_fstop, lens.focus_distance = name == "quiet", STOP, 5.0
         if sample:
             material, plan = build(record, choices=Choices(mode="exact", sample=sample), scene=scene, pack=True)
-            require(plan.sample == (name == "sampled" and case[1] is not None), f"{name}: {plan.effects}")
+            require(plan.sample == (name in ("sampled", "quiet") and case[1] is not None), f"{name}: {plan.effects}")
         else:
             material = native(record, case[0])
         sheet.data.materials.clear()
@@ -106,10 +110,54 @@ def measured(case):
     return found
 
 
+def parts(case):
+    """Seconds of a sample of the whole, and without what is named, each on top of those before. All take turns."""
+    sheet_nodes, expr = ours("nodes.sampled_sheet"), ours("nodes.expr")
+    native_closure, sampled_closure = ours("nodes.native_closure"), ours("nodes.sampled_closure")
+    emission = sheet_nodes.emission
+    cuts = {
+        "whole": {},
+        "the choice between mirrors by light": {
+            "light_side_group": lambda *_: None,
+            "call": lambda group, *values: values[2] if group is None else ours("nodes.group").call(group, *values),
+        },
+        "light that mirrors meet": {
+            "met_light": lambda *_: sampled_closure.Met(1.0, 1.0, 0.0, 0.0),
+            "emission": lambda colour, shown: (
+                native_closure.add_closures([]) if isinstance(shown, float) else emission(colour, shown)
+            ),
+        },
+        "points of light": {"direct_light": lambda *_: (expr.vec(0.0, 0.0, 0.0), 0.0)},
+        "mirrors": {
+            "_mirrored": lambda mirror, closures, *_: native_closure.add_closures([made(1.0) for made in closures])
+        },
+    }
+    record = ours("bake.brdf.record").BrdfRecord.read(ours("bake.bundle.bundle").read_bundle(HERE / "glazed.mmat"))
+    Choices, build = ours("addon.material.choices").Choices, ours("addon.material.build_brdf").build_brdf
+    scene, sheet = made(*case)
+    materials = {"native": native(record, case[0])}
+    for name, cut in cuts.items():
+        for what, stand_in in cut.items():
+            require(hasattr(sheet_nodes, what), f"nodes.sampled_sheet has no {what}")
+            setattr(sheet_nodes, what, stand_in)
+        materials[name] = build(record, choices=Choices(mode="exact"), scene=scene, pack=True)[0]
+    taken = {}
+    for _ in range(TURNS):
+        for name, material in materials.items():
+            sheet.data.materials.clear()
+            sheet.data.materials.append(material)
+            tables.update_scene(scene)
+            spent = [picture(scene, EDGE, samples, 1)[1] for samples in (1, TIMED + 1)]
+            taken[name] = [min(pair) for pair in zip(spent, taken.get(name, spent), strict=True)]
+    return {name: (many - few) / (TIMED * EDGE * EDGE) * 1e6 for name, (few, many) in taken.items()}
+
+
 if not hasattr(bpy.types, "ShaderNodeRaycast"):
     print("sheets: no Raycast node in this Blender")
 else:
     compat.ensure_cycles()
     for name, case in json.loads((HERE / "sheets.json").read_text(encoding="utf-8")).items():
         (HERE / f"{name}.json").write_text(json.dumps(measured(case)), encoding="utf-8")
+    if "--parts" in sys.argv:
+        (HERE / "parts.json").write_text(json.dumps(parts((40.0, (1, 1, -3), 1.0, True))), encoding="utf-8")
 print("sheets: all is well")

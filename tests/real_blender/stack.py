@@ -49,7 +49,7 @@ def largest(source, mode):
 
 
 # Swatches by the model of their map; "measured" is of slices too, each channel at a level of its own.
-_MAPS = ("none", "power", "basis", "measured")
+_MAPS = ("none", "power", "basis", "azimuth", "measured")
 
 
 def largest_map(model, mode):

@@ -35,6 +35,7 @@ from measured_materials.bake.sources.analytic import by_name
 
 from .coarse_bakes import coarse_bakes
 from .fuzz import Tally, spoiled, tallied
+from .relief import bumps, lights, photographs
 
 _SAMPLER = SamplerLayout(n_o=4, n_h=4, n_phi=4)
 _SMALL: dict[str, Any] = {"resolution": 4, "sampler": _SAMPLER}
@@ -80,6 +81,10 @@ def small_bundle(kind: str, folder: Path) -> Path:
     own = folder / kind.replace(", ", "_")
     own.mkdir()
     name = kind.removeprefix("bundle, ")
+    if name == "azimuth":
+        around = lights((30, 60), 4)
+        look = PhotoStack(photographs(bumps(4, 0.4), around), tuple("abcdefghi"), around, True, ())
+        return bake_stack(look, own / "azimuth.mmat", ArcSettings(azimuths="all", azimuth_rank=3)).path
     if name != "swatch":
         return _brdf(name, own / f"{name}.mmat")
     levels = np.linspace(0.1, 1, 6, dtype=np.float32)[:, None, None, None]
@@ -265,6 +270,8 @@ def _look_at_map(record: ShadingMapRecord) -> None:
     for one in (record, record.transmitted()):
         if one is not None:
             assert np.isfinite(one.load_map().slices).all()
+            if one.map.model == "azimuth":
+                assert np.isfinite(one.load_azimuth().evaluate(0.3, 2.0)).all()
     if record.has("table"):
         record.baked_lobe().load()
 
@@ -340,6 +347,8 @@ def one_part(task: tuple[str, Path, Path, int, int]) -> Tally:
     return tally
 
 
-KINDS = tuple(f"bundle, {kind}" for kind in ("isotropic", "codes", "spline", "anisotropic", "sheet", "swatch"))
+KINDS = tuple(
+    f"bundle, {kind}" for kind in ("isotropic", "codes", "spline", "anisotropic", "sheet", "swatch", "azimuth")
+)
 # Every so many, a copy is replaced as a bake does it, which takes as long as ten looks.
 REPLACED = 20

@@ -57,6 +57,17 @@ class Beaded(ThinCloth):
         return super().reflected_behind(wi, wo) + self.transmitted(-wi, wo) / 30
 
 
+class Shade(ThinCloth):
+    """One that lets little light through, all but straight on, and reflects ten times as much, so that nearly all of
+    white light that a viewer sees is reflected."""
+
+    def evaluate(self, wi: Array, wo: Array) -> Array:
+        return super().evaluate(wi, wo) + 10 * self.transmitted(wi * BELOW, wo)
+
+    def reflected_behind(self, wi: Array, wo: Array) -> Array:
+        return super().reflected_behind(wi, wo) + 10 * self.transmitted(wi * BELOW, wo)
+
+
 class Prismatic(ThinCloth):
     """One whose light comes out on the viewer's side of the plane at right angles to him, where a Ray Portal leads."""
 
@@ -66,6 +77,7 @@ class Prismatic(ThinCloth):
 
 PRISMATIC = Prismatic((0.2, 0.2, 0.2), None, (0.1, 0.1, 0.1), (0.5, 0.5, 0.5), 8.0)
 GLAZED = Glazed((0.2, 0.1, 0.1), None, (0.1, 0.2, 0.1), (0.3, 0.3, 0.2), 8.0)
+SHADE = Shade((0.1, 0.1, 0.1), None, (0.0, 0.0, 0.0), (0.03, 0.03, 0.03), 600.0)
 BEADED = Beaded((0.03, 0.03, 0.03), None, (0.0, 0.0, 0.0), (0.9, 0.9, 0.9), 8.0)
 
 
@@ -103,7 +115,8 @@ def sheet_scene(material: bpy.types.Material, theta: float) -> Iterator[TestScen
     compat.ensure_cycles()
     scene = bpy.data.scenes.new("sheet")
     mesh = bpy.data.meshes.new("sheet")
-    mesh.from_pydata([(-20, -20, 0), (20, -20, 0), (20, 20, 0), (-20, 20, 0)], [], [(0, 1, 2, 3)])
+    # Off the middle: a ray that starts on the diagonal of the two triangles may be held up by the other one.
+    mesh.from_pydata([(-20, -20, 0), (21, -20, 0), (21, 20, 0), (-20, 20, 0)], [], [(0, 1, 2, 3)])
     layer = mesh.uv_layers.new()
     for loop, corner in zip(layer.data, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
         loop.uv = corner

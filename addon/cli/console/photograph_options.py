@@ -33,6 +33,15 @@ def add_photographs(group: Any, *, arc: bool = True) -> None:
         help="directions of the lights: lights.csv, .lp, a list 'file x y z' or DiLiGenT's light_directions.txt "
         "(default: found in the folder, or angles in the file names)",
     )
+    group.add_argument(
+        "--sphere",
+        type=numbers(float, 3),
+        action="append",
+        default=[],
+        metavar="X,Y,R",
+        help="a mirror sphere in the picture, in place of --lights: centre and radius in pixels from the upper left; "
+        "its highlight tells where each light was, for a camera far above; may be given several times",
+    )
     if arc:
         _add_arc(group, usual)
     group.add_argument("--crop", type=numbers(int, 4), metavar="X,Y,W,H", help="the swatch in the photograph, pixels")
@@ -94,6 +103,7 @@ def stack_settings(options: argparse.Namespace, size: int | None, **arc: Any) ->
         size=size or None,
         decode=options.decode,
         lights=options.lights,
+        spheres=tuple(options.sphere),
         crop=options.crop,
         corners=None if options.corners is None else tuple(options.corners),
         flat_field=options.flat_field,

@@ -9,9 +9,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ....bake.errors import BakeError
-from ....nodes.material_tree import measured_nodes
+from ....nodes.material_tree import SWATCH_MAPPING, measured_nodes
 from ....nodes.random_tiling_group import is_random_tiling, random_tiling_group
-from ..build_shading_map import SWATCH_MAPPING
 from ..facts import record_of
 from ..texel_footprint import uv_triangles
 

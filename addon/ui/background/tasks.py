@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import bpy
 
 from ....bake.brdf.record import BrdfRecord
+from ....bake.brdf.settings import BakeSettings
 from ....bake.bundle.bundle import read_bundle
 from ....bake.bundle.result import BakeResult
 from ....bake.errors import BakeError
@@ -124,6 +125,7 @@ class BakeTask(Task):
         """How long bakes take here; of anisotropic ones and of sheets the stages are others than were expected."""
         record = record_of(material)
         if not isinstance(record, BrdfRecord) or not (record.anisotropic or record.sheet is not None):
+            assert isinstance(self.request.settings, BakeSettings | ArcSettings)
             learn_pace(self.request.settings, result.seconds)
             kept_pace.keep()
 

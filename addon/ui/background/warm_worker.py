@@ -9,6 +9,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ....bake.brdf.settings import BakeSettings
+from ....bake.maps.bake import MapSettings
 from ....bake.shading_maps.bake import ArcSettings
 from ... import events
 from ...baking import spare
@@ -18,7 +19,7 @@ from ...baking.request import BakeRequest
 _LOOKED_AFTER = 5.0
 
 
-def prepare(settings: BakeSettings | ArcSettings) -> None:
+def prepare(settings: BakeSettings | ArcSettings | MapSettings) -> None:
     """Have a worker ready for a bake with such settings. In the background nobody waits for one."""
     if bpy.app.background:
         return

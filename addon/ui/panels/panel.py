@@ -24,6 +24,7 @@ from ..fit_to_scene import (
 from ..import_brdf import MEASURED_MATERIALS_OT_import_brdf
 from ..import_photographs import MEASURED_MATERIALS_OT_import_arc
 from ..kind_forms import form_of
+from ..maps.build_material import MEASURED_MATERIALS_OT_import_maps
 from ..properties.lighting import draw_lighting
 from ..properties.quality import draw_quality
 from .adjust_rows import AdjustPanel
@@ -72,6 +73,9 @@ class _ImportPanel:
         column = self.layout.column(align=True)
         column.operator(MEASURED_MATERIALS_OT_import_brdf.bl_idname, text="Import Measured BRDF", icon="IMPORT")
         column.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Import Photographs", icon="IMAGE_DATA")
+        maps = column.operator(MEASURED_MATERIALS_OT_import_arc.bl_idname, text="Maps of Photographs", icon="TEXTURE")
+        maps.make = "maps"
+        column.operator(MEASURED_MATERIALS_OT_import_maps.bl_idname, text="Build Material of Maps", icon="MATERIAL")
 
 
 class _LightingPanel:

@@ -11,7 +11,8 @@ from ....bake.images.storage import IMAGE_STORAGES, Storage
 from ....bake.photographs.radiometry.response import parse_rule
 from ....bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ....bake.shading_maps.against_light import ThroughSettings
-from ....bake.shading_maps.bake import TILEABLES, ArcSettings
+from ....bake.shading_maps.azimuth.azimuth_basis import MAX_RANK
+from ....bake.shading_maps.bake import AZIMUTHS, TILEABLES, ArcSettings
 from ....bake.shading_maps.shading_map import MAX_SLICES, MIN_SLICES
 from ....bake.shading_maps.store import COMPRESSIONS
 from ...material.lighting import MEASURED, lighting_of, number
@@ -24,7 +25,7 @@ from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_ri
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
 _DIFFUSER = ThroughSettings(Path()).diffuser_transmittance
-_MAP = ("slices", "storage", "compression", "rank", "tileable")
+_MAP = ("slices", "storage", "compression", "rank", "tileable", "azimuths")
 _PARTS = {
     "swatch": "Swatch",
     "brightness": "Brightness",
@@ -54,6 +55,8 @@ _WORDS = {
     "quilt": ("Quilt", "Patches from all over the swatch"),
     "offset": ("Offset", "One cut in either direction; nearly all of the swatch stays as it is"),
     "warn": ("Warn", "Warn only; nothing is corrected"),
+    "arc": ("One Arc", "Shadows stay where they are when the light turns"),
+    "all": ("Every Side", "Shadows turn with the light"),
     "one": ("One", "That of the azimuth alone"),
     "both": ("Both", "The far side of the swatch too"),
     "srgb": ("sRGB", "As most cameras and programs write them"),
@@ -146,6 +149,10 @@ class ArcProperties:
         "flat_field": _path("Flat Field", "Photograph of an evenly white board under the same lamp"),
         "align": _enum("Stabilise", "What is done about small movements of the camera", ALIGNMENTS, _STACK.align),
         "lights": _path("Lights", "A lights.csv or .lp file. Automatic: found in the folder, or angles in file names"),
+        "azimuths": _enum("Azimuths", "Which of the photographs are used", AZIMUTHS, _USUAL.azimuths),
+        "azimuth_rank": _whole(
+            "Azimuth Rank", "Numbers per texel and channel of light from every side; 0 is Automatic", 0, 0, MAX_RANK
+        ),
         "one_plane": _flag("Choose Plane", "Use the lights near this azimuth. Off: where most elevations are"),
         "azimuth": _float("Azimuth (°)", "Degrees: 0 right, 90 up", 0, -360, 360),
         "spread": _float("Spread (°)", "Degrees that a light may lie off the plane of the arc", _STACK.spread, 0.1, 90),
@@ -175,7 +182,7 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
     """The properties, those of the lighting, and the mode, as bake settings. Raises BakeError."""
     p = properties
     return ArcSettings(
-        **{name: getattr(p, name) for name in _MAP},
+        **_map_of(p),
         lobe_auto=p.fit_lobe,
         brdf=_file(p.brdf) if light.lobe == MEASURED and not p.fit_lobe else None,
         render=lighting_of(light, mode),
@@ -185,7 +192,7 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
             size=p.size or None,
             decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
             lights=_file(p.lights),
-            azimuth=number(p.azimuth) if p.one_plane else None,
+            azimuth=number(p.azimuth) if p.one_plane and p.azimuths != "all" else None,
             spread=number(p.spread),
             sides=p.sides,
             crop=tuple(p.crop) if p.frame == "crop" else None,
@@ -197,6 +204,14 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
             align=p.align,
         ),
     )
+
+
+def _map_of(p: Any) -> dict[str, Any]:
+    """Settings of what is stored; of light from every side there is one way."""
+    settings = {name: getattr(p, name) for name in _MAP}
+    if p.azimuths == "all":
+        settings["compression"] = "none"
+    return {**settings, "azimuth_rank": p.azimuth_rank or None}
 
 
 def _through_of(p: Any) -> ThroughSettings | None:
@@ -223,6 +238,7 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
         setattr(p, name, str(value) if isinstance(value := getattr(settings, name), Storage) else value)
     show_rights(p, settings.rights)
     p.size, p.fit_lobe, p.pack = stack.size or 0, settings.lobe_auto, pack
+    p.azimuth_rank = settings.azimuth_rank or 0
     response = parse_rule(stack.decode)
     p.decode = "auto" if response is None else response.name.partition(":")[0]
     if response is not None and p.decode == "gamma":
@@ -311,7 +327,9 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     frame = {"crop": ("crop",), "corners": _CORNERS}.get(p.frame, ())
     gamma = ("gamma",) if p.decode == "gamma" else ()
     scale = {"albedo": ("albedo",), "card": ("white_card", "white_reflectance")}.get(p.scale_by, ())
-    plane = ("azimuth",) if p.one_plane else ()
+    plane = ("one_plane", *(("azimuth",) if p.one_plane else ()), "spread", "sides")
+    arc = plane if p.azimuths == "arc" else ("azimuth_rank",) if p.azimuths == "all" else (*plane, "azimuth_rank")
+    compression = ("compression", *rank) if p.azimuths != "all" else ()
     stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
     behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
@@ -319,15 +337,14 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
         "swatch": (*size, "slices", "tileable", "frame", *frame),
         "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
         "through": ("through", *behind),
-        "lights": ("lights", "one_plane", *plane, "spread", "sides", "fit_lobe", *brdf),
-        "files": ("compression", *rank, "storage", "pack"),
+        "lights": ("lights", "azimuths", *arc, "fit_lobe", *brdf),
+        "files": (*compression, "storage", "pack"),
     }
 
 
 def _settings_to_weigh(p: Any) -> ArcSettings:
     """What time and size depend on. Raises BakeError."""
-    settings = {name: getattr(p, name) for name in _MAP}
-    return ArcSettings(**settings, stack=StackSettings(size=p.size or None, align=p.align))
+    return ArcSettings(**_map_of(p), stack=StackSettings(size=p.size or None, align=p.align))
 
 
 register, unregister = registration(MEASURED_MATERIALS_PG_arc, "measured_arc")

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BakeError
-from ..lobes.lobes import PARAMETERS, Lobe
 from ..source import Facts
+from .lobes import PARAMETERS, Lobe
 
 # A lobe must come this much closer, in parts of the root mean square of the averages, to be preferred to one of fewer
 # parameters: what photographs of a swatch repeat at best.

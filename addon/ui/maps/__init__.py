@@ -1,0 +1,1 @@
+"""Maps in the window: materials of folders that hold some."""

@@ -1,0 +1,243 @@
+"""Photographs to the stored maps of a bundle and what is told of them: along one arc, or lit from every side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..bundle.bundle import StoredImage
+from ..images.storage import Storage
+from ..photographs.stack import PhotoStack
+from ..source import Facts, Json
+from ..tiling.tileable import TileSettings, make_tileable
+from .azimuth.azimuth_basis import MAX_RANK, AzimuthBasis, mean_over_azimuth
+from .azimuth.azimuth_fit import fit_azimuth
+from .azimuth.light_stack import LightStack
+from .azimuth.light_weights import spacing
+from .shading_map import (
+    ANGLE_KNOTS,
+    MAX_SLICES,
+    Linearised,
+    ShadingMap,
+    averages_of,
+    held_out_errors,
+    level_by_cosine,
+    linearise,
+)
+from .slice_atlas import GUTTER, MAX_EXTENT, SliceLayout
+from .store import Compression, Stored, store_azimuth, store_map
+
+Say = Callable[[str, float], None]
+# Lights farther apart than this (rad) leave gaps that a shadow does not cross in one piece.
+_SPARSE = np.radians(32)
+
+
+@dataclass(frozen=True, eq=False)
+class BakedMap:
+    """A map to write.
+
+    Attributes
+    ----------
+    told : "map", "averages" and "errors" of a bundle
+    images : of the bundle
+    stored : the map as it comes back from them, of one over azimuth its mean
+    averages : of the photographs as given
+    a_max : radiance of level 1 in the unit of the photographs
+    warnings : one line each, of the map alone
+    """
+
+    told: dict[str, Json]
+    images: dict[str, StoredImage]
+    stored: ShadingMap
+    averages: Any
+    a_max: float
+    warnings: list[str]
+
+
+@dataclass(frozen=True)
+class Storing:
+    """How maps along an arc are kept, as in `bake.ArcSettings`."""
+
+    slices: int
+    compression: Compression
+    storage: Storage
+    rank: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Swatch:
+    """A map and its level 1 in the unit of the photographs."""
+
+    map: ShadingMap
+    a_max: float
+
+
+def along_arc(
+    stacks: Sequence[PhotoStack], storing: Storing, tile: TileSettings | None, name: str, say: Say
+) -> tuple[list[BakedMap], dict[str, Any] | None]:
+    """Maps of photographs sorted by brightness (Kautz et al. 2004), tiled by one set of seams, and the account of that.
+
+    Raises BakeError.
+    """
+    say("averages and slices", 0.0)
+    made = [linearise(one.images, storing.slices, name) for one in stacks]
+    say("predicting photographs", 0.0)
+    held_out = [held_out_errors(one.images, storing.slices) for one in stacks]
+    swatches, tiling = [_Swatch(one.map, one.a_max) for one in made], None
+    if tile is not None:
+        swatches, tiling = _tiled(swatches, tile, name, lambda share: say("making it tile", share))
+    say("compressing", 0.0)
+    kept = [store_map(one.map, storing.compression, storing.storage, storing.rank) for one in swatches]
+    say("measuring", 0.0)
+    found = [_baked(*one) for one in zip(stacks, made, swatches, held_out, kept, strict=True)]
+    return found, tiling
+
+
+def _tiled(
+    swatches: list[_Swatch], settings: TileSettings, name: str, say: Callable[[float], None]
+) -> tuple[list[_Swatch], dict[str, Any]]:
+    """The same made to tile, by one set of seams for the slices of all, and the account of it."""
+    slices = np.concatenate([swatches[0].map.slices, *(one.map.slices[1:] for one in swatches[1:])])
+    tiled = make_tileable(slices, settings, lambda _, share: say(share))
+    parts, found = np.split(tiled.slices[1:], len(swatches)), []
+    for one, part in zip(swatches, parts, strict=True):
+        # The tile shows a choice of the swatch's texels, whose averages are no longer even.
+        again = linearise(part, len(part) + 1, name)
+        found.append(_Swatch(again.map, one.a_max * again.a_max))
+    return found, tiled.facts
+
+
+def _baked(
+    stack: PhotoStack, made: Linearised, swatch: _Swatch, held_out: list[dict[str, float]], kept: Stored
+) -> BakedMap:
+    images, facts, stored = kept
+    difference = stored.slices[1:] - swatch.map.slices[1:]
+    told: dict[str, Json] = {
+        "map": {
+            **facts,
+            **_size_facts(swatch.map, images),
+            "a_max": swatch.a_max if stack.calibrated else None,
+            "level_by_cosine": level_by_cosine(stack.directions, made.averages / made.a_max),
+        },
+        # For the plot of the linearisation (Kautz et al. 2004).
+        "averages": {
+            **stack.in_order(made.averages, made.order),
+            "after": averages_of(swatch.map.slices).tolist(),
+        },
+        "errors": _error_facts(_rms(difference), _rms(swatch.map.slices[1:]), held_out),
+    }
+    return BakedMap(told, images, stored, made.averages, swatch.a_max, _slice_warnings(made))
+
+
+def over_azimuth(
+    stack: PhotoStack,
+    storage: Storage,
+    rank: int | None,
+    tile: TileSettings | None,
+    say: Say,
+    products: LightStack | None = None,
+) -> tuple[BakedMap, dict[str, Any] | None]:
+    """The map over azimuth of photographs lit from many sides, and the account of its tiling.
+
+    Photographs are tiled before anything is averaged, so that all of them have the same seams. Raises BakeError.
+
+    Parameters
+    ----------
+    products : of the photographs, where they are at hand
+    """
+    directions, tiling = stack.directions, None
+    assert directions is not None
+    if tile is not None:
+        tiled = make_tileable(stack.images, tile, lambda _, share: say("making it tile", share))
+        stack, tiling, products = replace(stack, images=tiled.slices), tiled.facts, None
+    say("averages and slices", 0.0)
+    products = products or LightStack.of(stack.images, directions)
+    say("predicting photographs", 0.0)
+    most = min(MAX_RANK, MAX_EXTENT // SliceLayout(1, *stack.images.shape[1:3]).pitch)
+    fit = fit_azimuth(stack.images, directions, rank, stack=products, most=most)
+    say("compressing", 0.0)
+    images, facts, stored = store_azimuth(fit.basis, storage)
+    say("measuring", 0.0)
+    mean = ShadingMap(mean_over_azimuth(stored))
+    lost, signal = fit.lost
+    order = np.argsort(products.averages, kind="stable")
+    azimuths = np.degrees(np.arctan2(directions[order, 1], directions[order, 0])) % 360
+    told: dict[str, Json] = {
+        "map": {
+            **facts,
+            **_size_facts(mean, images),
+            "a_max": fit.curve.a_max if stack.calibrated else None,
+            "level_by_cosine": fit.curve.level(np.linspace(0, 1, ANGLE_KNOTS)).tolist(),
+            # Which level a light of which angle to the normal stands for, in full.
+            "level_curve": {
+                "cosines": fit.curve.cosines.tolist(),
+                "levels": fit.curve.levels.tolist(),
+                "a_max": fit.curve.a_max,
+            },
+            "interpolation": {"smoothing": fit.choice.smoothing, "even": fit.choice.even},
+        },
+        "averages": {
+            **stack.in_order(products.averages, order),
+            "azimuths_deg": [round(float(azimuth), 3) for azimuth in azimuths],
+            "after": averages_of(mean.slices).tolist(),
+        },
+        "errors": _error_facts(float(np.hypot(lost, _rounding(fit.basis, stored))), signal, fit.held_out),
+    }
+    return BakedMap(told, images, mean, products.averages, fit.curve.a_max, _sparse(directions)), tiling
+
+
+def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:
+    """RMS over the nodes that the storage of the coefficients loses."""
+    off = (stored.coefficients - basis.coefficients).reshape(-1, basis.rank)
+    nodes = basis.nodes().astype(np.float64)
+    products = (off.T @ off).astype(np.float64) / len(off)
+    return float(np.sqrt(max(np.einsum("ij,ij->", products, nodes @ nodes.T) / nodes.shape[1], 0.0)))
+
+
+def _sparse(directions: Any) -> list[str]:
+    """A warning where lights stand so far apart that shadows between them are those of both, each half as deep."""
+    apart = spacing(directions)
+    if apart <= _SPARSE:
+        return []
+    return [
+        f"lights stand {np.degrees(apart):.0f} degrees apart: between two of them both their shadows are seen, each "
+        "fainter, rather than one that moves; photograph more azimuths or elevations"
+    ]
+
+
+def _size_facts(shading_map: ShadingMap, images: dict[str, StoredImage]) -> dict[str, Json]:
+    count, height, width, _ = shading_map.slices.shape
+    return {
+        "slices": count,
+        "height": int(height),
+        "width": int(width),
+        "gutter": GUTTER,
+        "storage": str(next(iter(images.values())).storage),
+    }
+
+
+def _slice_warnings(made: Linearised) -> list[str]:
+    """Warnings where a highlight takes up the slices: most photographs then lie below the first of them."""
+    slices = len(made.map.slices)
+    below = int((made.averages < made.a_max / (slices - 1)).sum())
+    if 2 * below <= len(made.averages):
+        return []
+    wanted = int(min(np.ceil(made.a_max / max(float(np.median(made.averages)), 1e-30)) * 4, MAX_SLICES))
+    return [f"{below} of {len(made.averages)} photographs are darker than the first of {slices} slices; try {wanted}"]
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.square(values).mean(dtype=np.float64)))
+
+
+def _error_facts(storage: float, signal: float, held_out: list[dict[str, float]]) -> Facts:
+    return {
+        "storage_rms": storage,
+        "signal_rms": signal,
+        "held_out": held_out,
+        "held_out_rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in held_out]))) if held_out else None,
+        "held_out_relative": float(np.median([row["relative"] for row in held_out])) if held_out else None,
+    }

@@ -1,0 +1,158 @@
+"""A folder of maps as a plain material of Blender's Principled BSDF: textures, Normal Map, and height by choice.
+
+Every program that reads Blender's materials reads this one: node trees of just these nodes are what Blender's exporters
+of glTF and USD look for.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import bpy
+
+from ..bake.errors import BakeError, check_choice
+from ..bake.maps.folder import MapFile, MapsFolder
+from ..bake.maps.write import FULL_SPECULAR
+from . import compat
+from .data_image import movable_path
+from .material_tree import SWATCH_MAPPING, safe_name
+
+Relief = Literal["normal", "bump", "displacement"]
+"""What shows the relief: the Normal Map, the height as Bump, or the height as displacement."""
+RELIEFS: tuple[str, ...] = get_args(Relief)
+# The index of refraction at which an IOR Level of 1 is an F0 of 0.08.
+_IOR = 1.5
+_COLUMN, _ROW = 300, 290
+
+
+def build_principled(
+    maps: MapsFolder, *, relief: Relief = "normal", width: float = 1.0, pack: bool = False
+) -> bpy.types.Material:
+    """A new material of these maps.
+
+    Parameters
+    ----------
+    relief : "normal" by the Normal Map; "bump" by the height instead; "displacement" by the height, as displacement
+        and bump of what the mesh is too coarse for. Of each other they would count the relief twice
+    width : of the picture on the object, in Blender's units where it is not scaled: heights are parts of it
+    pack : keep the textures inside the .blend
+
+    Raises
+    ------
+    BakeError : a texture cannot be loaded, or `relief` or `width` make no sense
+    """
+    check_choice("relief", relief, RELIEFS)
+    if not 0 < width < 1e6:
+        raise BakeError("width", f"is {width:g}", "give the width of the swatch, a number above 0")
+    before = set(bpy.data.images)
+    material = compat.new_material(safe_name(maps.name))
+    try:
+        _Tree(material, maps, pack).build(relief, width)
+    except BaseException:
+        bpy.data.materials.remove(material)
+        bpy.data.batch_remove(set(bpy.data.images) - before)
+        raise
+    material.diffuse_color = (*(min(c, 1.0) for c in maps.mean_albedo), 1.0)
+    return material
+
+
+class _Tree:
+    """The nodes of a material, as they are made."""
+
+    def __init__(self, material: bpy.types.Material, maps: MapsFolder, pack: bool) -> None:
+        self._material, self._maps, self._pack = material, maps, pack
+        self._nodes, self._links = material.node_tree.nodes, material.node_tree.links
+        coordinates, self._mapping = self._node("UVMap", -5, 0), self._node("Mapping", -4, 0)
+        self._mapping.label = SWATCH_MAPPING
+        self._link(coordinates.outputs["UV"], self._mapping.inputs["Vector"])
+
+    def build(self, relief: Relief, width: float) -> None:
+        """All of it. Raises BakeError."""
+        output, closure = self._node("OutputMaterial", 1, 0), self._node("BsdfPrincipled", 0, 0)
+        self._link(closure.outputs[0], output.inputs["Surface"])
+        closure.inputs["IOR"].default_value = _IOR
+        closure.inputs["Metallic"].default_value = 0.0
+        self._link(self._texture("albedo", 0), closure.inputs["Base Color"])
+        self._link(self._texture("roughness", 1), closure.inputs["Roughness"])
+        self._link(self._level(self._texture("specular", 2)), closure.inputs["Specular IOR Level"])
+        if relief == "normal":
+            self._link(self._normal(), closure.inputs["Normal"])
+            return
+        height, about = self._texture("height", 3), self._maps.files["height"]
+        if relief == "bump":
+            bump = self._node("Bump", -1, 3)
+            bump.inputs["Distance"].default_value = about.number("scale") * width
+            self._link(height, bump.inputs["Height"])
+            self._link(bump.outputs["Normal"], closure.inputs["Normal"])
+            return
+        moved = self._node("Displacement", 0, 3)
+        moved.inputs["Midlevel"].default_value = about.number("midlevel")
+        moved.inputs["Scale"].default_value = about.number("scale") * width
+        self._link(height, moved.inputs["Height"])
+        self._link(moved.outputs["Displacement"], output.inputs["Displacement"])
+        self._material.displacement_method = "BOTH"
+
+    def _texture(self, name: str, row: int) -> bpy.types.NodeSocket:
+        """Colour of a map's texture. Raises BakeError."""
+        node = self._node("TexImage", -3, row)
+        node.image = _image(self._maps.files[name], f"{self._material.name} {name}", self._pack)
+        node.label = name.capitalize()
+        if name == "height":  # linear interpolation would show each texel as a facet
+            node.interpolation = "Cubic"
+        self._link(self._mapping.outputs["Vector"], node.inputs["Vector"])
+        return node.outputs["Color"]
+
+    def _level(self, specular: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """IOR Level of F0, which PNG holds so already."""
+        if not self._maps.files["specular"].exact:
+            return specular
+        scaled = self._node("Math", -1, 2)
+        scaled.operation = "DIVIDE"
+        scaled.inputs[1].default_value = FULL_SPECULAR
+        self._link(specular, scaled.inputs[0])
+        return scaled.outputs[0]
+
+    def _normal(self) -> bpy.types.NodeSocket:
+        normal = self._node("NormalMap", -1, 3)
+        colour = self._texture("normal", 3)
+        if not self._maps.green_up:
+            apart, turned, again = (self._node(kind, -2, 3 + k) for k, kind in enumerate(_TURNING))
+            turned.operation = "SUBTRACT"
+            turned.inputs[0].default_value = 1.0
+            self._link(colour, apart.inputs[0])
+            self._link(apart.outputs[1], turned.inputs[1])
+            for index in (0, 2):
+                self._link(apart.outputs[index], again.inputs[index])
+            self._link(turned.outputs[0], again.inputs[1])
+            colour = again.outputs[0]
+        self._link(colour, normal.inputs["Color"])
+        return normal.outputs["Normal"]
+
+    def _node(self, kind: str, column: float, row: float) -> Any:
+        node = self._nodes.new(f"ShaderNode{kind}")
+        node.location = column * _COLUMN, -row * _ROW
+        return node
+
+    def _link(self, output: Any, socket: Any) -> None:
+        self._links.new(output, socket)
+
+
+# Green that points down, turned: Blender's own Normal Map has it up.
+_TURNING = ("SeparateColor", "Math", "CombineColor")
+
+
+def _image(file: MapFile, name: str, pack: bool) -> bpy.types.Image:
+    """The map as Blender's image, in its own colour space. Raises BakeError."""
+    path = Path(file.path).absolute()
+    try:
+        image = bpy.data.images.load(str(path), check_existing=False)
+    except RuntimeError as error:
+        raise BakeError(path, "cannot be loaded by Blender", "bake the photographs again with bake maps") from error
+    image.name = name
+    if bpy.data.filepath and not pack:
+        image.filepath = movable_path(path)
+    image.colorspace_settings.name = file.color_space
+    if pack:
+        image.pack()
+    return image

@@ -1,0 +1,163 @@
+"""The fit of maps over azimuth: closed forms, a modelled relief with cast shadows, and photographs left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from measured_materials.bake.shading_maps.azimuth import azimuth_fit
+from measured_materials.bake.shading_maps.azimuth.against_arc import arc_error, foretells, surround
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import node_means
+from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, fit_azimuth
+from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
+from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack
+from measured_materials.bake.shading_maps.azimuth.light_weights import (
+    LightWeights,
+    convex_hull,
+    nearest_within,
+    spacing,
+    widest_gap,
+)
+from support.relief import bumps, lights, photographs
+
+DOME = lights((15, 35, 55, 75), 8)
+ELSEWHERE = lights((28, 46, 64), 5, zenith=False)
+
+
+def lambertian(directions: np.ndarray, slope: float = 0.15, size: int = 12) -> np.ndarray:
+    """n . l of leaning texels that no light of 15 degrees or more is behind; normals of the frame lean nowhere."""
+    rng = np.random.default_rng(3)
+    lean = rng.uniform(-slope, slope, (size, size, 2))
+    lean -= lean.mean((0, 1))
+    normals = np.concatenate([lean, np.ones((size, size, 1))], -1)
+    shade = np.einsum("hwk,nk->nhw", normals, directions)
+    return (shade[..., None] * [0.9, 0.7, 0.5]).astype(np.float32)
+
+
+def shown(fit: azimuth_fit.AzimuthFit, direction: np.ndarray) -> np.ndarray:
+    """The map as a light of this direction shows it, in the unit of the photographs."""
+    level = float(fit.curve.level(direction[2]))
+    return fit.curve.a_max * fit.basis.evaluate(level, float(np.arctan2(direction[1], direction[0])))
+
+
+def relative(found: np.ndarray, truth: np.ndarray) -> float:
+    return float(np.sqrt(np.square(found - truth).mean() / np.square(truth).mean()))
+
+
+def test_a_lambertian_relief_is_held_between_its_photographs() -> None:
+    fit = fit_azimuth(lambertian(DOME), DOME)
+    for direction, truth in zip(ELSEWHERE, lambertian(ELSEWHERE), strict=True):
+        assert relative(shown(fit, direction), truth) < 0.01
+    assert fit.basis.rank <= 4 and fit.error < 0.06
+    overhead = lambertian(np.array([[0.0, 0.0, 1.0]]))[0]
+    assert relative(shown(fit, np.array([0.0, 0.0, 1.0])), overhead) < 0.01
+
+
+def test_shadows_that_a_relief_casts_turn_with_the_light() -> None:
+    heights = bumps(32)
+    fit = fit_azimuth(photographs(heights, DOME), DOME)
+    found = [relative(shown(fit, d), t) for d, t in zip(ELSEWHERE, photographs(heights, ELSEWHERE), strict=True)]
+    stack = LightStack.of(photographs(heights, DOME), DOME)
+    assert max(found) < 0.35 and np.median(found) < 0.2
+    assert fit.error < 0.5 * arc_error(stack, 20)
+    assert foretells(stack, 20)
+    turned = [fit.basis.evaluate(0.4, phi) for phi in (0.0, np.pi)]
+    assert relative(turned[0], turned[1]) > 0.4
+
+
+def test_every_photograph_is_left_out_once_and_predicted_without_itself() -> None:
+    images = photographs(bumps(16), DOME)
+    stack = LightStack.of(images, DOME)
+    left = np.concatenate([part for _, part in stack.folds()])
+    assert sorted(left) == list(range(len(DOME)))
+    assert all(not set(kept) & set(part) for kept, part in stack.folds())
+    # A photograph that no other foretells shows in its own error, whatever it is.
+    strange = images.copy()
+    strange[5] = strange[5][::-1, ::-1]
+    doubtful = LightStack.of(strange, DOME)
+    shares = np.sqrt(azimuth_fit.left_out(doubtful, AzimuthChoice(1e-3, False)) / np.diag(doubtful.products))
+    assert shares[5] > 2 * np.median(shares)
+
+
+def test_errors_by_products_are_those_of_the_pixels() -> None:
+    images = photographs(bumps(16), DOME)
+    stack = LightStack.of(images, DOME)
+    nodes = Nodes.of(stack, AzimuthChoice(1e-3, False))
+    curves, mixed, lost = nodes.reduced(stack, 6)
+    weights = nodes.predicted(curves, mixed, ELSEWHERE)
+    flat = images.reshape(len(images), -1).astype(np.float64)
+    wanted = np.arange(len(ELSEWHERE))
+    direct = np.square(weights @ flat - flat[wanted]).mean(1)
+    assert np.allclose(stack.errors(weights, wanted, np.arange(len(images))), direct, rtol=1e-5)
+    whole, reduced = nodes.weights @ flat, curves[:, :, 1:].reshape(6, -1).T @ (mixed @ flat)
+    assert np.isclose(lost, np.sqrt(np.square(whole - reduced).mean()), rtol=1e-4)
+    assert np.allclose(stack.averages, flat.mean(1), rtol=1e-5)
+
+
+@pytest.mark.parametrize("even", [False, True])
+def test_means_are_the_levels(even: bool) -> None:
+    leaning = photographs(bumps(16), DOME) * (1 + 0.4 * DOME[:, 0])[:, None, None, None].astype(np.float32)
+    stack = LightStack.of(leaning, DOME)
+    nodes = Nodes.of(stack, AzimuthChoice(1e-3, even))
+    means = (nodes.weights @ stack.averages).reshape(nodes.azimuths, -1)
+    levels = np.arange(1, nodes.levels) / (nodes.levels - 1)
+    assert np.allclose(means.mean(0), levels, rtol=1e-6)
+    apart = np.ptp(means[:, 12]) / levels[12]
+    assert apart < 1e-6 if even else apart > 0.4
+
+
+def test_a_fitted_map_has_its_levels_for_means_and_one_look_at_the_zenith() -> None:
+    fit = fit_azimuth(photographs(bumps(24), DOME), DOME, rank=5)
+    levels = np.arange(1, azimuth_fit.LEVELS) / (azimuth_fit.LEVELS - 1)
+    assert np.abs(node_means(fit.basis).mean(0) / levels - 1).max() < 1e-4
+    assert fit.basis.rank == 5 and not fit.basis.curves[:, :, 0].any()
+    assert np.ptp(fit.basis.curves[:, :, -1], axis=1).max() < 1e-6
+
+
+def test_brightness_that_goes_with_azimuth_is_kept_and_uneven_lamps_are_not() -> None:
+    images = lambertian(DOME)
+    leaning = images * (1 + 0.4 * DOME[:, 0])[:, None, None, None].astype(np.float32)
+    assert not azimuth_fit.chosen(LightStack.of(leaning, DOME)).even
+    lamps = np.exp(np.random.default_rng(0).normal(0, 0.4, len(DOME)))[:, None, None, None].astype(np.float32)
+    assert azimuth_fit.chosen(LightStack.of(images * lamps, DOME)).even
+
+
+def test_lights_of_one_elevation_and_beyond_the_outermost() -> None:
+    ring = lights((45,), 8, zenith=False)
+    fit = fit_azimuth(lambertian(ring), ring)
+    overhead = lambertian(np.array([[0.0, 0.0, 1.0]]))[0]
+    assert relative(shown(fit, np.array([0.0, 0.0, 1.0])), overhead) < 0.05
+    # Lower than any light the swatch darkens, and looks as under the lowest.
+    low, rim = (fit.basis.evaluate(x, 0.0) for x in (0.15, 0.6))
+    assert relative(low / low.mean(), rim / rim.mean()) < 0.05
+
+
+def test_weights_sum_to_one_and_hold_what_is_linear() -> None:
+    weights = LightWeights(DOME, 1e-4)
+    places = ELSEWHERE[:, :2]
+    found = weights(places)
+    assert np.allclose(found.sum(1), 1) and np.allclose(found @ DOME, ELSEWHERE, atol=1e-9)
+    assert np.allclose(LightWeights(DOME, 0.0)(DOME[:, :2]), np.eye(len(DOME)), atol=1e-6)
+
+
+def test_places_outside_of_the_lights_move_to_the_nearest_on_their_rim() -> None:
+    hull = convex_hull(np.array([[0, 0], [2, 0], [2, 1], [0, 1], [1, 0.5], [1, 0]], float))
+    assert len(hull) == 4
+    moved = nearest_within(hull, np.array([[1, 0.5], [3, 0.5], [-1, -1], [1, 4]], float))
+    assert np.allclose(moved, [[1, 0.5], [2, 0.5], [0, 0], [1, 1]])
+
+
+def test_levels_rise_with_the_cosine() -> None:
+    cosines, averages = np.array([0.2, 0.5, 0.4, 0.8]), np.array([0.1, 0.3, 0.32, 0.6])
+    curve = LevelCurve.of(cosines, averages)
+    assert np.isclose(curve.a_max, 0.75) and np.isclose(curve.level(np.array(1.0)), 1)
+    x = np.linspace(0, 1, 50)
+    assert (np.diff(curve.level(x)) > 0).all() and np.allclose(curve.cosine(curve.level(x)), x, atol=1e-4)
+    assert np.isclose(curve.level(np.array(0.45)), 0.31 / 0.75, rtol=1e-3)
+    assert np.isclose(curve.level(np.array(0.1)), 0.05 / 0.75, rtol=1e-3)
+
+
+def test_which_lights_surround_a_swatch() -> None:
+    assert surround(lights((45,), 4)) and surround(lights((30, 60), 3)) and surround(DOME)
+    assert not surround(None) and not surround(lights((45,), 2)) and not surround(DOME[DOME[:, 0] > -0.1])
+    assert np.isclose(widest_gap(lights((45,), 4)), np.pi / 2)
+    assert np.isclose(spacing(lights((45,), 4, zenith=False)), np.arccos(0.5))
