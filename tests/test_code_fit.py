@@ -17,7 +17,7 @@ from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from measured_materials.bake.tables.grids.parameterization import LogWarp
 from measured_materials.bake.tables.log_codes import LogCodes
-from measured_materials.bake.tables.search.coded_grid import CodedErrors, coded_estimate, coded_grid
+from measured_materials.bake.tables.search.coded_grid import CodedErrors, coded_estimate, coded_grid, traded
 from measured_materials.bake.tables.stored_table import StoredTable, store_table
 from measured_materials.bake.tables.table import Filter, Table, tabulate
 
@@ -155,3 +155,18 @@ def test_a_grid_for_codes_is_better_for_codes() -> None:
     assert coded_grid(GGX, plain, 8) is plain
     brushed = AnisotropicHalfGrid((4, 4, 8, 8))
     assert coded_grid(Ggx(alpha=0.1, alpha_y=0.4), brushed, 8) is brushed
+
+
+def test_samples_are_given_to_the_axis_that_needs_them() -> None:
+    """Of about as many samples in all, wherever it starts; and never fewer than four of an axis."""
+    wanted = np.log([40.0, 50.0, 20.0])
+
+    def measure(grid: HalfVectorGrid) -> float:
+        return 0.01 + float(np.abs(np.log(grid.sizes) - wanted).max())
+
+    for sizes in ((64, 32, 20), (20, 20, 100), (100, 100, 4)):
+        found = traded(HalfVectorGrid(sizes), measure)
+        assert 0.8 < np.prod(found.sizes) / np.prod(sizes) < 1.25
+        assert measure(found) < 0.25
+    small = HalfVectorGrid((4, 5, 4))
+    assert traded(small, measure) == small

@@ -24,6 +24,7 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources.analytic import Ggx, Lambert
 from measured_materials.bake.tables.accuracy import direction_pairs
 from measured_materials.bake.tables.atlas import AtlasLayout
+from measured_materials.bake.tables.filter_choice import FilterChoice
 from measured_materials.bake.tables.grids.half_vector_grid import HalfVectorGrid
 from measured_materials.bake.tables.grids.normal_vector_grid import NormalVectorGrid
 from measured_materials.bake.tables.grids.parameterization import LogWarp
@@ -35,8 +36,8 @@ from measured_materials.bake.tables.search.byte_limit import (
     least_grid,
     resolution_for,
 )
-from measured_materials.bake.tables.stored_table import store_table
-from measured_materials.bake.tables.table import tabulate
+from measured_materials.bake.tables.stored_table import StoredTable, store_table
+from measured_materials.bake.tables.table import Table, tabulate
 from support.coarse_bakes import coarse_bakes
 
 GGX = Ggx(alpha=0.15, f0=(0.9, 0.6, 0.3), diffuse=(0.2, 0.1, 0.05))
@@ -73,6 +74,33 @@ def test_a_table_that_takes_more_than_expected_is_made_again(monkeypatch: pytest
     monkeypatch.setattr(part_bake, "file_bytes", lambda kept: 5000 - (kept.table.grid == least))
     with pytest.raises(BakeError, match="no table within 1200 bytes: the smallest takes 4999"):
         bake.tabulate(GRID)
+
+
+@pytest.mark.parametrize("best", [0, 1])
+def test_a_table_that_leaves_room_is_made_again_and_the_better_kept(best: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the filter and the reason that belong to it, whichever came last."""
+    rooms: list[float] = []
+
+    def found(source: object, grid: HalfVectorGrid, room: float, pairs: object, truth: object) -> HalfVectorGrid:
+        rooms.append(room)
+        return replace(grid, sizes=(4, 4, 4 + len(rooms)))
+
+    def made(bake: PartBake, grid: HalfVectorGrid) -> part_bake._Tabulated:
+        bake.filter, weighed = ("bspline", "trilinear")[len(rooms) - 1], FilterChoice("bspline", {}, str(len(rooms)))
+        error = 0.1 + (len(rooms) - 1 != best)
+        values = np.full((*grid.shape, 3), error, np.float32)
+        table = Table(grid, values, filter=bake.filter)
+        return part_bake._Tabulated(StoredTable(table, Storage.FLOAT32), "none", 1.0, weighed)
+
+    monkeypatch.setattr(part_bake, "grid_within", found)
+    monkeypatch.setattr(PartBake, "_tabulated", made)
+    monkeypatch.setattr(part_bake, "file_bytes", lambda kept: (1000, 1190)[kept.table.grid.shape[2] - 5])
+    bake = PartBake(Lambert(), BakeSettings(storage=Storage.LOG, table_bytes=1200), lambda stage, share: None, 512)
+    kept = bake.tabulate(GRID).kept
+    assert len(rooms) == 2 and rooms[1] == pytest.approx(min(rooms[0] * 0.99 * 1.2, 1200))
+    assert kept.table.grid.shape[2] == 5 + best
+    assert bake.filter == kept.table.filter == ("bspline", "trilinear")[best]
+    assert bake.weighed is not None and bake.weighed.why == str(best + 1)
 
 
 @pytest.mark.slow

@@ -33,8 +33,9 @@ from .samplers import Layout, isotropic_layout, kind_of_layout, layout_facts
 from .settings import BakeSettings
 
 _SMALL_SAMPLER = 16
-# Fitted codes take up to a tenth more room than those of the samples. A table that takes even more is made again.
-_FITTED, _REFITS = 1.08, 4
+# Fitted codes take up to a tenth more room than those of the samples. A table that takes even more, or leaves more than
+# this share, is made again.
+_FITTED, _REFITS, _FILLED = 1.08, 4, 0.97
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,13 @@ class _Tabulated:
 
     spline : what its values are: "plain" or "fitted" coefficients, or "none"; "none" of a residual
     total_intensity : of the table as tabulated
+    weighed : why it has its filter, where that is left to the bake
     """
 
     kept: StoredTable
     spline: str
     total_intensity: float
+    weighed: FilterChoice | None = None
 
 
 class PartBake:
@@ -154,7 +157,10 @@ class PartBake:
 
         Raises BakeError where the storage cannot hold them.
         """
-        return self._within_bytes(self.source, self.truth, grid, self._tabulated)
+        made = self._within_bytes(self.source, self.truth, grid, self._tabulated)
+        # Of several that were tried this need not be the last.
+        self.filter, self.weighed = made.kept.table.filter, made.weighed
+        return made
 
     def _within_bytes(
         self, source: BrdfSource, truth: Array, grid: Grid, make: Callable[[Grid], _Tabulated]
@@ -164,12 +170,23 @@ class PartBake:
         if most is None:
             return make(grid)
         room = most / _FITTED
+        fitting: list[_Tabulated] = []
+        tried: set[Grid] = set()
         for _ in range(_REFITS):
             grid = grid_within(source, grid, room, self.pairs, truth)
+            if grid in tried:
+                break
+            tried.add(grid)
             made = make(grid)
-            if (size := file_bytes(made.kept)) <= most:
-                return made
-            room *= 0.99 * most / size
+            size = file_bytes(made.kept)
+            if size <= most:
+                fitting.append(made)
+                if size >= _FILLED * most:
+                    break
+            # More than this is needed only where texels take next to nothing, and serve nothing.
+            room = min(room * 0.99 * most / size, most)
+        if fitting:
+            return min(fitting, key=lambda made: self.pairs.rms(self._seen(made) - truth))
         made = make(least_grid(grid))
         if (size := file_bytes(made.kept)) > most:
             raise BakeError(source.name, f"has no table within {most} bytes: the smallest takes {size}", "allow more")
@@ -182,7 +199,7 @@ class PartBake:
             self.weighed, found = self._weighed(table)
             self.filter = self.weighed.filter
         kept, spline = found.get(self.filter) or self._kept(table)
-        return _Tabulated(kept, spline, table.total_intensity)
+        return _Tabulated(kept, spline, table.total_intensity, self.weighed)
 
     def _weighed(self, table: Table) -> tuple[FilterChoice, dict[str, tuple[StoredTable, str]]]:
         """Which filter serves the table, where it is read as a whole, and as `_kept` what was weighed."""
@@ -269,6 +286,9 @@ class PartBake:
             # it.
             "table_albedo": reflection.table_albedo(table),
         }
+
+    def _seen(self, made: _Tabulated) -> Array:
+        return made.kept.table.evaluate(self.pairs.wi, self.pairs.wo)
 
     def _errors(self, table: Table, filter: Filter) -> Mapping[str, float]:
         return table_errors(table, filter, self.pairs, self.truth)

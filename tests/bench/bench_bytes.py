@@ -193,14 +193,14 @@ def show_bundles(source: BrdfSource, quick: bool) -> None:
         with tempfile.TemporaryDirectory() as folder:
             settings = BakeSettings(resolution=n, storage=Storage(storage), sampler=sampler)
             bundle = read_bundle(bake_source(source, Path(folder) / "bundle", settings).path)
-            sizes = {file.stem: file.stat().st_size / 1024 for file in bundle.path.iterdir()}
+            whole = sum(file.stat().st_size for file in bundle.path.iterdir()) / 1024
+            images = ("table", "residual", "sampler", "residual_sampler")
+            sizes = {image: bundle.image_path(image).stat().st_size / 1024 for image in images}
             parts = [sizes["table"], sizes["residual"], sizes["sampler"] + sizes["residual_sampler"]]
             cells = f"{sampler.n_o} x {sampler.n_h} x {sampler.n_phi}"
-            numbers = "".join(
-                f"{part:10.1f}" for part in (*parts, sum(sizes.values()) - sum(parts), sum(sizes.values()))
-            )
-            put(f"bundle KiB, {n} {storage} {sampler.n_h}", sum(sizes.values()))
-            put(f"bundle MiB, {n} {storage} {sampler.n_h}", sum(sizes.values()) / 1024)
+            numbers = "".join(f"{part:10.1f}" for part in (*parts, whole - sum(parts), whole))
+            put(f"bundle KiB, {n} {storage} {sampler.n_h}", whole)
+            put(f"bundle MiB, {n} {storage} {sampler.n_h}", whole / 1024)
             put(f"bundle noise, {n} {storage} {sampler.n_h}", noise(bundle))
             errors = bundle.material["residual"]["errors"]["envelope_and_residual"]
             print(f"{n:14d}{storage:>14s}{cells:>14s}{numbers}{100 * errors['relative']:8.2f} %{noise(bundle):10.2f}")

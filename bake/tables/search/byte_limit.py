@@ -21,11 +21,10 @@ from ..grids.half_vector_grid import MAX_SAMPLES, HalfVectorGrid
 from ..grids.normal_vector_grid import MAX_RESOLUTION
 from ..stored_table import StoredTable, store_table
 from ..table import tabulate
-from .coded_grid import CodedErrors
+from .coded_grid import LEAST_SAMPLES, CodedErrors
 
 # Well below the second, half floats err less at the same size: codes of 8 bits are rounded (`./run bench bytes`).
 LEAST_BYTES, MOST_BYTES = 1024, 1 << 20
-_LEAST = 4  # samples of an axis
 # What does not vary is compressed without end, and more samples of it serve nothing. (GGX of alpha 0.15 has five texels
 # in each byte of 390 kB.)
 _TEXELS_OF_BYTE = 16
@@ -37,7 +36,7 @@ _TRIES, _SPENT, _STEP = 8, 3, 1.03
 
 def resolution_for(most_bytes: int) -> int:
     """N of a table of codes of about so many bytes."""
-    return int(np.clip(round(8 * (most_bytes / _BYTES_OF_8) ** _POWER_OF_N), _LEAST, MAX_RESOLUTION))
+    return int(np.clip(round(8 * (most_bytes / _BYTES_OF_8) ** _POWER_OF_N), LEAST_SAMPLES, MAX_RESOLUTION))
 
 
 def file_bytes(kept: StoredTable) -> int:
@@ -65,7 +64,7 @@ def grid_within(source: BrdfSource, grid: Any, most_bytes: float, pairs: Directi
 
     best = least = least_grid(grid)
     most_texels = max(most_bytes * _TEXELS_OF_BYTE, np.prod(least.shape))
-    widest = MAX_SAMPLES / _LEAST
+    widest = MAX_SAMPLES / LEAST_SAMPLES
     while not _is_held(largest := _scaled(grid, widest), most_texels):
         widest /= _STEP
     scale = min(1.0, widest)
@@ -111,8 +110,8 @@ def _is_held(grid: Any, most_texels: float) -> bool:
 def _scaled(grid: Any, scale: float) -> Any:
     """With each axis so many times as long, within what it may have."""
     if not isinstance(grid, HalfVectorGrid):
-        return replace(grid, n=int(np.clip(round(grid.n * scale), _LEAST, MAX_RESOLUTION)))
-    sizes = tuple(int(np.clip(round(n * scale), _LEAST, MAX_SAMPLES)) for n in grid.sizes)
+        return replace(grid, n=int(np.clip(round(grid.n * scale), LEAST_SAMPLES, MAX_RESOLUTION)))
+    sizes = tuple(int(np.clip(round(n * scale), LEAST_SAMPLES, MAX_SAMPLES)) for n in grid.sizes)
     return replace(grid, sizes=sizes)  # type: ignore[arg-type]
 
 

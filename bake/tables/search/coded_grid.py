@@ -6,8 +6,10 @@ more where the codes bend than the grid that serves values best; on coarse table
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from ... import xp_numpy
 from ...source import Array, BrdfSource
 from ..accuracy import DirectionPairs, corner_samples, direction_pairs
 from ..grids.grid import Grid
-from ..grids.half_vector_grid import HalfVectorGrid
+from ..grids.half_vector_grid import MAX_SAMPLES, HalfVectorGrid
 from ..log_codes import LEAST_PEAK
 from .grid_fit import fit_warps
 from .isotropic_search import half_sizes, with_cosine_powers
@@ -26,6 +28,10 @@ _PAIRS, _JUDGING = 8192, 16384
 # Codes bend less across a peak, and leave more samples for the other two axes, or the reverse.
 _SPLITS = ((1.5, 0.5), (1.5, 1.0), (3.0, 0.25), (3.0, 0.5), (6.0, 0.25), (8.0, 0.25))
 _RANGES = (4.0, 6.0, 8.0, 10.0, 12.0, 14.0)
+LEAST_SAMPLES = 4  # of an axis
+# By how much one axis grows and another shrinks, and how often at most: a material whose samples lie in other
+# proportions than those above (cc_green_malachite: 2 : 2.6 : 0.8) errs a fifth less by it.
+_TRADED, _TRADES, _WORTH = (1.5, 1.25), 8, 0.99
 
 
 @dataclass
@@ -87,7 +93,27 @@ def coded_grid(source: BrdfSource, grid: Any, n: int) -> Any:
     candidates = [grid, start, fitted]
     if isinstance(grid, HalfVectorGrid):
         sized = min((replace(fitted, sizes=sizes) for sizes in half_sizes(n, grid.reciprocal, _SPLITS)), key=measure)
-        candidates += [sized, fit_warps(sized, measure)]
+        candidates += [sized, traded(fit_warps(sized, measure), measure)]
     judging = direction_pairs(_JUDGING, 0.625)
     judge = CodedErrors(source, judging, source.evaluate(judging.wi, judging.wo), measure.range_)
     return min(candidates, key=judge)
+
+
+def traded(grid: HalfVectorGrid, measure: Callable[[HalfVectorGrid], float]) -> HalfVectorGrid:
+    """The grid with about as many samples, of which one axis gives another some as long as that errs less."""
+    for step in _TRADED:
+        for _ in range(_TRADES):
+            best = min((_trade(grid, *axes, step) for axes in itertools.permutations(range(3), 2)), key=measure)
+            if measure(best) > _WORTH * measure(grid):
+                break
+            grid = best
+    return grid
+
+
+def _trade(grid: HalfVectorGrid, gains: int, loses: int, step: float) -> HalfVectorGrid:
+    """The same grid where an axis is as long or as short as it may be."""
+    sizes = list(grid.sizes)
+    sizes[gains], sizes[loses] = round(sizes[gains] * step), round(sizes[loses] / step)
+    if sizes[gains] > MAX_SAMPLES or sizes[loses] < LEAST_SAMPLES:
+        return grid
+    return replace(grid, sizes=cast(tuple[int, int, int], tuple(sizes)))
