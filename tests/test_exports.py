@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import bpy
 import measured_materials
 import numpy as np
 import pytest
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.preview_sphere import to_srgb
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
@@ -29,13 +31,14 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from PIL import Image
 from support.coarse_bakes import coarse  # noqa: F401
 from support.imports import datablocks
-from support.known_maps import ROUGHNESS, write_folder
+from support.known_maps import ROUGHNESS, relief, write_folder
 from support.swatches import map_bundle, rough_map
 
 # Of fits that are not looked at, and of closures for some.
 SETTINGS = BakeSettings(8, "squared", basis="half")
 PLAIN = BakeSettings(8, basis="normal", parameterization="uniform", envelope=False)
 RED = (0.5, 0.1, 0.05)
+F0 = 0.03
 SOURCES = {
     "matte": analytic.Lambert(RED),
     "lacquer": analytic.Ward(diffuse=RED, specular=(0.05, 0.05, 0.05), alpha=0.2),
@@ -201,18 +204,28 @@ def test_engines_do_not_look_at_it(bundles: Bundles) -> None:
         assert tree.get_output_node(engine).inputs["Surface"].links[0].from_node.bl_idname == "ShaderNodeGroup"
 
 
-def test_maps_go_along(tmp_path: Path) -> None:
-    """The plain material of maps keeps its textures in both: colour, roughness and normals."""
-    tile(build_principled(read_maps_folder(write_folder(tmp_path / "maps"))))
+@pytest.mark.parametrize("kind", ["png16", "exr"])
+def test_maps_go_along(tmp_path: Path, kind: str) -> None:
+    """The plain material of maps keeps its textures in both: colour, roughness and normals; in glTF specular too."""
+    tile(build_principled(read_maps_folder(write_folder(tmp_path / "maps", kind=kind, gloss=F0))))
     path = tmp_path / "tile.gltf"
     bpy.ops.export_scene.gltf(filepath=str(path), export_format="GLTF_SEPARATE", use_selection=True)
     document = json.loads(path.read_text())
     (material,) = document["materials"]
     pbr = material["pbrMetallicRoughness"]
     assert {"baseColorTexture", "metallicRoughnessTexture"} <= pbr.keys() and "normalTexture" in material
-    assert "KHR_materials_specular" in material["extensions"]
-    with Image.open(tmp_path / document["images"][_image(document, pbr["metallicRoughnessTexture"])]["uri"]) as opened:
-        assert np.array(opened)[..., 1].mean() == pytest.approx(255 * ROUGHNESS, abs=1)
+    assert _pixels(path, document, pbr["metallicRoughnessTexture"])[..., 1].mean() == pytest.approx(ROUGHNESS, abs=0.004)
+    specular = material["extensions"]["KHR_materials_specular"]
+    share = specular.get("specularFactor", 1) * _pixels(path, document, specular["specularTexture"])[..., 3].mean()
+    # As the extension has it, at an index of 1.5; half a step of eight bits is half a percent of F0 in PNG, 7 in EXR.
+    seen = 0.04 * share * np.array(specular["specularColorFactor"])
+    np.testing.assert_allclose(seen, F0, rtol=0.08 if kind == "exr" else 0.01)
+    _, normals, albedo = relief()
+    found = 2 * _pixels(path, document, material["normalTexture"])[..., :3] - 1
+    np.testing.assert_allclose(found, normals, atol=0.01)
+    if kind != "exr":  # of which the exporter takes linear numbers for sRGB: on the page
+        colour = _pixels(path, document, pbr["baseColorTexture"])[..., :3]
+        np.testing.assert_allclose(to_srgb(albedo), colour, atol=0.01)
     bpy.ops.wm.usd_export(filepath=str(tmp_path / "tile.usda"), selected_objects_only=True)
     text = (tmp_path / "tile.usda").read_text()
     for name in ("diffuseColor", "roughness", "normal"):
@@ -220,5 +233,9 @@ def test_maps_go_along(tmp_path: Path) -> None:
     assert text.count('info:id = "UsdUVTexture"') >= 3
 
 
-def _image(document: dict[str, Any], texture: dict[str, int]) -> int:
-    return int(document["textures"][texture["index"]]["source"])
+def _pixels(path: Path, document: dict[str, Any], texture: dict[str, int]) -> np.ndarray:
+    """Of a texture's file, in [0, 1]."""
+    image = document["images"][document["textures"][texture["index"]]["source"]]
+    with Image.open(path.parent / unquote(image["uri"])) as opened:
+        values = np.array(opened)
+    return values / np.iinfo(values.dtype).max

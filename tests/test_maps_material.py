@@ -118,6 +118,9 @@ def test_a_folder_that_is_none_is_refused(tmp_path: Path) -> None:
     before = datablocks()
     with pytest.raises(BakeError, match="width: is 0"):
         build_principled(read_maps_folder(folder), width=0)
+    for pack in (False, True):
+        with pytest.raises(BakeError, match=r"other\.png: cannot be loaded by Blender"):
+            build_principled(read_maps_folder(folder), pack=pack)
     del facts["program"]
     (folder / "maps.json").write_text(json.dumps(facts))
     with pytest.raises(BakeError, match="is not of bake maps"):
@@ -138,7 +141,11 @@ def test_a_blend_of_its_own(stack: Path, tmp_path: Path, capsys: pytest.CaptureF
     arguments = ["bake", "maps", str(stack), "--out", str(tmp_path / "out"), "--blend", str(blend), "--repeats"]
     assert main([*arguments[:5], "--width", "2"]) == 2
     assert "--relief, --width and --pack" in capsys.readouterr().err
-    (tmp_path / "out").mkdir()
+    for wrong in ("0", "2e6"):
+        assert main([*arguments, "--width", wrong]) == 2
+        assert "above 0 and below 1e+06" in capsys.readouterr().err
+    elsewhere = tmp_path / "none" / "relief.blend"
+    assert main([*arguments[:5], "--blend", str(elsewhere)]) == 1 and "is not a folder" in capsys.readouterr().err
     assert main([*arguments, "--relief", "bump", "--width", "0.3"]) == 0
     assert datablocks() == known and "relief.blend: relief" in capsys.readouterr().out
     assert main(arguments) == 1 and "is there already" in capsys.readouterr().err

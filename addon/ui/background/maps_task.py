@@ -10,8 +10,9 @@ import bpy
 
 from ....bake.bundle.result import BakeResult
 from ....bake.maps.folder import read_maps_folder
+from ....bake.maps.relief import Relief
 from ....nodes.portions import found
-from ....nodes.principled_maps import Relief, build_principled
+from ....nodes.principled_maps import build_principled
 from ...baking.request import BakeRequest
 from ...material.bake_material import assign, free_bundle
 from .tasks import BakeTask
