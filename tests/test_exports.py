@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import unquote
 
@@ -14,6 +15,7 @@ import bpy
 import measured_materials
 import numpy as np
 import pytest
+from measured_materials.addon.exports.gltf import without_glow
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.preview_sphere import to_srgb
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -24,7 +26,7 @@ from measured_materials.bake.maps.folder import read_maps_folder
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
-from measured_materials.nodes.exported_look import look_of
+from measured_materials.nodes.exported_look import exported_closure, look_of
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.principled_maps import build_principled
 from measured_materials.nodes.shading_map_material import build_shading_map
@@ -195,6 +197,62 @@ def test_an_artist_has_the_last_word(bundles: Bundles) -> None:
     nodes.remove(shown)
     build_material(bundles("matte"), material, mode="preview")
     assert not any("Base Color" in node.inputs for node in nodes)
+
+
+def active(material: bpy.types.Material) -> str:
+    """Label of the output that Blender's own operators, and glTF's exporter, take."""
+    return next(n.label for n in material.node_tree.nodes if getattr(n, "is_active_output", False))
+
+
+def test_the_active_output_is_as_it_was(bundles: Bundles, tmp_path: Path) -> None:
+    """After an export, and after one that failed when the file is saved, or with the next export."""
+    measured_materials.register()
+    try:
+        material = build_material(bundles("matte"), mode="preview")
+        before = active(material)
+        assert before != "For exports"
+        tile(material)
+        in_gltf(tmp_path)
+        assert active(material) == before
+        (tmp_path / "file").write_text("")
+        for restore in (
+            lambda: in_gltf(tmp_path),
+            lambda: bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tile.blend"), copy=True),
+        ):
+            with pytest.raises(RuntimeError):
+                bpy.ops.export_scene.gltf(filepath=str(tmp_path / "file" / "tile.gltf"), export_format="GLTF_SEPARATE")
+            assert active(material) == "For exports"
+            restore()
+            assert active(material) == before
+    finally:
+        measured_materials.unregister()
+
+
+def test_nothing_glows_but_what_an_artist_lets_glow(bundles: Bundles) -> None:
+    """Of what an exporter took from the group's Emission nodes nothing is left; the material's own light stays."""
+    material = build_material(bundles("matte"), mode="preview")
+    lit = {"emissive_factor": [1, 1, 1], "emissive_texture": "map", "extensions": {"KHR_materials_emissive_strength": 2}}
+    written = SimpleNamespace(**lit)
+    without_glow(written, material)
+    assert vars(written) == {"emissive_factor": None, "emissive_texture": None, "extensions": {}}
+    exported_closure(material.node_tree).inputs["Emission Strength"].default_value = 1
+    lit["extensions"] = {"KHR_materials_emissive_strength": 2}
+    without_glow(glowing := SimpleNamespace(**lit), material)
+    assert vars(glowing) == lit
+
+
+def test_a_linked_material_keeps_its_colour(bundles: Bundles, tmp_path: Path) -> None:
+    """As an asset library gives it; in memory it is as before."""
+    made = build_material(bundles("matte"), mode="preview")
+    bpy.data.libraries.write(str(tmp_path / "matte.blend"), {made}, fake_user=True)
+    with bpy.data.libraries.load(str(tmp_path / "matte.blend"), link=True) as (there, wanted):
+        wanted.materials = list(there.materials)
+    (linked,) = wanted.materials
+    before = active(linked)
+    tile(linked)
+    expected = BrdfRecord.read(bundles("matte")).albedo.under_sky
+    np.testing.assert_allclose(in_gltf(tmp_path)["colour"], expected, atol=1e-4)
+    assert active(linked) == before != "For exports"
 
 
 def test_engines_do_not_look_at_it(bundles: Bundles) -> None:
