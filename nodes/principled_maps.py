@@ -1,8 +1,8 @@
 """A folder of maps as a plain material of Blender's Principled BSDF: textures, Normal Map, and height by choice.
 
-Blender's exporters of glTF and USD find textures by following links, and of nodes on the way know few: Normal Map, Separate
-Color, and multiplication by a constant. So what `bake maps` makes by default goes along whole. Green that points down is not
-turned for them, of height, as bump or displacement, neither writes anything, and glTF's takes linear albedo for sRGB.
+Blender's exporters of glTF and USD find textures by following links, and know few nodes on the way: Normal Map,
+Separate Color, and multiplication by a constant. So what `bake maps` makes by default goes along whole. Green that
+points down is not turned for them, neither writes anything of heights, and glTF's takes linear albedo for sRGB.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .material_tree import SWATCH_MAPPING, safe_name
 
 # The index of refraction at which an IOR Level of 1 is an F0 of 0.08.
 _IOR = 1.5
-# In place of 1: Blender's exporter doubles IOR Level, to make it glTF's specular, by a factor that is not 1 or not at all.
+# In place of 1: Blender's exporter doubles IOR Level to make it glTF's specular, but only where a factor is not 1.
 _NEARLY_ONE = 0.9999
 _COLUMN, _ROW = 300, 290
 
@@ -104,7 +104,7 @@ class _Tree:
         return node.outputs["Color"]
 
     def _level(self, specular: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """IOR Level of F0, which PNG holds so already; of the colour's red, as glTF's exporter would else take alpha."""
+        """IOR Level of F0, which PNG holds so already; by its red, since glTF's exporter takes alpha else."""
         apart, scaled = self._node("SeparateColor", -2, 2), self._node("Math", -1, 2)
         scaled.operation = "MULTIPLY"
         scaled.inputs[1].default_value = 1 / FULL_SPECULAR if self._maps.files["specular"].exact else _NEARLY_ONE

@@ -1,9 +1,9 @@
 """glTF of measured materials, by what Blender's exporter asks of extensions while it writes a file.
 
 The exporter follows the material's active output alone. While it runs that is the one of `nodes.exported_look`; before
-and after it is the one that the engine shows, to which Blender's own operators link a node that is looked at. Of an export
-that fails Blender does not tell: the former output is then active again when a file is saved or loaded, or with the next
-export. Materials of a linked library are treated alike, in memory.
+and after it is the one that the engine shows, to which Blender's own operators link a node that is looked at. Blender
+does not tell of an export that fails: then the former output is active again when a file is saved or loaded, or with
+the next export. Materials of a linked library are treated alike, in memory.
 """
 
 from __future__ import annotations
