@@ -80,7 +80,7 @@ def test_no_sphere_is_an_error_of_its_own(sphere: tuple[float, float, float], ca
 
 def test_noise_and_defects_of_the_sensor_are_no_highlights() -> None:
     """In a dark room, where the lamp was off or the circle lies beside its sphere; and beside a highlight."""
-    x, y, radius = SPHERES[0]
+    x, y, _ = SPHERES[0]
     for value in (1, 4, 255):
         black = np.zeros((SIZE, SIZE, 3), np.uint8)
         black[int(y) + 9, int(x) - 12] = value
@@ -122,7 +122,7 @@ def found_in(folder: Path) -> tuple[list[Path], list[PhotoInfo]]:
 
 def test_spheres_that_are_none_are_refused_in_a_line() -> None:
     for wrong in (5, None, "1,2,30", (62.3, 60.7, 55.0)):
-        with pytest.raises(BakeError, match="photograph settings: (a sphere|spheres) is"):
+        with pytest.raises(BakeError, match=r"photograph settings: (a sphere|spheres) is"):
             StackSettings(spheres=wrong)  # type: ignore[arg-type]
 
 

@@ -45,15 +45,15 @@ class Lights:
 
 
 def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behind: bool = False) -> Lights:
-    """Directions of photographs from a lights file, else from the file names.
+    """Directions of photographs from a lights file, else from the file names, else from a list above their folder.
 
     Photographs without a light, or with one below the horizon, are left out with a warning. With `whole_folder`
     lights without a photograph are reported as well. Lights `behind` the swatch are mirrored in it, where they are not
     told so already. Raises BakeError.
     """
-    file, told = given or _in_folder(paths), []
-    if file is None and (file := _of_any_name(paths)) is not None:
-        told = [f"the lights are those of {file.name}, which lists these photographs"]
+    file, told = given or _of_folder(paths), []
+    if file is None:
+        file, told = _by_what_it_lists(paths)
     if file is None:
         lights = _from_names(paths, behind)
         lights.warnings += _passed_over(paths)
@@ -112,16 +112,21 @@ def _above(origin: Path, directions: list[Vector | None]) -> list[Vector | None]
     return [None if d is None else (d[0], d[1], abs(d[2])) for d in directions]
 
 
-def _in_folder(paths: list[Path]) -> Path | None:
+def _folder_of(paths: list[Path]) -> Path | None:
+    """The one folder of all photographs."""
     folders = {path.parent for path in paths}
-    if len(folders) != 1:
+    return folders.pop() if len(folders) == 1 else None
+
+
+def _of_folder(paths: list[Path]) -> Path | None:
+    """The light file in the photographs' folder, or above it one that speaks of this very folder. Raises BakeError."""
+    folder = _folder_of(paths)
+    if folder is None:
         return None
-    folder = folders.pop()
     for place in (folder, folder.absolute().parent):
         files = light_files(place)
-        if place != folder:  # only a file that speaks of this very folder, or of all its photographs
-            named = [file for file in files if _mentions(file, folder.absolute().name)]
-            files = named or _alone([file for file in files if _lists_all(file, paths)])
+        if place != folder:
+            files = [file for file in files if _mentions(file, folder.absolute().name)]
         if len(files) > 1:
             raise BakeError(place, f"holds several light files ({list_names([f.name for f in files])})", "name one")
         if files:
@@ -161,28 +166,41 @@ def light_files(folder: Path) -> list[Path]:
 
 
 def _passed_over(paths: list[Path]) -> list[str]:
-    """A warning where a file of another name lists lights of these photographs."""
-    here = {name_key(name) for path in paths for name in _spellings(path)}
-    for file in _texts(paths[0].parent):
-        if any(_key(entry.file) in here for entry in _entries_of(file)):
-            return [f"{file.name} lists lights, but is not read under this name: call it lights.csv, or give it"]
+    """A warning where files of other names list lights of these photographs, and why none of them is read."""
+    files = _texts(paths[0].parent)
+    if len(whole := [file.name for file in files if _lists_all(file, paths)]) > 1:
+        return [f"{list_names(whole)} list the lights of these photographs: call one of them lights.csv, or give it"]
+    for file in files:
+        listed = {_key(entry.file) for entry in _entries_of(file)}
+        if told := sum(any(name_key(name) in listed for name in _spellings(path)) for path in paths):
+            why = f"those of {told} of {len(paths)} photographs alone" if told < len(paths) else "with names of folders"
+            return [f"{file.name} lists lights, {why}, and is not read: call it lights.csv, or give it"]
     return []
 
 
-def _of_any_name(paths: list[Path]) -> Path | None:
-    """The one file, whatever it is called, that lists the lights of all these photographs; None where several do."""
-    folders = {path.parent for path in paths}
-    if len(folders) != 1:
-        return None
-    folder = folders.pop()
-    for place in (folder, folder.absolute().parent):
-        if found := [file for file in _texts(place) if _lists_all(file, paths)]:
-            return next(iter(_alone(found)), None)
-    return None
+def _by_what_it_lists(paths: list[Path]) -> tuple[Path | None, list[str]]:
+    """The one file, whatever it is called, that lists the lights of all these photographs, and a warning that says so.
+
+    Above their folder it may be of other photographs of these names: there it comes after angles in the names.
+    """
+    folder = _folder_of(paths)
+    if folder is None:
+        return None, []
+    if (file := _only(_texts(folder), paths)) is not None:
+        return file, [f"the lights are those of {file.name}, which lists these photographs"]
+    above = folder.absolute().parent
+    if _in_names(paths) is None:
+        for files in (light_files(above), _texts(above)):
+            if (file := _only(files, paths)) is not None:
+                told = f"the lights are those of {file.name} above this folder, which lists such names but no folder"
+                return file, [told]
+    return None, []
 
 
-def _alone(files: list[Path]) -> list[Path]:
-    return files if len(files) == 1 else []
+def _only(files: list[Path], paths: list[Path]) -> Path | None:
+    """The one of the files that lists all photographs; None where several do."""
+    found = [file for file in files if _lists_all(file, paths)]
+    return found[0] if len(found) == 1 else None
 
 
 def _texts(folder: Path) -> list[Path]:
@@ -245,9 +263,15 @@ def _doubled(file: Path, lookup: dict[str, list[LightEntry]]) -> list[str]:
     return [f"{file.name} lists twice: {list_names(names)}"] if names else []
 
 
-def _from_names(paths: list[Path], behind: bool) -> Lights:
+def _in_names(paths: list[Path]) -> list[Vector | None] | None:
+    """Directions by angles in the names; None where there are not two."""
     directions = [direction_in_name(path.stem) for path in paths]
-    if sum(direction is not None for direction in directions) < 2:
+    return directions if sum(direction is not None for direction in directions) > 1 else None
+
+
+def _from_names(paths: list[Path], behind: bool) -> Lights:
+    directions = _in_names(paths)
+    if directions is None:
         return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
     directions = _above(paths[0].parent, directions) if behind else directions
     return keep_lights(paths[0].parent, paths, directions, [], {"source": "file names"})

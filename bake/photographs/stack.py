@@ -136,8 +136,8 @@ def lights_by_spheres(
 ) -> Lights:
     """Directions of the lights by mirror spheres in each photograph.
 
-    Photographs whose names differ by an exposure mark alone have the light of the shortest that shows a highlight, which
-    is the smallest there. Raises BakeError.
+    Photographs whose names differ by an exposure mark alone have the light of the shortest that shows a highlight:
+    there it is the smallest. Raises BakeError.
     """
     turn = len({info.orientation for info in infos}) == 1
     # Brightness of the picture, the light, and by how much spheres differ, with the name.
