@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.material import bake_photographs, rebuild
-from measured_materials.addon.material.facts import FACTS_KEY, facts_of, record_of
+from measured_materials.addon.material.facts import FACTS_KEY, facts_of
 from measured_materials.addon.material.kinds import SHADING_MAP, kind_of
 from measured_materials.addon.material.lighting import lighting_of, show_lighting
 from measured_materials.addon.material.textures import kept as textures
@@ -22,9 +22,7 @@ from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.lobes.lobes import Lobe
-from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.albedo import map_albedo_facts
-from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources.analytic import by_name
@@ -34,7 +32,7 @@ from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.coarse_bakes import coarse  # noqa: F401
 from support.scenes import purge_groups
-from support.stacks import write_frame, write_stack
+from support.stacks import write_stack
 from test_addon import Stage, registered  # noqa: F401
 
 GGX = RenderSettings(Lobe("ggx", 0.4), sigma=0.7, above="scale")
@@ -253,24 +251,6 @@ def test_another_bake_in_the_bundle_is_not_mixed_in(stack: Path, plate: Any, tmp
         bpy.data.images.remove(image)
     material.measured_lighting.sigma = 0.9
     assert "another bake" in material.measured_lighting.problem
-
-
-def test_spheres_are_kept_for_the_same_photographs_alone(plate: Any, tmp_path: Path) -> None:
-    """The panel does not show them; on other photographs circles are elsewhere."""
-    spheres, folder = ((48.0, 48.0, 40.0),), tmp_path / "ball"
-    folder.mkdir()
-    x, y = np.meshgrid(*2 * [(np.arange(96) + 0.5 - 48) / 40])
-    for k, elevation in enumerate((30, 50, 70)):
-        half = np.sin(np.radians(90 - elevation) / 2)  # where a mirror shows the light, to the right
-        spot = (x - half) ** 2 + y**2 < 0.006
-        write_frame(folder / f"p{k}.exr", np.repeat(np.where(spot, 40.0, 0.2)[..., None], 3, -1).astype(np.float32))
-    settings = ArcSettings(stack=StackSettings(spheres=spheres, align="off"))
-    bundle = bake_arc(folder, tmp_path / "ball.mmat", settings).path
-    bpy.ops.measured_materials.import_bundle(filepath=str(bundle))
-    material = plate.active_material
-    for chosen, kept in ((str(folder), spheres), ("", spheres), (str(write_stack(tmp_path / "others")), ())):
-        assert bpy.ops.measured_materials.bake_again(filepath=chosen) == {"FINISHED"}
-        assert record_of(material).settings.stack.spheres == kept
 
 
 def test_measured_brdf_as_f_r(stack: Path, measured_brdf: Path, plate: Any, tmp_path: Path) -> None:

@@ -51,7 +51,8 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
     lights without a photograph are reported as well. Lights `behind` the swatch are mirrored in it, where they are not
     told so already. Raises BakeError.
     """
-    file, told = given or _of_folder(paths), []
+    file = given or _of_folder(paths)
+    told: list[str] = []
     if file is None:
         file, told = _by_what_it_lists(paths)
     if file is None:
