@@ -24,6 +24,7 @@ _MODULES = (
     "lights.light_tables",
     "material.texture_repair",
     "material.older_files",
+    "exports.gltf",
     "ui.photograph_look",
     "ui.import_photographs",
     "ui.import_bundle",

@@ -1,29 +1,30 @@
 """A folder of maps as a plain material of Blender's Principled BSDF: textures, Normal Map, and height by choice.
 
-Every program that reads Blender's materials reads this one: node trees of just these nodes are what Blender's exporters
-of glTF and USD look for.
+Blender's exporters of glTF and USD find textures by following links, and know few nodes on the way: Normal Map,
+Separate Color, and multiplication by a constant. So what `bake maps` makes by default goes along whole. Green that
+points down is not turned for them, neither writes anything of heights, and glTF's takes linear albedo for sRGB.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import bpy
 
 from ..bake.errors import BakeError, check_choice
 from ..bake.maps.folder import MapFile, MapsFolder
+from ..bake.maps.relief import RELIEFS, Relief, check_width
 from ..bake.maps.write import FULL_SPECULAR
 from . import compat
 from .data_image import movable_path
 from .material_tree import safe_name
 from .surface_inputs import SWATCH_MAPPING
 
-Relief = Literal["normal", "bump", "displacement"]
-"""What shows the relief: the Normal Map, the height as Bump, or the height as displacement."""
-RELIEFS: tuple[str, ...] = get_args(Relief)
 # The index of refraction at which an IOR Level of 1 is an F0 of 0.08.
 _IOR = 1.5
+# In place of 1: Blender's exporter doubles IOR Level to make it glTF's specular, but only where a factor is not 1.
+_NEARLY_ONE = 0.9999
 _COLUMN, _ROW = 300, 290
 
 
@@ -44,8 +45,7 @@ def build_principled(
     BakeError : a texture cannot be loaded, or `relief` or `width` make no sense
     """
     check_choice("relief", relief, RELIEFS)
-    if not 0 < width < 1e6:
-        raise BakeError("width", f"is {width:g}", "give the width of the swatch, a number above 0")
+    check_width(width)
     before = set(bpy.data.images)
     material = compat.new_material(safe_name(maps.name))
     try:
@@ -105,13 +105,12 @@ class _Tree:
         return node.outputs["Color"]
 
     def _level(self, specular: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """IOR Level of F0, which PNG holds so already."""
-        if not self._maps.files["specular"].exact:
-            return specular
-        scaled = self._node("Math", -1, 2)
-        scaled.operation = "DIVIDE"
-        scaled.inputs[1].default_value = FULL_SPECULAR
-        self._link(specular, scaled.inputs[0])
+        """IOR Level of F0, which PNG holds so already; by its red, since glTF's exporter takes alpha else."""
+        apart, scaled = self._node("SeparateColor", -2, 2), self._node("Math", -1, 2)
+        scaled.operation = "MULTIPLY"
+        scaled.inputs[1].default_value = 1 / FULL_SPECULAR if self._maps.files["specular"].exact else _NEARLY_ONE
+        self._link(specular, apart.inputs[0])
+        self._link(apart.outputs[0], scaled.inputs[0])
         return scaled.outputs[0]
 
     def _normal(self) -> bpy.types.NodeSocket:
@@ -146,10 +145,13 @@ _TURNING = ("SeparateColor", "Math", "CombineColor")
 def _image(file: MapFile, name: str, pack: bool) -> bpy.types.Image:
     """The map as Blender's image, in its own colour space. Raises BakeError."""
     path = Path(file.path).absolute()
+    unreadable = BakeError(path, "cannot be loaded by Blender", "bake the photographs again with bake maps")
     try:
         image = bpy.data.images.load(str(path), check_existing=False)
     except RuntimeError as error:
-        raise BakeError(path, "cannot be loaded by Blender", "bake the photographs again with bake maps") from error
+        raise unreadable from error
+    if not all(image.size):  # only now has Blender read it
+        raise unreadable
     image.name = name
     if bpy.data.filepath and not pack:
         image.filepath = movable_path(path)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
+import numpy as np
 import pytest
+from measured_materials.addon.material.facts import record_of
 from measured_materials.addon.material.lighting import lighting_of, show_lighting
 from measured_materials.addon.summary.bake_stages import USUAL_SIZE
 from measured_materials.addon.ui.properties.photographs import _shown, arc_settings_of, show_arc_settings
@@ -13,8 +16,9 @@ from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import LOBES, Lobe
 from measured_materials.bake.photographs.settings import StackSettings
 from measured_materials.bake.shading_maps.against_light import ThroughSettings
-from measured_materials.bake.shading_maps.bake import ArcSettings
+from measured_materials.bake.shading_maps.bake import ArcSettings, bake_arc
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
+from support.stacks import write_frame, write_stack
 from test_addon import registered  # noqa: F401
 
 
@@ -79,6 +83,24 @@ def test_light_from_every_side_leaves_out_what_is_said_of_an_arc() -> None:
         assert (settings.stack.azimuth, settings.stack.spread, settings.stack.sides) == (40, 7.5, "both")
     finally:
         bpy.data.materials.remove(material)
+
+
+def test_spheres_are_kept_for_the_same_photographs_alone(plate: Any, tmp_path: Path) -> None:
+    """The panel does not show them; on other photographs circles are elsewhere."""
+    spheres, folder = ((48.0, 48.0, 40.0),), tmp_path / "ball"
+    folder.mkdir()
+    x, y = np.meshgrid(*2 * [(np.arange(96) + 0.5 - 48) / 40])
+    for k, elevation in enumerate((30, 50, 70)):
+        half = np.sin(np.radians(90 - elevation) / 2)  # where a mirror shows the light, to the right
+        spot = (x - half) ** 2 + y**2 < 0.006
+        write_frame(folder / f"p{k}.exr", np.repeat(np.where(spot, 40.0, 0.2)[..., None], 3, -1).astype(np.float32))
+    settings = ArcSettings(stack=StackSettings(spheres=spheres, align="off"))
+    bundle = bake_arc(folder, tmp_path / "ball.mmat", settings).path
+    bpy.ops.measured_materials.import_bundle(filepath=str(bundle))
+    material = plate.active_material
+    for chosen, kept in ((str(folder), spheres), ("", spheres), (str(write_stack(tmp_path / "others")), ())):
+        assert bpy.ops.measured_materials.bake_again(filepath=chosen) == {"FINISHED"}
+        assert record_of(material).settings.stack.spheres == kept
 
 
 def _settings(material: bpy.types.Material) -> ArcSettings:

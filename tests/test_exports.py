@@ -7,13 +7,17 @@ import re
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from urllib.parse import unquote
 
 import bpy
 import measured_materials
 import numpy as np
 import pytest
+from measured_materials.addon.exports.gltf import without_glow
 from measured_materials.bake.brdf.bake import bake_source
+from measured_materials.bake.brdf.preview_sphere import to_srgb
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
@@ -22,20 +26,21 @@ from measured_materials.bake.maps.folder import read_maps_folder
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
-from measured_materials.nodes.exported_look import look_of
+from measured_materials.nodes.exported_look import exported_closure, look_of
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.principled_maps import build_principled
 from measured_materials.nodes.shading_map_material import build_shading_map
 from PIL import Image
 from support.coarse_bakes import coarse  # noqa: F401
 from support.imports import datablocks
-from support.known_maps import ROUGHNESS, write_folder
+from support.known_maps import ROUGHNESS, relief, write_folder
 from support.swatches import map_bundle, rough_map
 
 # Of fits that are not looked at, and of closures for some.
 SETTINGS = BakeSettings(8, "squared", basis="half")
 PLAIN = BakeSettings(8, basis="normal", parameterization="uniform", envelope=False)
 RED = (0.5, 0.1, 0.05)
+F0 = 0.03
 SOURCES = {
     "matte": analytic.Lambert(RED),
     "lacquer": analytic.Ward(diffuse=RED, specular=(0.05, 0.05, 0.05), alpha=0.2),
@@ -194,6 +199,66 @@ def test_an_artist_has_the_last_word(bundles: Bundles) -> None:
     assert not any("Base Color" in node.inputs for node in nodes)
 
 
+def active(material: bpy.types.Material) -> str:
+    """Label of the output that Blender's own operators, and glTF's exporter, take."""
+    return next(n.label for n in material.node_tree.nodes if getattr(n, "is_active_output", False))
+
+
+def test_the_active_output_is_as_it_was(bundles: Bundles, tmp_path: Path) -> None:
+    """After an export, and after one that failed when the file is saved, or with the next export."""
+    measured_materials.register()
+    try:
+        material = build_material(bundles("matte"), mode="preview")
+        before = active(material)
+        assert before != "For exports"
+        tile(material)
+        in_gltf(tmp_path)
+        assert active(material) == before
+        (tmp_path / "file").write_text("")
+        for restore in (
+            lambda: in_gltf(tmp_path),
+            lambda: bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tile.blend"), copy=True),
+        ):
+            with pytest.raises(RuntimeError):
+                bpy.ops.export_scene.gltf(filepath=str(tmp_path / "file" / "tile.gltf"), export_format="GLTF_SEPARATE")
+            assert active(material) == "For exports"
+            restore()
+            assert active(material) == before
+    finally:
+        measured_materials.unregister()
+
+
+def test_nothing_glows_but_what_an_artist_lets_glow(bundles: Bundles) -> None:
+    """Of what an exporter took from the group's Emission nodes nothing is left; the material's own light stays."""
+    material = build_material(bundles("matte"), mode="preview")
+    lit = {
+        "emissive_factor": [1, 1, 1],
+        "emissive_texture": "map",
+        "extensions": {"KHR_materials_emissive_strength": 2},
+    }
+    written = SimpleNamespace(**lit)
+    without_glow(written, material)
+    assert vars(written) == {"emissive_factor": None, "emissive_texture": None, "extensions": {}}
+    exported_closure(material.node_tree).inputs["Emission Strength"].default_value = 1
+    lit["extensions"] = {"KHR_materials_emissive_strength": 2}
+    without_glow(glowing := SimpleNamespace(**lit), material)
+    assert vars(glowing) == lit
+
+
+def test_a_linked_material_keeps_its_colour(bundles: Bundles, tmp_path: Path) -> None:
+    """As an asset library gives it; in memory it is as before."""
+    made = build_material(bundles("matte"), mode="preview")
+    bpy.data.libraries.write(str(tmp_path / "matte.blend"), {made}, fake_user=True)
+    with bpy.data.libraries.load(str(tmp_path / "matte.blend"), link=True) as (there, wanted):
+        wanted.materials = list(there.materials)
+    (linked,) = wanted.materials
+    before = active(linked)
+    tile(linked)
+    expected = BrdfRecord.read(bundles("matte")).albedo.under_sky
+    np.testing.assert_allclose(in_gltf(tmp_path)["colour"], expected, atol=1e-4)
+    assert active(linked) == before != "For exports"
+
+
 def test_engines_do_not_look_at_it(bundles: Bundles) -> None:
     """Each has an output of its own, which counts before one for all."""
     tree = build_material(bundles("lacquer"), mode="preview").node_tree
@@ -201,18 +266,29 @@ def test_engines_do_not_look_at_it(bundles: Bundles) -> None:
         assert tree.get_output_node(engine).inputs["Surface"].links[0].from_node.bl_idname == "ShaderNodeGroup"
 
 
-def test_maps_go_along(tmp_path: Path) -> None:
-    """The plain material of maps keeps its textures in both: colour, roughness and normals."""
-    tile(build_principled(read_maps_folder(write_folder(tmp_path / "maps"))))
+@pytest.mark.parametrize("kind", ["png16", "exr"])
+def test_maps_go_along(tmp_path: Path, kind: str) -> None:
+    """The plain material of maps keeps its textures in both: colour, roughness and normals; in glTF specular too."""
+    tile(build_principled(read_maps_folder(write_folder(tmp_path / "maps", kind=kind, gloss=F0))))
     path = tmp_path / "tile.gltf"
     bpy.ops.export_scene.gltf(filepath=str(path), export_format="GLTF_SEPARATE", use_selection=True)
     document = json.loads(path.read_text())
     (material,) = document["materials"]
     pbr = material["pbrMetallicRoughness"]
     assert {"baseColorTexture", "metallicRoughnessTexture"} <= pbr.keys() and "normalTexture" in material
-    assert "KHR_materials_specular" in material["extensions"]
-    with Image.open(tmp_path / document["images"][_image(document, pbr["metallicRoughnessTexture"])]["uri"]) as opened:
-        assert np.array(opened)[..., 1].mean() == pytest.approx(255 * ROUGHNESS, abs=1)
+    rough = _pixels(path, document, pbr["metallicRoughnessTexture"])[..., 1]
+    assert rough.mean() == pytest.approx(ROUGHNESS, abs=0.004)
+    specular = material["extensions"]["KHR_materials_specular"]
+    share = specular.get("specularFactor", 1) * _pixels(path, document, specular["specularTexture"])[..., 3].mean()
+    # As the extension has it, at an index of 1.5; half a step of eight bits is half a percent of F0 in PNG, 7 in EXR.
+    seen = 0.04 * share * np.array(specular["specularColorFactor"])
+    np.testing.assert_allclose(seen, F0, rtol=0.08 if kind == "exr" else 0.01)
+    _, normals, albedo = relief()
+    found = 2 * _pixels(path, document, material["normalTexture"])[..., :3] - 1
+    np.testing.assert_allclose(found, normals, atol=0.01)
+    if kind != "exr":  # of which the exporter takes linear numbers for sRGB: on the page
+        colour = _pixels(path, document, pbr["baseColorTexture"])[..., :3]
+        np.testing.assert_allclose(to_srgb(albedo), colour, atol=0.01)
     bpy.ops.wm.usd_export(filepath=str(tmp_path / "tile.usda"), selected_objects_only=True)
     text = (tmp_path / "tile.usda").read_text()
     for name in ("diffuseColor", "roughness", "normal"):
@@ -220,5 +296,9 @@ def test_maps_go_along(tmp_path: Path) -> None:
     assert text.count('info:id = "UsdUVTexture"') >= 3
 
 
-def _image(document: dict[str, Any], texture: dict[str, int]) -> int:
-    return int(document["textures"][texture["index"]]["source"])
+def _pixels(path: Path, document: dict[str, Any], texture: dict[str, int]) -> np.ndarray:
+    """Of a texture's file, in [0, 1]."""
+    image = document["images"][document["textures"][texture["index"]]["source"]]
+    with Image.open(path.parent / unquote(image["uri"])) as opened:
+        values = np.array(opened)
+    return values / np.iinfo(values.dtype).max

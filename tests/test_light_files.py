@@ -165,27 +165,24 @@ def test_inspect_tells_of_a_list_under_another_name(tmp_path: Path, capsys: pyte
     assert any("the lights are those of positions.txt" in warning for warning in told)
     (folder / "positions.txt").write_text("\n".join(lines[:2]))
     told = inspected(folder, capsys)["warnings"]
-    assert any("positions.txt lists lights of some" in warning and "lights.csv" in warning for warning in told)
-    for name in ("one.txt", "two.txt"):
+    assert any("positions.txt lists lights, those of 2 of 3 photographs alone" in warning for warning in told)
+    (folder / "positions.txt").write_text("\n".join(f"other/{line}" for line in lines))
+    told = inspected(folder, capsys)["warnings"]
+    assert any("positions.txt lists lights, with names of folders" in warning for warning in told)
+    for name in ("positions.txt", "again.txt"):
         (folder / name).write_text("\n".join(lines))
     told = inspected(folder, capsys)["warnings"]
-    assert any("several files list the lights" in warning and "one.txt, two.txt" in warning for warning in told)
+    assert any("again.txt, positions.txt list the lights" in warning and "lights.csv" in warning for warning in told)
 
 
-@pytest.mark.parametrize("name", ["lights.txt", "dome.lp", "positions.txt"])
-def test_a_list_above_that_names_no_folder_is_told_of_and_comes_after_angles_in_names(
-    tmp_path: Path, name: str
-) -> None:
-    """Any folder beside this one may hold photographs of the same names."""
-
-    def found(*stems: str) -> tuple[str, list[str]]:
-        lines = [f"{stem}.png {c} 0 {s}" for stem, (c, s) in zip(stems, DIRECTIONS, strict=True)]
-        (tmp_path / name).write_text("\n".join(lines))
-        lights = find_lights([folder / f"{stem}.png" for stem in stems], None, True)
-        return lights.facts["source"], lights.warnings
-
-    folder = tmp_path / "s"
-    folder.mkdir()
-    source, told = found("a", "b", "c")
-    assert source == name and any(f"those of {name} above the folder" in text for text in told)
-    assert found("a_el10", "b_el20", "c_el30") == ("file names", [])
+@pytest.mark.parametrize("name", ["dome.lp", "dome.dat"])
+def test_a_list_above_is_told_of_and_angles_in_names_come_first(tmp_path: Path, name: str) -> None:
+    """It may be of other photographs of these names: image00.jpg is in any dome."""
+    text = "\n".join(f"{k}.png 0 0 1\nel{10 * k}.png 0 0 1" for k in (1, 2, 3))
+    (tmp_path / name).write_text(f"6\n{text}" if name.endswith(".lp") else text)
+    lights = find_lights([tmp_path / "s" / f"{k}.png" for k in (1, 2, 3)], None, False)
+    assert lights.directions is not None and lights.facts["source"] == name
+    assert lights.warnings[0].startswith(f"the lights are those of {name} above this folder")
+    lights = find_lights([tmp_path / "s" / f"el{10 * k}.png" for k in (1, 2, 3)], None, False)
+    assert lights.directions is not None and lights.facts["source"] == "file names"
+    assert lights.directions[:, 2] == pytest.approx(np.sin(np.radians([10, 20, 30])))

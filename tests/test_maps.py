@@ -14,7 +14,7 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.image_io import read_image, write_image
 from measured_materials.bake.images.storage import Storage
-from measured_materials.bake.maps.bake import MapSettings, all_around, bake_maps, maps_of
+from measured_materials.bake.maps.bake import MapSettings, bake_maps, maps_of
 from measured_materials.bake.maps.gloss import Gloss, fit_gloss, ggx_lobe
 from measured_materials.bake.maps.height import height_of, unfollowed
 from measured_materials.bake.maps.normals import Surface, check_directions, photometric_stereo
@@ -185,7 +185,7 @@ def test_sixteen_bits_are_whole(tmp_path: Path) -> None:
 def test_a_near_lamp_makes_no_bowl(folder: Path) -> None:
     """Slopes that grow evenly across the frame are left out where the swatch is flat; the relief stays."""
     settings = MapSettings(repeats=True)
-    stack = read_stack(folder, all_around(settings.stack))
+    stack = read_stack(folder, settings.stack.all_around())
     assert stack.directions is not None
     _, normals, _ = relief()
     plain, _, _ = maps_of(stack, MapSettings(level=False, repeats=True), "relief")
@@ -263,7 +263,7 @@ def test_rendered_plates_have_their_true_normals(shared_data: Path, plate: str) 
     """Renders of another program with its normals, matte to glossy: at most 5 degrees, and half of the baseline."""
     dome = shared_data / "stacks" / "rendered_plate" / plate / "Dome"
     lit = StackSettings(lights=dome / "dirs.lp", align="off", size=96)
-    stack = read_stack(sorted(dome.glob("image*.jpg")), all_around(lit))
+    stack = read_stack(sorted(dome.glob("image*.jpg")), lit.all_around())
     assert stack.directions is not None
     with Image.open(dome / "normals.png") as opened:
         truth = np.array(opened.resize((96, 96), Image.Resampling.BOX), float) / 127.5 - 1

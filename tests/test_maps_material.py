@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -17,6 +18,8 @@ from measured_materials.addon.cli.main import main
 from measured_materials.addon.gantry.photograph_arc import photograph_view
 from measured_materials.addon.ui.background import bake_queue
 from measured_materials.addon.ui.background.maps_task import MapsTask
+from measured_materials.addon.ui.properties.photographs import _shown
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.maps.bake import MapSettings
 from measured_materials.bake.maps.folder import read_maps_folder
@@ -24,6 +27,7 @@ from measured_materials.bake.maps.materialx import materialx_document
 from measured_materials.nodes.principled_maps import build_principled
 from support.imports import datablocks
 from support.known_maps import ROUGHNESS, N, lights, photographs, relief, write_folder, write_photographs
+from support.stacks import write_stack
 
 F0 = 0.04
 
@@ -118,6 +122,9 @@ def test_a_folder_that_is_none_is_refused(tmp_path: Path) -> None:
     before = datablocks()
     with pytest.raises(BakeError, match="width: is 0"):
         build_principled(read_maps_folder(folder), width=0)
+    for pack in (False, True):
+        with pytest.raises(BakeError, match=r"other\.png: cannot be loaded by Blender"):
+            build_principled(read_maps_folder(folder), pack=pack)
     del facts["program"]
     (folder / "maps.json").write_text(json.dumps(facts))
     with pytest.raises(BakeError, match="is not of bake maps"):
@@ -138,7 +145,11 @@ def test_a_blend_of_its_own(stack: Path, tmp_path: Path, capsys: pytest.CaptureF
     arguments = ["bake", "maps", str(stack), "--out", str(tmp_path / "out"), "--blend", str(blend), "--repeats"]
     assert main([*arguments[:5], "--width", "2"]) == 2
     assert "--relief, --width and --pack" in capsys.readouterr().err
-    (tmp_path / "out").mkdir()
+    for wrong in ("0", "2e6"):
+        assert main([*arguments, "--width", wrong]) == 2
+        assert "above 0 and below 1e+06" in capsys.readouterr().err
+    elsewhere = tmp_path / "none" / "relief.blend"
+    assert main([*arguments[:5], "--blend", str(elsewhere)]) == 1 and "is not a folder" in capsys.readouterr().err
     assert main([*arguments, "--relief", "bump", "--width", "0.3"]) == 0
     assert datablocks() == known and "relief.blend: relief" in capsys.readouterr().out
     assert main(arguments) == 1 and "is there already" in capsys.readouterr().err
@@ -185,6 +196,52 @@ def test_the_window_makes_them(plate: Any, stack: Path, tmp_path: Path) -> None:
     assert beside.use_fake_user and beside.node_tree.nodes.get("Principled BSDF")
     assert calls.import_maps(filepath=str(tmp_path / "relief_maps" / "maps.json"), relief="bump") == {"FINISHED"}
     assert any(node.bl_idname == "ShaderNodeBump" for node in plate.active_material.node_tree.nodes)
+
+
+def test_an_arc_makes_no_maps_and_its_measured_material_is_whole(
+    plate: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Where both are asked for; one undo step, on the object, with the settings of its next bake."""
+    felt = write_stack(tmp_path / "felt")
+    calls = bpy.ops.measured_materials
+    assert calls.import_arc(filepath=str(felt), bundles=str(tmp_path), make="both", slices=5) == {"FINISHED"}
+    assert plate.active_material.name == "felt" and plate.active_material.measured_arc.slices == 5
+    assert "there are no maps" in capfd.readouterr().out
+    assert not list(tmp_path.glob("felt_maps*"))
+    with pytest.raises(RuntimeError, match="one plane"):
+        calls.import_arc(filepath=str(felt), bundles=str(tmp_path), make="maps")
+
+
+def test_maps_alone_heed_nothing_of_a_shading_map(plate: Any, stack: Path, tmp_path: Path) -> None:
+    """Neither is it shown, nor does what is wrong with it keep them away."""
+    calls = bpy.ops.measured_materials
+    wrong = {"azimuths": "all", "through": str(tmp_path / "nowhere")}
+    with pytest.raises(RuntimeError):
+        calls.import_arc(filepath=str(stack), bundles=str(tmp_path), **wrong)
+    assert calls.import_arc(filepath=str(stack), bundles=str(tmp_path), make="maps", **wrong) == {"FINISHED"}
+    usual = {p.identifier: getattr(p, "default", None) for p in calls.import_arc.get_rna_type().properties}
+    asked = SimpleNamespace(**usual | {"make": "maps", "size": 64, "full_size": False})
+    shown = _shown(asked, asked)
+    assert shown == {
+        "swatch": ("full_size", "size", "frame"),
+        "brightness": ("decode", "scale_by", "flat_field", "align"),
+        "lights": ("lights",),
+        "files": ("pack",),
+    }
+
+
+def test_an_object_that_shows_no_surface_is_told_of(plate: Any, tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "maps")
+    empty = bpy.data.objects.new("empty", None)
+    bpy.context.collection.objects.link(empty)
+
+    def words(obj: Any) -> str:
+        request = BakeRequest(folder, MapSettings())
+        task = MapsTask(request, tmp_path, "maps", "normal", 1.0, True, obj, lambda *_: None)
+        return task.finish(BakeResult(folder, {}, 0.0))
+
+    assert "on plate: maps in" in words(plate)
+    assert "is not on empty: an object of type Empty has no surface" in words(empty)
 
 
 def test_maps_wait_in_the_queue(plate: Any, stack: Path, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from measured_materials.addon.cli.main import main
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.photographs import StackSettings, read_stack
 from measured_materials.bake.photographs.light_files.spheres import light_on_sphere, lights_on_spheres
+from measured_materials.bake.photographs.photograph import PhotoInfo, read_info
+from measured_materials.bake.photographs.stack import lights_by_spheres
 from PIL import Image
 
 SIZE = 240
@@ -74,6 +76,54 @@ def test_no_sphere_is_an_error_of_its_own(sphere: tuple[float, float, float], ca
         light_on_sphere(Path("p.png"), picture(direction(40, 20)), sphere)
     with pytest.raises(BakeError, match="no highlight"):  # evenly bright
         light_on_sphere(Path("p.png"), np.ones((80, 80, 3)), (40, 40, 30))
+
+
+def test_noise_and_defects_of_the_sensor_are_no_highlights() -> None:
+    """In a dark room, where the lamp was off or the circle lies beside its sphere; and beside a highlight."""
+    x, y, _ = SPHERES[0]
+    for value in (1, 4, 255):
+        black = np.zeros((SIZE, SIZE, 3), np.uint8)
+        black[int(y) + 9, int(x) - 12] = value
+        with pytest.raises(BakeError, match="no highlight"):
+            light_on_sphere(Path("p.png"), black, SPHERES[0])
+    noise = np.random.default_rng(0).integers(0, 3, (SIZE, SIZE, 3)).astype(np.uint8)
+    with pytest.raises(BakeError, match="no highlight"):
+        light_on_sphere(Path("p.png"), noise, SPHERES[0])
+    wi = direction(50, 30)
+    lit = 0.3 * picture(wi)  # a highlight that does not saturate
+    lit[int(y) + 9, int(x) - 12] = 1.0
+    assert off(light_on_sphere(Path("p.png"), lit, SPHERES[0]), wi) < 1
+
+
+def test_of_a_bracket_the_shortest_that_shows_a_highlight_tells_the_light(tmp_path: Path) -> None:
+    """A frame that is black but for noise tells none, and what a blown-out one tells is not warned of."""
+    folder = tmp_path / "brackets"
+    folder.mkdir()
+    noise = np.random.default_rng(0).integers(0, 3, (SIZE, SIZE, 3))
+    ways = [direction(*light) for light in LIGHTS[5:20:2]]
+    for k, wi in enumerate(ways):
+        usual = 200 * picture(wi)
+        blown = np.clip(6 * usual, 0, 255)
+        blown[int(SPHERES[0][1]) - 30 :, int(SPHERES[0][0]) :][:25, :25] = 255  # flare on one of both spheres
+        for mark, codes in (("-4", noise), ("0", usual), ("+2", blown)):
+            Image.fromarray(np.rint(codes).astype(np.uint8)).save(folder / f"p{k}_ev{mark}.png")
+    settings = StackSettings(spheres=SPHERES, crop=(130, 20, 90, 90), align="off", spread=90.0, sides="both")
+    lights = lights_by_spheres(*found_in(folder), settings)
+    assert lights.directions is not None
+    for found, wi in zip(lights.directions[::3], ways, strict=True):
+        assert off(found, wi) < 1
+    assert not lights.warnings
+
+
+def found_in(folder: Path) -> tuple[list[Path], list[PhotoInfo]]:
+    paths = sorted(folder.iterdir())
+    return paths, [read_info(path) for path in paths]
+
+
+def test_spheres_that_are_none_are_refused_in_a_line() -> None:
+    for wrong in (5, None, "1,2,30", (62.3, 60.7, 55.0)):
+        with pytest.raises(BakeError, match=r"photograph settings: (a sphere|spheres) is"):
+            StackSettings(spheres=wrong)  # type: ignore[arg-type]
 
 
 @pytest.fixture

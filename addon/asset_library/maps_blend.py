@@ -10,8 +10,9 @@ import bpy
 from ...bake.atomic_write import replacing_file
 from ...bake.errors import BakeError
 from ...bake.maps.folder import MapsFolder
+from ...bake.maps.relief import Relief
 from ...nodes.portions import datablocks, remove_unused_blocks
-from ...nodes.principled_maps import Relief, build_principled
+from ...nodes.principled_maps import build_principled
 from ..summary.text import one_line
 
 

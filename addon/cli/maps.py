@@ -9,6 +9,7 @@ from typing import Any
 from ...bake.errors import BakeError
 from ...bake.maps.bake import STAGES, MapSettings, MapsResult, bake_maps
 from ...bake.maps.folder import read_maps_folder
+from ...bake.maps.relief import check_width
 from ...bake.maps.write import FILE_KINDS, NORMAL_CONVENTIONS
 from ..photographs.find_decoder import blender_decoder
 from ..summary.quality_levels import MAP_LEVELS
@@ -68,6 +69,7 @@ def run(options: argparse.Namespace) -> Result:
     """Write the maps of every folder; a bad one is reported and does not stop the others."""
     check_blend(options)
     try:
+        check_width(options.width)
         size = chosen_quality(options, _SIZES)["size"]
         settings = MapSettings(
             options.normals,

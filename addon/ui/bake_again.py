@@ -107,9 +107,11 @@ class MEASURED_MATERIALS_OT_bake_again(OfMeasured, bpy.types.Operator):
     def _asked_for(self, material: bpy.types.Material) -> tuple[Any, bool, Source, Rights | None]:
         """Settings, whether textures are packed, the chosen source, and what its asset states of another one before."""
         form = form_of(kind_of(material))
-        settings, pack = form.settings(material)
         source = form.chosen(self)
-        if source is None or is_own(material, source):
+        own = source is None or is_own(material, source)
+        # A loaded bundle does not know its photographs: those that are chosen are taken for them.
+        settings, pack = form.settings(material, own=own or source_file(material) is None)
+        if own:
             return settings, pack, source, None
         settings = replace(settings, rights=rights_beside(material, settings.rights))
         return settings, pack, source, known_rights(material)

@@ -65,12 +65,13 @@ class ImportProperties:
         """Called by Blender where the dialogue or the file browser was closed without confirming it."""
         spare.drop()
 
-    def draw_results(self: Any) -> None:
-        """Draw where the results go."""
+    def draw_results(self: Any, *, as_asset: bool = True) -> None:
+        """Draw where the results go, and whether they become assets where they can."""
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(self, "bundles", placeholder="Automatic")
-        column.prop(self, "as_asset")
+        if as_asset:
+            column.prop(self, "as_asset")
         if self.object_name:
             column.label(text=f"For {self.object_name}", icon="OBJECT_DATA")
 

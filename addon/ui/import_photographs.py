@@ -25,7 +25,13 @@ from .import_operator import ImportProperties, mark_and_tell, registration
 from .photograph_look import WIDTH, draw_lines, draw_look, looking
 from .properties.lighting import LightingProperties, draw_lighting, draw_transmission
 from .properties.maps import MapsProperties, draw_maps, map_settings_of, width_of
-from .properties.photographs import ArcProperties, arc_settings_of, draw_arc_settings, show_arc_settings
+from .properties.photographs import (
+    ArcProperties,
+    arc_settings_of,
+    draw_arc_settings,
+    show_arc_settings,
+    stack_settings_of,
+)
 from .window_progress import window_progress
 
 LIGHT_FILES = (".lp", ".csv", ".txt", ".tsv")
@@ -81,7 +87,7 @@ class MEASURED_MATERIALS_OT_import_arc(
         draw_maps(place, self)
         draw_arc_settings(place, self, self, self._draw_in_part)
         if not self.advanced or self.part == "files":
-            self.draw_results()
+            self.draw_results(as_asset=self.make != "maps")  # which are of measured materials
 
     def _draw_in_part(self, layout: bpy.types.UILayout) -> None:
         if self.part == "rendering":
@@ -99,7 +105,7 @@ class MEASURED_MATERIALS_OT_import_arc(
             self._look_first(source)  # chosen in the file browser
             return {"CANCELLED"}
         try:
-            settings = arc_settings_of(self, self, self.mode)
+            settings = self._settings()
             folder = bundle_folder(self.bundles, folder_of(source))
             if self.asked and not bpy.app.background:
                 self._bake_beside(context, source, folder, settings)
@@ -110,8 +116,6 @@ class MEASURED_MATERIALS_OT_import_arc(
                 return {"FINISHED"}
             with window_progress(context, settings) as progress_of:
                 material = import_arc(source, folder, settings, pack=self.pack, progress=progress_of(0))
-            if self.make == "both":
-                self._maps_here(context, source, folder, settings)
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}
@@ -121,13 +125,24 @@ class MEASURED_MATERIALS_OT_import_arc(
             mark_and_tell(material)
         place = told_place(self, material, self.target(context))
         self.report({"INFO"}, f"{material.name}{place}: {map_words(material)}")
+        if self.make == "both":
+            try:
+                self._maps_here(context, source, folder, settings)
+            except BakeError as error:  # the measured material is there all the same
+                self.report({"WARNING"}, one_line(f"there are no maps: {error}"))
         push_for_script(self)
         return {"FINISHED"}
+
+    def _settings(self) -> ArcSettings:
+        """Of the bake; for maps alone, how the photographs are read. Raises BakeError."""
+        if self.make == "maps":
+            return ArcSettings(stack=stack_settings_of(self))
+        return arc_settings_of(self, self, self.mode)
 
     def _look_first(self, source: Path | list[Path]) -> set[str]:
         """Have the photographs read beside the window, and come back with the same settings."""
         try:
-            settings = arc_settings_of(self, self, self.mode)
+            settings = self._settings()
         except BakeError as error:
             self.report({"ERROR"}, one_line(str(error)))
             return {"CANCELLED"}

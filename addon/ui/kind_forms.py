@@ -35,9 +35,9 @@ class Form(ABC):
         """The material's own properties of its bakes."""
 
     @abstractmethod
-    def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
+    def settings(self, material: bpy.types.Material, *, own: bool = True) -> tuple[Any, bool]:
         """The settings of the next bake, and whether its textures go into the .blend. What the panel does not show
-        stays as it was baked. Raises BakeError.
+        stays as it was baked, but for what is said of pictures where others than its `own` are baked. Raises BakeError.
         """
 
     @abstractmethod
@@ -60,7 +60,7 @@ class _BrdfForm(Form):
     def properties(self, material: bpy.types.Material) -> Any:
         return material.measured_materials
 
-    def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
+    def settings(self, material: bpy.types.Material, *, own: bool = True) -> tuple[Any, bool]:
         properties, settings = material.measured_materials, settings_of(material.measured_materials)
         # Facts of a foreign bundle cannot be read; then all that is not shown is as usual.
         with contextlib.suppress(BakeError):
@@ -88,12 +88,13 @@ class _ShadingMapForm(Form):
     def properties(self, material: bpy.types.Material) -> Any:
         return material.measured_arc
 
-    def settings(self, material: bpy.types.Material) -> tuple[Any, bool]:
+    def settings(self, material: bpy.types.Material, *, own: bool = True) -> tuple[Any, bool]:
         properties, mode = material.measured_arc, material.measured_quality.mode
         settings = arc_settings_of(properties, material.measured_lighting, mode)
         with contextlib.suppress(BakeError):
-            if settings.stack.lights is None and (spheres := record_of(material).settings.stack.spheres):
-                settings = replace(settings, stack=replace(settings.stack, spheres=spheres))
+            baked = record_of(material).settings  # None where this version cannot read them
+            if own and settings.stack.lights is None and baked is not None:
+                settings = replace(settings, stack=replace(settings.stack, spheres=baked.stack.spheres))
         return settings, properties.pack
 
     def chosen(self, operator: Any) -> Source:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -112,7 +111,7 @@ def bake_maps(
     started = time.monotonic()
     settings, say = settings or MapSettings(), progress or (lambda stage, share: None)
     _refuse_foreign(folder)
-    planned = plan_stack(source, all_around(settings.stack), decoder)
+    planned = plan_stack(source, settings.stack.all_around(), decoder)
     name = _name_of(source)
     _check(planned.plan.directions, name)
     origin = photographs_origin(source if isinstance(source, str | Path) else [Path(path) for path in source])
@@ -147,11 +146,6 @@ def move_maps(whole: Path, target: Path) -> Facts:
 
 def _unwritten(folder: Path, error: OSError) -> BakeError:
     return BakeError(folder, f"cannot be written ({error.strerror or error})", "choose another folder")
-
-
-def all_around(stack: StackSettings) -> StackSettings:
-    """The same reading of photographs, with lights of every azimuth."""
-    return dataclasses.replace(stack, azimuth=None, spread=90.0, sides="both")
 
 
 def maps_of(

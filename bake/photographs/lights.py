@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
@@ -52,19 +51,16 @@ def find_lights(paths: list[Path], given: Path | None, whole_folder: bool, behin
     lights without a photograph are reported as well. Lights `behind` the swatch are mirrored in it, where they are not
     told so already. Raises BakeError.
     """
-    file, told = given or _in_folder(paths), ""
-    if file is None and (file := _of_any_name(paths)) is not None:
-        told = f"the lights are those of {file.name}, which lists these photographs"
-    if file is None and not _names_tell(paths) and (file := _bare_above(paths)) is not None:
-        told = (
-            f"the lights are those of {file.name} above the folder, which lists these photographs but names no folder"
-        )
+    file = given or _of_folder(paths)
+    told: list[str] = []
+    if file is None:
+        file, told = _by_what_it_lists(paths)
     if file is None:
         lights = _from_names(paths, behind)
         lights.warnings += _passed_over(paths)
         return lights
     entries, warnings = read_lights(file)
-    warnings = [told, *warnings] if told else warnings
+    warnings = [*told, *warnings]
     lookup: dict[str, list[LightEntry]] = defaultdict(list)
     for entry in entries:
         lookup[_key(entry.file)].append(entry)
@@ -118,17 +114,19 @@ def _above(origin: Path, directions: list[Vector | None]) -> list[Vector | None]
 
 
 def _folder_of(paths: list[Path]) -> Path | None:
-    """The one folder that all photographs lie in."""
+    """The one folder of all photographs."""
     folders = {path.parent for path in paths}
     return folders.pop() if len(folders) == 1 else None
 
 
-def _in_folder(paths: list[Path]) -> Path | None:
-    if (folder := _folder_of(paths)) is None:
+def _of_folder(paths: list[Path]) -> Path | None:
+    """The light file in the photographs' folder, or above it one that speaks of this very folder. Raises BakeError."""
+    folder = _folder_of(paths)
+    if folder is None:
         return None
     for place in (folder, folder.absolute().parent):
         files = light_files(place)
-        if place != folder:  # only a file that speaks of this very folder
+        if place != folder:
             files = [file for file in files if _mentions(file, folder.absolute().name)]
         if len(files) > 1:
             raise BakeError(place, f"holds several light files ({list_names([f.name for f in files])})", "name one")
@@ -169,41 +167,41 @@ def light_files(folder: Path) -> list[Path]:
 
 
 def _passed_over(paths: list[Path]) -> list[str]:
-    """A warning where files of other names list lights of these photographs."""
-    here = {name_key(name) for path in paths for name in _spellings(path)}
-    files = [f for f in _texts(paths[0].parent) if any(_key(entry.file) in here for entry in _entries_of(f))]
-    whole = [file.name for file in files if _lists_all(file, paths)]
-    if len(whole) > 1:
-        return [f"several files list the lights of these photographs ({list_names(whole)}): give one of them"]
-    if files:
-        told = f"{files[0].name} lists lights of some photographs only, and so is not read under this name"
-        return [f"{told}: call it lights.csv, or give it"]
+    """A warning where files of other names list lights of these photographs, and why none of them is read."""
+    files = _texts(paths[0].parent)
+    if len(whole := [file.name for file in files if _lists_all(file, paths)]) > 1:
+        return [f"{list_names(whole)} list the lights of these photographs: call one of them lights.csv, or give it"]
+    for file in files:
+        listed = {_key(entry.file) for entry in _entries_of(file)}
+        if told := sum(any(name_key(name) in listed for name in _spellings(path)) for path in paths):
+            why = f"those of {told} of {len(paths)} photographs alone" if told < len(paths) else "with names of folders"
+            return [f"{file.name} lists lights, {why}, and is not read: call it lights.csv, or give it"]
     return []
 
 
-def _of_any_name(paths: list[Path]) -> Path | None:
-    """The one file beside these photographs, whatever it is called, that lists all of them; None where several do."""
+def _by_what_it_lists(paths: list[Path]) -> tuple[Path | None, list[str]]:
+    """The one file, whatever it is called, that lists the lights of all these photographs, and a warning that says so.
+
+    Above their folder it may be of other photographs of these names: there it comes after angles in the names.
+    """
     folder = _folder_of(paths)
-    return None if folder is None else _alone(file for file in _texts(folder) if _lists_all(file, paths))
-
-
-def _bare_above(paths: list[Path]) -> Path | None:
-    """The one file above their folder that lists all these photographs by their bare names."""
-    if (folder := _folder_of(paths)) is None:
-        return None
+    if folder is None:
+        return None, []
+    if (file := _only(_texts(folder), paths)) is not None:
+        return file, [f"the lights are those of {file.name}, which lists these photographs"]
     above = folder.absolute().parent
-    known, other = ([f for f in files if _lists_all(f, paths)] for files in (light_files(above), _texts(above)))
-    return _alone(known or other)
+    if _in_names(paths) is None:
+        for files in (light_files(above), _texts(above)):
+            if (file := _only(files, paths)) is not None:
+                told = f"the lights are those of {file.name} above this folder, which lists such names but no folder"
+                return file, [told]
+    return None, []
 
 
-def _alone(files: Iterable[Path]) -> Path | None:
-    found = list(files)
+def _only(files: list[Path], paths: list[Path]) -> Path | None:
+    """The one of the files that lists all photographs; None where several do."""
+    found = [file for file in files if _lists_all(file, paths)]
     return found[0] if len(found) == 1 else None
-
-
-def _names_tell(paths: list[Path]) -> bool:
-    """Whether names hold angles of lights."""
-    return sum(direction_in_name(path.stem) is not None for path in paths) > 1
 
 
 def _texts(folder: Path) -> list[Path]:
@@ -266,8 +264,15 @@ def _doubled(file: Path, lookup: dict[str, list[LightEntry]]) -> list[str]:
     return [f"{file.name} lists twice: {list_names(names)}"] if names else []
 
 
+def _in_names(paths: list[Path]) -> list[Vector | None] | None:
+    """Directions by angles in the names; None where there are not two."""
+    directions = [direction_in_name(path.stem) for path in paths]
+    return directions if sum(direction is not None for direction in directions) > 1 else None
+
+
 def _from_names(paths: list[Path], behind: bool) -> Lights:
-    if not _names_tell(paths):
+    directions = _in_names(paths)
+    if directions is None:
         return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
     directions = [direction_in_name(path.stem) for path in paths]
     directions = _above(paths[0].parent, directions) if behind else directions

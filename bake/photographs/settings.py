@@ -105,7 +105,7 @@ class StackSettings:
         for name in ("lights", "flat_field"):
             if (value := getattr(self, name)) is not None:
                 put(name, _path(name, value))
-        put("spheres", tuple(_sphere(value) for value in self.spheres))
+        put("spheres", _spheres(self.spheres))
         if self.spheres and self.lights is not None:
             raise _wrong("both a lights file and spheres are given", "give one of them")
         if self.crop and self.corners:
@@ -157,6 +157,12 @@ def _rectangle(name: str, value: Any) -> Rectangle:
         _whole(f"width of {name}", width, 1, 1 << 24),
         _whole(f"height of {name}", height, 1, 1 << 24),
     )
+
+
+def _spheres(value: Any) -> tuple[Sphere, ...]:
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
+        raise _wrong(f"spheres is {value!r}", "give a list of x, y and radius each, in pixels")
+    return tuple(_sphere(one) for one in value)
 
 
 def _sphere(value: Any) -> Sphere:

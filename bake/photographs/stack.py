@@ -156,14 +156,14 @@ def lights_by_spheres(
 ) -> Lights:
     """Directions of the lights by mirror spheres in each photograph.
 
-    Photographs whose names differ by an exposure mark alone have the light of the shortest, on which the highlight is
-    the smallest. Raises BakeError.
+    Photographs whose names differ by an exposure mark alone have the light of the shortest that shows a highlight:
+    there it is the smallest. Raises BakeError.
     """
     turn = len({info.orientation for info in infos}) == 1
-    directions: dict[tuple[Path, str], tuple[float, NDArray[np.float64]]] = {}
+    # Brightness of the picture, the light, and by how much spheres differ, with the name.
+    directions: dict[tuple[Path, str], tuple[float, NDArray[np.float64], float, str]] = {}
     dark: dict[tuple[Path, str], BakeError] = {}
     keys = [(path.parent, bracket_stem(path.stem)) for path in paths]
-    spread: list[tuple[float, str]] = []
     for path, info, key in zip(paths, infos, keys, strict=True):
         pixels = upright(read_photograph(path, decoder).pixels, info.orientation if turn else 1)
         try:
@@ -171,17 +171,16 @@ def lights_by_spheres(
         except BakeError as error:  # of a bracket another exposure may show it
             dark[key] = error
             continue
-        spread.append((off, path.name))
         brightness = float(pixels.mean(dtype=np.float64))
         if key not in directions or brightness < directions[key][0]:
-            directions[key] = brightness, direction
+            directions[key] = brightness, direction, off, path.name
     for key in keys:
         if key not in directions:
             raise dark[key]
     warnings = []
     if settings.crop is None and settings.corners is None:
         warnings.append("the spheres lie in the picture that is read: give --crop or --corners of the swatch")
-    off, name = max(spread)
+    off, name = max((off, name) for *_, off, name in directions.values())
     if off > DOUBTFUL_DEG:
         warnings.append(
             f"the spheres of {name} tell lights {off:.0f} degrees off their mean: the lamp was near, or a circle is "

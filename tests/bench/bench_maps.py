@@ -11,7 +11,7 @@ from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.swatches import SWATCHES
 from measured_materials.addon.gantry.truth import photographed_around, truth_of
 from measured_materials.bake.color_difference import ciede2000, lab_of
-from measured_materials.bake.maps.bake import MapSettings, all_around, maps_of
+from measured_materials.bake.maps.bake import MapSettings, maps_of
 from measured_materials.bake.maps.height import height_of
 from measured_materials.bake.maps.normals import photometric_stereo
 from measured_materials.bake.photographs import PhotoStack, StackSettings, read_stack
@@ -41,7 +41,7 @@ def _plates(quick: bool) -> None:
     for name in _NAMES[::2] if quick else _NAMES:
         dome = PLATES / name / "Dome"
         settings = StackSettings(lights=dome / "dirs.lp", align="off")
-        stack = read_stack(sorted(dome.glob("image*.jpg")), all_around(settings))
+        stack = read_stack(sorted(dome.glob("image*.jpg")), settings.all_around())
         assert stack.directions is not None
         with Image.open(dome / "normals.png") as opened:
             truth = np.array(opened, float) / 127.5 - 1

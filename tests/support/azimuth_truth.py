@@ -12,10 +12,10 @@ import numpy as np
 from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.scene import Gantry
 from measured_materials.addon.gantry.techniques import direction, frame_uv, pixels
+from measured_materials.bake.images.bilinear import texels_around
 from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
 from measured_materials.bake.shading_maps.azimuth.azimuth_envelope import azimuth_envelope
 from measured_materials.bake.shading_maps.render_settings import PREVIEW_LEVEL, RenderSettings
-from measured_materials.bake.shading_maps.shading_map import texels_around
 
 # A sun so wide that a mirror finds it by chance, off to a side of swatch and viewer.
 SUN, VIEW, LIGHT = math.radians(40), (math.radians(35), math.radians(200)), (math.radians(48), math.radians(70))

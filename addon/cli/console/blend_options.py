@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ....bake.errors import BakeError
+from ....bake.maps.relief import RELIEFS
 from .need_blender import need_blender
 
-# As of `nodes.principled_maps`, which needs Blender.
-_RELIEFS = ("normal", "bump", "displacement")
 _SUFFIX = ".blend"
 
 
@@ -25,8 +24,8 @@ def add_blend(group: Any) -> None:
     )
     group.add_argument(
         "--relief",
-        choices=_RELIEFS,
-        default=_RELIEFS[0],
+        choices=RELIEFS,
+        default=RELIEFS[0],
         help="what shows the relief there: the normals, or the height as bump or as displacement (%(default)s)",
     )
     group.add_argument(
@@ -43,17 +42,16 @@ def check_blend(options: argparse.Namespace) -> None:
     """Raise `argparse.ArgumentTypeError`, or BakeError where there is no Blender, before anything is baked."""
     target = options.blend
     if target is None:
-        if options.relief != _RELIEFS[0] or options.width != 1.0 or options.pack:
+        if options.relief != RELIEFS[0] or options.width != 1.0 or options.pack:
             raise argparse.ArgumentTypeError(
                 f"--relief, --width and --pack are of Blender's file: give --blend FILE{_SUFFIX}"
             )
         return
     if target.suffix.lower() != _SUFFIX:
         raise argparse.ArgumentTypeError(f"--blend {target} is not a FILE{_SUFFIX}")
-    if not 0 < options.width < 1e6:
-        raise argparse.ArgumentTypeError(f"--width is {options.width:g}, no number above 0")
     need_blender("bake maps --blend")
-    if not target.parent.is_dir():
+    # The folder of the maps is made by the bake.
+    if not target.parent.is_dir() and target.parent.absolute() != options.out.absolute():
         raise BakeError(target.parent, "is not a folder", "make it, or choose another place for --blend")
     if target.exists() and not options.replace:
         raise BakeError(target, "is there already", "choose another name, or --replace")

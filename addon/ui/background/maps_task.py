@@ -10,11 +10,12 @@ import bpy
 
 from ....bake.bundle.result import BakeResult
 from ....bake.maps.folder import read_maps_folder
+from ....bake.maps.relief import Relief
 from ....nodes.portions import found
-from ....nodes.principled_maps import Relief, build_principled
+from ....nodes.principled_maps import build_principled
 from ...baking.request import BakeRequest
 from ...material.bake_material import assign, free_bundle
-from .tasks import BakeTask
+from .tasks import BakeTask, place_words
 
 
 @dataclass(eq=False)
@@ -57,5 +58,5 @@ class MapsTask(BakeTask):
         obj = found("objects", self._obj) if self._obj else None
         why = assign(material, obj)
         self.settled(material, tuple(str(warning) for warning in result.facts.get("warnings", ())))
-        place = f" on {obj.name}" if obj is not None and not why else ""
+        place = "" if obj is None else place_words(obj, why)
         return f"{material.name}{place}: maps in {result.path}"

@@ -32,6 +32,7 @@ from ...photographs.find_decoder import blender_decoder
 from ...summary.bake_stages import bake_stages
 from ...summary.quality_levels import learn_pace
 from ...summary.shading_map_rows import all_warnings
+from ...summary.text import one_line
 from . import kept_pace
 
 # What a material shown while it is baked says of itself: FRESH in the undo step that shows it first, BAKING after that.
@@ -202,9 +203,8 @@ class ImportTask(BakeTask):
         why = assign(material, obj) if fresh else ""
         self.settled(material)
         self.learn(result, material)
-        place = f" on {obj.name}" if obj is not None and obj.active_material == material else ""
-        if why and obj is not None:
-            place = f" is not on {obj.name}: {why}"
+        told = obj is not None and (why or obj.active_material == material)
+        place = place_words(obj, why) if told else ""
         return f"{material.name}{place}: {kind_of(material).words(material)}"
 
     def drop(self) -> bool:
@@ -283,6 +283,11 @@ class AgainTask(BakeTask):
         self.told(material)
         self.learn(result, material)
         return f"{material.name}: {kind_of(material).words(material)}" + (f", was {before}" if before else "")
+
+
+def place_words(obj: bpy.types.Object, why: str) -> str:
+    """Where a material is, or why it is not there."""
+    return f" is not on {one_line(obj.name)}: {why}" if why else f" on {one_line(obj.name)}"
 
 
 def warnings_of(material: bpy.types.Material) -> tuple[str, ...]:

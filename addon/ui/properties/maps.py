@@ -6,9 +6,9 @@ from typing import Any
 import bpy
 
 from ....bake.maps.bake import MapSettings
+from ....bake.maps.relief import RELIEFS
 from ....bake.maps.write import FILE_KINDS, NORMAL_CONVENTIONS
 from ....bake.photographs.settings import StackSettings
-from ....nodes.principled_maps import RELIEFS
 from ...material.lighting import number
 from .enum_items import enum
 

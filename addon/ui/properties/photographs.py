@@ -188,19 +188,24 @@ def arc_settings_of(properties: Any, light: Any, mode: str) -> ArcSettings:
         render=lighting_of(light, mode),
         rights=rights_of(p),
         through=_through_of(p),
-        stack=StackSettings(
-            size=p.size or None,
-            decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
-            lights=_file(p.lights),
-            **_arc_of(p),
-            crop=tuple(p.crop) if p.frame == "crop" else None,
-            corners=tuple(tuple(getattr(p, name)) for name in _CORNERS) if p.frame == "corners" else None,
-            flat_field=_file(p.flat_field),
-            white_card=tuple(p.white_card) if p.scale_by == "card" else None,
-            white_reflectance=number(p.white_reflectance),
-            albedo=number(p.albedo) if p.scale_by == "albedo" else None,
-            align=p.align,
-        ),
+        stack=stack_settings_of(p),
+    )
+
+
+def stack_settings_of(p: Any) -> StackSettings:
+    """The properties on how photographs are read. Raises BakeError."""
+    return StackSettings(
+        size=p.size or None,
+        decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
+        lights=_file(p.lights),
+        **_arc_of(p),
+        crop=tuple(p.crop) if p.frame == "crop" else None,
+        corners=tuple(tuple(getattr(p, name)) for name in _CORNERS) if p.frame == "corners" else None,
+        flat_field=_file(p.flat_field),
+        white_card=tuple(p.white_card) if p.scale_by == "card" else None,
+        white_reflectance=number(p.white_reflectance),
+        albedo=number(p.albedo) if p.scale_by == "albedo" else None,
+        align=p.align,
     )
 
 
@@ -289,14 +294,16 @@ def draw_arc_settings(
     draw_in_dialogue : draws what only the wide dialogue has in a part: what can be changed without a bake
     """
     p = properties
-    inner = draw_quality_choice(layout, p, MAP_LEVELS, _settings_to_weigh)
+    inner = draw_quality_choice(layout, p, MAP_LEVELS, None if _maps_alone(p) else _settings_to_weigh)
     if inner is None:
         return
-    if draw_in_dialogue is None:
+    if _maps_alone(p):
+        column = draw_part(inner, p, tuple(_shown(p, light)))
+    elif draw_in_dialogue is None:
         column = draw_part(inner, p, [part for part in _PARTS if part != "rendering"])
     else:
         column = draw_part(inner, p, tuple(_PARTS), len(_PARTS))
-    if p.part == "rights":
+    if p.part == "rights" and not _maps_alone(p):
         draw_rights(column, p)
     for name in _shown(p, light).get(p.part, ()):
         if name in _PAIRS:
@@ -305,7 +312,7 @@ def draw_arc_settings(
             column.prop(p, name, placeholder=_WHERE_EMPTY[name])
         else:
             column.prop(p, name)
-    if draw_in_dialogue is not None:
+    if draw_in_dialogue is not None and not _maps_alone(p):
         draw_in_dialogue(column)
 
 
@@ -325,6 +332,11 @@ def _draw_pairs(layout: bpy.types.UILayout, p: Any, name: str) -> None:
 _WHERE_EMPTY = {"lights": "Automatic", "flat_field": "None", "through": "None", "through_lights": "Automatic"}
 
 
+def _maps_alone(p: Any) -> bool:
+    """Whether the photographs become no shading map; only the import asks for that."""
+    return getattr(p, "make", "shading") == "maps"
+
+
 def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     """Parts, and the names of the settings in them that have an effect."""
     size = ("full_size",) if p.full_size else ("full_size", "size")
@@ -338,9 +350,13 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
     behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
+    brightness = ("decode", *gamma, "scale_by", *scale, "flat_field", "align")
+    if _maps_alone(p):
+        swatch = (*size, "frame", *frame)
+        return {"swatch": swatch, "brightness": brightness, "lights": ("lights",), "files": ("pack",)}
     return {
         "swatch": (*size, *slices, "tileable", "frame", *frame),
-        "brightness": ("decode", *gamma, "scale_by", *scale, "flat_field", "align"),
+        "brightness": brightness,
         "through": ("through", *behind),
         "lights": ("lights", "azimuths", *arc, "fit_lobe", *brdf),
         "files": (*compression, "storage", "pack"),

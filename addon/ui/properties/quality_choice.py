@@ -53,13 +53,13 @@ def advanced() -> Any:
 
 
 def draw_quality_choice(
-    layout: bpy.types.UILayout, properties: Any, levels: Levels, settings_of: Callable[[Any], Any]
+    layout: bpy.types.UILayout, properties: Any, levels: Levels, settings_of: Callable[[Any], Any] | None
 ) -> bpy.types.UILayout | None:
     """Draw the choice, each level with what it is expected to take, and where the second level goes if it is open.
 
     Parameters
     ----------
-    settings_of : the bake's settings of such properties; raises BakeError
+    settings_of : the bake's settings of such properties; raises BakeError. None where nothing is known of it
     """
     column = layout.column(align=True)
     column.label(text="Quality")
@@ -112,8 +112,10 @@ class _At:
         return self._level[name] if name in self._level else getattr(self._properties, name)
 
 
-def _expected(properties: Any, levels: Levels, name: str, settings_of: Callable[[Any], Any]) -> str:
+def _expected(properties: Any, levels: Levels, name: str, settings_of: Callable[[Any], Any] | None) -> str:
     """Time and size of a level, all else being as it is."""
+    if settings_of is None:
+        return ""
     try:
         words = expectation_words(settings_of(_At(properties, levels.get(name, {}))))
     except BakeError:  # told when the bake is asked for

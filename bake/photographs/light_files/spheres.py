@@ -28,6 +28,8 @@ _HORIZON = math.sqrt(0.5)
 _STANDS_OUT = 2.5
 # ... and takes up less than this share of it: a sphere so bright all over is none, or the circle is not on it.
 _MOST_AREA = 0.25
+# ... and than this share of full scale or, of floats, of the picture's brightest pixels: below that is noise ...
+_LEAST = 0.02
 # Of the way from the rest to the brightest pixel, from which on a pixel belongs to the highlight.
 _LEVEL = 0.5
 # Degrees by which spheres may differ.
@@ -39,7 +41,8 @@ def light_on_sphere(path: Path, pixels: NDArray[Any], sphere: Sphere) -> NDArray
 
     Parameters
     ----------
-    pixels : (H, W, 1 or 3) as a viewer shows them, in any unit that rises with light
+    pixels : (H, W, 1 or 3) as a viewer shows them, in any unit that rises with light; the most that integers hold is
+        full scale
 
     Raises
     ------
@@ -54,10 +57,11 @@ def light_on_sphere(path: Path, pixels: NDArray[Any], sphere: Sphere) -> NDArray
     reach = radius * _HORIZON
     left, top = max(math.floor(x - reach), 0), max(math.floor(y - reach), 0)
     part = pixels[top : math.ceil(y + reach) + 1, left : math.ceil(x + reach) + 1].astype(np.float64).mean(-1)
+    part = _without_hot_pixels(part)
     rows, columns = np.indices(part.shape)
     normal = np.stack([(columns + left + 0.5 - x) / radius, (y - rows - top - 0.5) / radius], -1)
     inside = (normal**2).sum(-1) <= _HORIZON**2
-    lit = _highlight(part, inside)
+    lit = _highlight(part, inside, _LEAST * _scale(pixels))
     if lit is None:
         cause = f"shows no highlight on {where}"
         raise BakeError(path, cause, "check the circle, and that the sphere is a mirror that the lamp shines on")
@@ -76,13 +80,30 @@ def lights_on_spheres(path: Path, pixels: NDArray[Any], spheres: Sequence[Sphere
     return mean, float(np.degrees(np.arccos(np.clip(found @ mean, -1, 1))).max())
 
 
-def _highlight(part: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """Pixels of the brightest spot; None where none stands out."""
+def _scale(pixels: NDArray[Any]) -> float:
+    """Full scale, else what one pixel in a thousand reaches."""
+    if np.issubdtype(pixels.dtype, np.integer):
+        return float(np.iinfo(pixels.dtype).max)
+    some = pixels[::4, ::4]
+    some = some[np.isfinite(some)]
+    return float(np.percentile(some, 99.9)) if some.size else 0.0
+
+
+def _without_hot_pixels(part: NDArray[np.float64]) -> NDArray[np.float64]:
+    """No pixel brighter than the brightest of its neighbours: a lamp seen by a lens lights several, a defect one."""
+    padded = np.pad(part, 1, constant_values=-np.inf)
+    height, width = part.shape
+    around = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    return np.minimum(part, np.max(around, 0))
+
+
+def _highlight(part: NDArray[np.float64], inside: NDArray[np.bool_], least: float) -> NDArray[np.bool_] | None:
+    """Pixels of the brightest spot, at least so bright; None where none stands out."""
     values = part[inside]
     if not np.isfinite(values).all():
         return None
     rest, brightest = float(np.median(values)), float(values.max())
-    if brightest <= max(rest, 0.0) * _STANDS_OUT or brightest <= 0:
+    if brightest <= max(rest * _STANDS_OUT, least, 0.0):
         return None
     bright = inside & (part >= rest + _LEVEL * (brightest - rest))
     spot = _connected(bright, _brightest_spot(part, bright))
@@ -90,7 +111,7 @@ def _highlight(part: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[
 
 
 def _brightest_spot(part: NDArray[np.float64], bright: NDArray[np.bool_]) -> tuple[int, int]:
-    """Middle of the 3 x 3 pixels that are the brightest together: a single one may be a defect of the sensor."""
+    """Middle of the 3 x 3 pixels that are the brightest together."""
     padded = np.pad(np.where(bright, part, 0.0), 1)
     height, width = part.shape
     total = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
