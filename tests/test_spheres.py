@@ -76,6 +76,10 @@ def test_no_sphere_is_an_error_of_its_own(sphere: tuple[float, float, float], ca
         light_on_sphere(Path("p.png"), picture(direction(40, 20)), sphere)
     with pytest.raises(BakeError, match="no highlight"):  # evenly bright
         light_on_sphere(Path("p.png"), np.ones((80, 80, 3)), (40, 40, 30))
+    thread = np.full((80, 80, 3), 0.2)
+    thread[38:42, 30:36] = 0.4
+    with pytest.raises(BakeError, match="no highlight"):
+        light_on_sphere(Path("p.png"), thread, (40, 40, 30))
 
 
 def test_noise_and_defects_of_the_sensor_are_no_highlights() -> None:
@@ -86,9 +90,8 @@ def test_noise_and_defects_of_the_sensor_are_no_highlights() -> None:
         black[int(y) + 9, int(x) - 12] = value
         with pytest.raises(BakeError, match="no highlight"):
             light_on_sphere(Path("p.png"), black, SPHERES[0])
-    noise = np.random.default_rng(0).integers(0, 3, (SIZE, SIZE, 3)).astype(np.uint8)
     with pytest.raises(BakeError, match="no highlight"):
-        light_on_sphere(Path("p.png"), noise, SPHERES[0])
+        light_on_sphere(Path("p.png"), noise(), SPHERES[0])
     wi = direction(50, 30)
     lit = 0.3 * picture(wi)  # a highlight that does not saturate
     lit[int(y) + 9, int(x) - 12] = 1.0
@@ -99,13 +102,12 @@ def test_of_a_bracket_the_shortest_that_shows_a_highlight_tells_the_light(tmp_pa
     """A frame that is black but for noise tells none, and what a blown-out one tells is not warned of."""
     folder = tmp_path / "brackets"
     folder.mkdir()
-    noise = np.random.default_rng(0).integers(0, 3, (SIZE, SIZE, 3))
     ways = [direction(*light) for light in LIGHTS[5:20:2]]
     for k, wi in enumerate(ways):
         usual = 200 * picture(wi)
         blown = np.clip(6 * usual, 0, 255)
         blown[int(SPHERES[0][1]) - 30 :, int(SPHERES[0][0]) :][:25, :25] = 255  # flare on one of both spheres
-        for mark, codes in (("-4", noise), ("0", usual), ("+2", blown)):
+        for mark, codes in (("-4", noise()), ("0", usual), ("+2", blown)):
             Image.fromarray(np.rint(codes).astype(np.uint8)).save(folder / f"p{k}_ev{mark}.png")
     settings = StackSettings(spheres=SPHERES, crop=(130, 20, 90, 90), align="off", spread=90.0, sides="both")
     lights = lights_by_spheres(*found_in(folder), settings)
@@ -113,6 +115,13 @@ def test_of_a_bracket_the_shortest_that_shows_a_highlight_tells_the_light(tmp_pa
     for found, wi in zip(lights.directions[::3], ways, strict=True):
         assert off(found, wi) < 1
     assert not lights.warnings
+
+
+def noise() -> np.ndarray:
+    """Of a black frame: a fifth of its pixels are 1 to 3 of 255."""
+    rng = np.random.default_rng(0)
+    lit = rng.random((SIZE, SIZE, 1)) < 0.2
+    return np.where(lit, rng.integers(1, 4, (SIZE, SIZE, 3)), 0).astype(np.uint8)
 
 
 def found_in(folder: Path) -> tuple[list[Path], list[PhotoInfo]]:
