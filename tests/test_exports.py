@@ -31,8 +31,8 @@ from measured_materials.nodes.material import build_material
 from measured_materials.nodes.principled_maps import build_principled
 from measured_materials.nodes.shading_map_material import build_shading_map
 from PIL import Image
+from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
-from support.imports import datablocks
 from support.known_maps import ROUGHNESS, relief, write_folder
 from support.swatches import map_bundle, rough_map
 
@@ -66,15 +66,6 @@ def bundles(tmp_path_factory: pytest.TempPathFactory) -> Bundles:
         return read_bundle(bake_source(SOURCES[name], path, SETTINGS if name in ("lacquer", "gold") else PLAIN).path)
 
     return made
-
-
-@pytest.fixture(autouse=True)
-def clean() -> Iterator[None]:
-    """What a test makes goes with it."""
-    known = datablocks()
-    yield
-    for kind, before in known.items():
-        bpy.data.batch_remove(set(getattr(bpy.data, kind)) - before)
 
 
 @pytest.fixture(autouse=True)

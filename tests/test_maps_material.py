@@ -25,20 +25,12 @@ from measured_materials.bake.maps.bake import MapSettings
 from measured_materials.bake.maps.folder import read_maps_folder
 from measured_materials.bake.maps.materialx import materialx_document
 from measured_materials.nodes.principled_maps import build_principled
+from support.clean_blend import clean_blend  # noqa: F401
 from support.imports import datablocks
 from support.known_maps import ROUGHNESS, N, lights, photographs, relief, write_folder, write_photographs
 from support.stacks import write_stack
 
 F0 = 0.04
-
-
-@pytest.fixture(autouse=True)
-def clean() -> Iterator[None]:
-    """What a test makes goes with it."""
-    known = datablocks()
-    yield
-    for kind, before in known.items():
-        bpy.data.batch_remove(set(getattr(bpy.data, kind)) - before)
 
 
 def seen(folder: Path, wi: np.ndarray, **options: Any) -> np.ndarray:
