@@ -95,8 +95,8 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
     assert scripts and cloth.cycles.emission_sampling == "NONE"
 
 
-def test_a_sheet_samples_three_lamps_of_four_and_is_up_to_date(cloth: bpy.types.Material, scene: TestScene) -> None:
-    """With a fourth it is black in Blender 5.2, and says so nowhere but in the log; that one the mirror finds."""
+def test_a_sheet_samples_two_lamps_of_four_and_is_up_to_date(cloth: bpy.types.Material, scene: TestScene) -> None:
+    """With more it is black in Blender 5.2, and says so nowhere but in the log; the others the mirror finds."""
     skip_without_osl()
     for place in ((2, 0, 3), (-2, 1, 3), (0, -2, 2)):
         add_lamp(scene, "POINT", place, energy=100.0, shadow_soft_size=0.2)
@@ -105,7 +105,7 @@ def test_a_sheet_samples_three_lamps_of_four_and_is_up_to_date(cloth: bpy.types.
     rebuild_brdf(cloth, Choices(mode="exact", shader="osl"), scene.scene)
     update_scene(scene.scene)
     groups = [tree for tree in trees_below(cloth.node_tree) if SAMPLED_KEY in tree]
-    assert groups and {tree[SLOTS_KEY] for tree in groups} == {room_of(tree) for tree in groups} == {3}
+    assert groups and {tree[SLOTS_KEY] for tree in groups} == {room_of(tree) for tree in groups} == {2}
     assert "lamp_table" not in rules(scene)
 
 

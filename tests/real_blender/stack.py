@@ -17,7 +17,10 @@ ROOM = 36  # nine nodes that hold a colour and a number each, as in tests/test_s
 _SOURCES = {
     "paint": ("metallic-paint", {"flake_alpha": 0.3, "coat_alpha": 0.2}),
     "satin": ("ward", {"alpha": 0.2, "alpha_y": 0.5, "diffuse": (0.3, 0.2, 0.1), "specular": 0.4}),
+    # Its sides differ. Of four lamps it samples two.
+    "cloth": ("thin-cloth", {"diffuse": (0.1, 0.2, 0.1), "diffuse_behind": (0.3, 0.1, 0.1), "exponent": 8.0}),
 }
+_ROOM_FOR = {"cloth": 2}
 
 
 def bundle(name):
@@ -110,6 +113,7 @@ else:
             for words, (sampled, instead) in STATES.items():
                 if mode == "exact" or words == "four lamps and the world":
                     switch(sampled, instead)
+                    sampled = min(sampled[0], _ROOM_FOR.get(name, sampled[0])), sampled[1]
                     room, closures = svm_stack.room_on_stack(material), svm_stack.closures_in(material)
                     print(f"stack: {name}, {mode}, {words}: room for {room} floats, {closures} closures", flush=True)
                     require(sampled_now() == {sampled}, f"while it was measured they were not: {sampled_now()}")
