@@ -52,7 +52,7 @@ SAMPLED_KEY = "measured_materials_sampled"
 _BEHIND = 0.01
 # Of radiances: a lamp's over the sky's from which on less than a hundredth of its light is lost with what is behind.
 _FAR_BRIGHTER = 100.0
-# Lamps sampled on a sheet: with three and the world, one whose sides differ leaves no room on SVM's stack, and one float
+# Lamps sampled on a sheet: with three and the world one of differing sides leaves no room on SVM's stack, and one float
 # more shows it black (tests/real_blender/stack.py).
 _ON_SHEET = 2
 _SWITCHED = "mute extension"

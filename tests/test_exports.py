@@ -85,9 +85,11 @@ def tile(material: bpy.types.Material) -> None:
     mesh.uv_layers.new(name="UVMap")
     mesh.materials.append(material)
     obj = bpy.data.objects.new("tile", mesh)
-    bpy.context.collection.objects.link(obj)
+    bpy.context.scene.collection.objects.link(obj)
+    bpy.context.view_layer.update()  # else the layer may not know the object yet, and nothing is selected
     for other in bpy.context.view_layer.objects:
         other.select_set(other == obj)
+    assert obj.select_get() and obj.visible_get()
     bpy.context.view_layer.objects.active = obj
 
 

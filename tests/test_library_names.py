@@ -120,7 +120,7 @@ def test_every_option_comes_back_from_its_words(tmp_path: Path) -> None:
         "--decode gamma:2.2 --azimuth -30 --spread 10 --sides both --crop 1,2,30,40 --corners 0,0 9,0 9,9 0,9 "
         "--white-reflectance 0.8 --albedo 0.3 --align off --slices 9 --map-storage byte --compression power --rank 3 "
         "--tileable quilt --sigma 0.5 --above scale --technique lit_texture --mode preview --tiling extend --a-max 0.2 "
-        "--lobe phong exponent=30"
+        "--azimuths all --azimuth-rank 6 --lobe phong exponent=30"
     )
     usual = "--out L --jobs 3".split()
     options = parsed("a.binary", *given.split(" --lobe")[0].split(), *usual, "--lobe", "phong", "exponent=30")
@@ -130,7 +130,7 @@ def test_every_option_comes_back_from_its_words(tmp_path: Path) -> None:
     left = set(vars(options)) - told - {"sources", "run", "command", *library._OF_ALL}
     # Of one swatch or one file alone.
     assert left == {"material", "lights", "flat_field", "white_card", "through", "through_lights", "transmittance"} | {
-        "diffuser", "diffuser_transmittance", "transmission", "transmission_sigma",
+        "sphere", "diffuser", "diffuser_transmittance", "transmission", "transmission_sigma",
     }  # fmt: skip
 
 
