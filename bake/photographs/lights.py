@@ -274,7 +274,6 @@ def _from_names(paths: list[Path], behind: bool) -> Lights:
     directions = _in_names(paths)
     if directions is None:
         return Lights(paths, None, ["no light directions are known: neither a lights file nor angles in the names"])
-    directions = [direction_in_name(path.stem) for path in paths]
     directions = _above(paths[0].parent, directions) if behind else directions
     return keep_lights(paths[0].parent, paths, directions, [], {"source": "file names"})
 

@@ -44,7 +44,7 @@ def make(out: Path, folder: Path) -> None:
     for name in NAMES:
         cells += row_of_cells(name, folder)
     write_sheet(folder / "turned.png", cells, len(TURNS))
-    save(Image.open(folder / "turned.png"), out / "turned.jpg", width=800)
+    save(Image.open(folder / "turned.png"), out / "turned.jpg", width=680)
 
 
 def row_of_cells(name: str, folder: Path) -> list[Cell]:
