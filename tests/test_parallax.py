@@ -1,5 +1,7 @@
 """Parallax under a shading map: the formula by tracing rays, the node group by the formula, in and out of materials."""
 
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
 from __future__ import annotations
 
 import math
@@ -10,13 +12,16 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.cli.main import main
 from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.techniques import direction, frame_uv
 from measured_materials.addon.material.adjust.parallax import add_parallax, parallax_node, remove_parallax
 from measured_materials.addon.material.adjust.swatch import random_tiling_node, set_random_tiling
+from measured_materials.addon.material.facts import keep_facts
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.bilinear import texels_around
+from measured_materials.bake.images.image_io import read_image
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.maps.folder import read_maps_folder
 from measured_materials.bake.shading_maps.parallax import LAYERS, LEAST_COSINE, seen_at
@@ -30,7 +35,8 @@ from measured_materials.nodes.surface_inputs import coordinates_before_tiling, f
 from measured_materials.nodes.swatch_frame_group import ALONG_U, is_swatch_frame, swatch_frame_group
 from support.azimuth_truth import LAYOUTS
 from support.known_maps import N, relief, write_folder
-from support.swatches import identity_map, map_bundle
+from support.swatches import identity_map, map_bundle, rough_map
+from test_addon import registered  # noqa: F401
 
 PLACES = np.random.default_rng(2).uniform(-1, 2, (500, 3)) * np.array([1.0, 1.0, 0.0])
 
@@ -208,3 +214,38 @@ def test_what_cannot_be_moved_is_said(swatch: Any, tmp_path: Path) -> None:
     tree.links.remove(node.inputs["UV"].links[0])
     with pytest.raises(BakeError, match="nothing is linked to the UV"):
         add_parallax(material, record, maps)
+
+
+def test_the_command_line_renders_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bundle = map_bundle(tmp_path / "felt.mmat", rough_map(), RenderSettings(Lobe("lambert"), 0.5))
+    maps = write_folder(tmp_path / "maps")
+    size = ["--resolution", "32", "--samples", "4", "--denoise", "never", "--exr", "--repeat", "1"]
+    pictures = []
+    for name, options in (("flat", []), ("again", []), ("moved", ["--parallax", str(maps)])):
+        out = tmp_path / f"{name}.png"
+        assert main(["render", str(bundle.path), "--out", str(out), *size, *options]) == 0
+        pictures.append(read_image(out.with_suffix(".exr")))
+    flat, again, moved = pictures
+    assert np.array_equal(flat, again)
+    assert (np.abs(moved - flat).max(-1) > 1e-3).mean() > 0.05 and moved.mean() == pytest.approx(flat.mean(), rel=0.02)
+    capsys.readouterr()
+    assert main(["render", str(bundle.path), "--out", str(tmp_path / "none.png"), "--parallax", str(tmp_path)]) == 1
+    assert "holds no maps.json" in capsys.readouterr().err and not (tmp_path / "none.png").exists()
+
+
+def test_a_click_in_the_panel_moves_it_and_another_does_not(swatch: Any, tmp_path: Path, registered: None) -> None:
+    material, record = swatch
+    keep_facts(material, record.document)
+    mesh = bpy.data.meshes.new("tile")
+    mesh.materials.append(material)
+    obj = bpy.data.objects.new("tile", mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    folder = str(write_folder(tmp_path / "maps"))
+    with bpy.context.temp_override(object=obj, active_object=obj, material=material):
+        assert bpy.ops.measured_materials.parallax(directory=folder) == {"FINISHED"}
+        assert parallax_node(material) is not None
+        assert bpy.ops.measured_materials.parallax() == {"FINISHED"}
+        assert parallax_node(material) is None
+        with pytest.raises(RuntimeError, match="holds no maps"):
+            bpy.ops.measured_materials.parallax(directory=str(tmp_path))
+    bpy.data.batch_remove([obj, mesh])
