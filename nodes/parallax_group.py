@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..bake.shading_maps.parallax import LEAST_COSINE, seen_at
+from ..bake.maps.parallax import LEAST_COSINE, seen_at
 from . import expr
 from .group import HASH_KEY, node_group
 from .swatch_frame_group import ALONG_U, ALONG_V

@@ -24,7 +24,7 @@ from measured_materials.bake.images.bilinear import texels_around
 from measured_materials.bake.images.image_io import read_image
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.maps.folder import read_maps_folder
-from measured_materials.bake.shading_maps.parallax import LAYERS, LEAST_COSINE, seen_at
+from measured_materials.bake.maps.parallax import LAYERS, LEAST_COSINE, seen_at
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes import compat, expr

@@ -22,7 +22,7 @@ from measured_materials.addon.gantry.truth import truth_of
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.images.bilinear import texels_around
 from measured_materials.bake.maps.bake import MapSettings, maps_of
-from measured_materials.bake.shading_maps.parallax import LAYERS, LEAST_COSINE, seen_at
+from measured_materials.bake.maps.parallax import LAYERS, LEAST_COSINE, seen_at
 from measured_materials.bake.source import Array
 from record import put
 from rich.console import Console
