@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import io
+import math
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_materials.bake.brdf.preview_sphere import to_srgb
 from measured_materials.bake.errors import BakeError
 from PIL import Image
+from support.btf.archives import GROUPS, errors_of, rivals_of_archive
 from support.btf.rings import Rings
 from support.btf.ubo import read_ubo2003
 
 # Seven directions at 30 degrees: azimuths in whole degrees are rounded.
 RINGS = Rings(((0.0, 1), (30.0, 7)))
+WIDE = Rings(((0.0, 1), (30.0, 6), (60.0, 8)))
 
 
 def value(view: int, light: int) -> int:
@@ -30,6 +34,18 @@ def jpeg(picture: np.ndarray) -> bytes:
 
 def name_of(view: tuple[float, float], light: tuple[float, float]) -> str:
     return f"tl{light[0]:03.0f} pl{light[1]:03.0f} tv{view[0]:03.0f} pv{view[1]:03.0f}.jpg"
+
+
+def write_matte(path: Path, oblique: float) -> Path:
+    """A matte texture, 12 texels wide, that oblique views see brighter by this factor."""
+    rng = np.random.default_rng(3)
+    texture = rng.uniform(0.1, 0.4, (12, 12, 3))
+    with zipfile.ZipFile(path, "w") as archive:
+        for view in WIDE.angles:
+            for light in WIDE.angles:
+                linear = texture * math.cos(math.radians(light[0])) * (oblique if view[0] else 1.0)
+                archive.writestr(name_of(view, light), jpeg(np.rint(255 * to_srgb(linear)).astype(np.uint8)))
+    return path
 
 
 def write(path: Path, leave_out: str = "", more: dict[str, bytes] | None = None, edge: int = 12) -> Path:
@@ -88,3 +104,17 @@ def test_what_is_no_archive_is_said(tmp_path: Path) -> None:
     ):
         with pytest.raises(BakeError, match=cause):
             read_ubo2003(path)
+
+
+def test_an_archive_is_compared_with_maps_of_its_pictures_from_above(tmp_path: Path) -> None:
+    for oblique, wanted in ((1.0, 0.0), (2.0, 0.5)):
+        btf = read_ubo2003(write_matte(tmp_path / "matte.zip", oblique), edge=12)
+        rivals = rivals_of_archive(btf)
+        assert [rival.photographs for rival in rivals] == [15 * 15, 15 * 15, 5, 15]
+        for rival in rivals:
+            found = errors_of(rival, btf)
+            assert list(found) == list(GROUPS)
+            for group, error in found.items():
+                # JPEG takes 1 to 2 % off; the lobe that is fitted, and the low end of the levels, as much again.
+                off = wanted if "map" in rival.name and "oblique" in group else 0.0
+                assert error == pytest.approx(off, abs=0.05), (rival.name, group)

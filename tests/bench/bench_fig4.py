@@ -20,7 +20,7 @@ from record import put
 from rich.console import Console
 from rich.table import Table
 from support.btf import archives
-from support.btf.figure_4 import CASES, GROUPS, Compared, Rival, compare
+from support.btf.figure_4 import CASES, GROUPS, Compared, Rival, photographed
 from support.btf.ubo import read_ubo2003
 
 NAMES = ("wool", "cloth")
@@ -28,10 +28,10 @@ NAMES = ("wool", "cloth")
 
 def run(out: Path, quick: bool, files: Sequence[str]) -> int | None:
     """Both swatches, or of the cloth alone less; or these archives."""
-    size, samples = (24, 4) if quick else (64, 32)
+    size, samples = (24, 4) if quick else (64, 16)
     for name in () if files else NAMES[1:] if quick else NAMES:
         started = time.perf_counter()
-        compared = compare(name, size, samples)
+        compared = photographed(name, size, samples, out, _Tenths(name))
         report(name, {rival: errors_of(rival, compared, size) for rival in compared.rivals})
         print(f"  {time.perf_counter() - started:.0f} s; noise of a picture {compared.noise:.1%}", flush=True)
     for file in map(Path, files):
@@ -42,6 +42,18 @@ def run(out: Path, quick: bool, files: Sequence[str]) -> int | None:
             return 1
         report(file.stem, {rival: archives.errors_of(rival, btf) for rival in archives.rivals_of_archive(btf)})
     return None
+
+
+class _Tenths:
+    """Prints each tenth of a swatch's pictures."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.done = name, 0
+
+    def __call__(self, share: float) -> None:
+        if share * 10 >= self.done + 1:
+            self.done = int(share * 10)
+            print(f"  {self.name}: {share:.0%} photographed", flush=True)
 
 
 def errors_of(rival: Rival, compared: Compared, size: int) -> dict[str, float]:

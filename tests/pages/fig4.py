@@ -12,7 +12,7 @@ from commands import save
 from measured_materials.addon.gantry import techniques
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from PIL import Image
-from support.btf.figure_4 import Compared, compare, rolled_geometry
+from support.btf.figure_4 import Compared, kept, rolled_geometry
 
 NAMES = ("wool", "cloth")
 SHOWN = {
@@ -20,12 +20,13 @@ SHOWN = {
     "map of one arc": "Shading map",
     "map over azimuth": "Map over azimuth",
 }
-_PHOTOGRAPH, _SAMPLES, _ROLL, _ROLL_SAMPLES = 64, 32, 192, 64
+_PHOTOGRAPH, _SAMPLES, _ROLL, _ROLL_SAMPLES = 64, 16, 192, 64
 
 
 def make(out: Path, folder: Path) -> None:
-    """fig4.jpg, and how far each picture is off beneath it."""
-    cells = [cell for name in NAMES for cell in row_of_cells(compare(name, _PHOTOGRAPH, _SAMPLES))]
+    """fig4.jpg, and how far each picture is off beneath it; of what `./run bench fig4 --out FOLDER` photographed, if
+    that is the folder."""
+    cells = [cell for name in NAMES for cell in row_of_cells(kept(name, _PHOTOGRAPH, _SAMPLES, folder))]
     write_sheet(folder / "fig4.png", cells, 1 + len(SHOWN))
     save(Image.open(folder / "fig4.png"), out / "fig4.jpg", width=680)
 

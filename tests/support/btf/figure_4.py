@@ -20,7 +20,7 @@ from measured_materials.bake.shading_maps.bake import ArcSettings, Azimuths, bak
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 
 from ..gantry_maps import ARC_CASES, AROUND_CASES, bytes_of, renders_of, stack_of
-from .btf import Btf, compressed
+from .btf import Btf, compressed, whole
 from .photograph import photograph_btf
 from .rings import Array, Rings
 
@@ -57,6 +57,7 @@ CASES = (
     *(_case("obliquely, light along the arc", view, light) for view in _OBLIQUE for light in _ALONG[:2]),
     *(_case("obliquely, light from elsewhere", view, light) for view in _OBLIQUE for light in _ELSEWHERE[:2]),
 )
+_ALL = (*AROUND_CASES, *CASES)
 GROUPS = tuple(dict.fromkeys(case.group for case in CASES))
 # Direction to the sun of the picture: over the roll, whose axis is y, towards larger u and along the axis.
 SUN = (0.6, 0.35, math.sqrt(1 - 0.6**2 - 0.35**2))
@@ -110,13 +111,34 @@ class Compared:
     noise: float
 
 
-def compare(name: str, size: int, samples: int, progress: Callable[[float], None] = lambda share: None) -> Compared:
-    """Photograph a swatch from everywhere, on the arc and all around, compress and bake."""
+def photographed(
+    name: str, size: int, samples: int, folder: Path, progress: Callable[[float], None] = lambda share: None
+) -> Compared:
+    """Photograph a swatch from everywhere, on the arc and all around; `folder` keeps it for `kept`."""
     with gantry_scene(SWATCHES[name](0), size=size, samples=samples) as gantry:
-        frames = techniques.photograph(gantry, (*AROUND_CASES, *CASES))
+        frames = techniques.photograph(gantry, _ALL)
         ((key, other),) = techniques.photograph(gantry, CASES[-1:], seed=1).items()
         btf = photograph_btf(gantry, DIRECTIONS, DIRECTIONS, progress)
     noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
+    np.savez(_file(folder, name), btf=btf.pictures, frames=np.stack([frames[k] for k in sorted(frames)]), noise=noise)
+    return _compared(name, btf, frames, noise)
+
+
+def kept(name: str, size: int, samples: int, folder: Path) -> Compared:
+    """What was photographed last into this folder, whatever it took; else photographed now."""
+    if not (file := _file(folder, name)).is_file():
+        return photographed(name, size, samples, folder)
+    with np.load(file) as there:
+        keys = sorted({frame for case in _ALL for frame in case.frames})
+        frames = dict(zip(keys, there["frames"], strict=True))
+        return _compared(name, whole(there["btf"], DIRECTIONS, DIRECTIONS), frames, float(there["noise"]))
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / f"fig4_{name}.npz"
+
+
+def _compared(name: str, btf: Btf, frames: Frames, noise: float) -> Compared:
     return Compared(name, (*rivals_of(btf), *maps_of(name, frames)), frames, noise)
 
 

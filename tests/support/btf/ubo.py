@@ -1,8 +1,8 @@
 """Archives of the University of Bonn: UBO2003 (Sattler, Sarlette & Klein 2003), a zip of rectified JPEGs.
 
 A picture's name ends in its directions in whole degrees, light before view, polar angle before azimuth:
-`tl015 pl060 tv030 pv090.jpg`. So reads them the package btf-extractor 1.7.0, too, which cannot be installed for Python
-3.11: it is built with a numpy older than 1.20.
+`tl015 pl060 tv030 pv090.jpg`. The package btf-extractor 1.7.0 reads them so too; for Python 3.11 it has no wheel, nor
+has the numpy below 1.20 that its build asks for.
 """
 
 from __future__ import annotations
