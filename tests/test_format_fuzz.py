@@ -121,6 +121,17 @@ def test_a_nan_that_signals_is_refused_without_a_warning(tmp_path: Path) -> None
     for path in (tmp_path / "a.npy", tmp_path / "a.mbsdf", network):
         with pytest.raises(BakeError):
             read_source(path)
+    tensors = tmp_path / "a.bsdf"
+    fuzz.write_anisotropic_rgl(tensors, fuzz.GLOSSY, (0.3, 0.3), azimuths=3, elevations=3, size=4)
+    data = bytearray(tensors.read_bytes())
+    for name in (b"vndf", b"rgb"):
+        # Behind the name: dimensions, kind, where it begins.
+        after = data.index(name) + len(name) + 3
+        first = int.from_bytes(data[after : after + 8], "little")
+        data[first : first + 64] = SIGNALS.repeat(16).tobytes()
+    tensors.write_bytes(data)
+    with pytest.raises(BakeError, match="'vndf' has values that are not finite"):
+        read_source(tensors)
     merl.write_merl(tmp_path / "m.binary", fuzz.GLOSSY, "bins")
     data = np.fromfile(tmp_path / "m.binary", "<f8", offset=12).astype("<f4")
     data[100::7] = SIGNALS

@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import bpy  # noqa: F401 -- mathutils is there once it has been imported
 import numpy as np
 import pytest
 from mathutils import Matrix
