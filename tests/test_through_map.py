@@ -33,8 +33,8 @@ from support.sheet_scenes import (
     assert_shows,
     set_sky,
     sheet_scene,
-    spread,
     sky,
+    spread,
     upper_hemisphere,
     viewer,
 )
