@@ -58,7 +58,7 @@ class Swatch:
 
 def run(out: Path, quick: bool) -> None:
     """All swatches, or two of them, smaller."""
-    size, samples = (48, 8) if quick else (96, 32)
+    size, samples = (48, 8) if quick else (96, 16)
     table = Table("swatch", "heights", "way", *GROUPS, title="RMS of the difference, in parts of the geometry's")
     for name in ("cloth", "stone") if quick else SWATCHES:
         swatch = make(name, size, samples)
