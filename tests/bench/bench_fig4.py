@@ -15,25 +15,27 @@ from pathlib import Path
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
 from measured_materials.addon.gantry import techniques
+from measured_materials.addon.gantry.techniques import Frames
 from measured_materials.bake.errors import BakeError
 from record import put
 from rich.console import Console
 from rich.table import Table
 from support.btf import archives
-from support.btf.figure_4 import CASES, GROUPS, Compared, Rival, photographed
+from support.btf.figure_4 import CASES, GROUPS, Rival, geometry, photographed
 from support.btf.ubo import read_ubo2003
 
 NAMES = ("wool", "cloth")
 
 
 def run(out: Path, quick: bool, files: Sequence[str]) -> int | None:
-    """Both swatches, or of the cloth alone less; or these archives."""
-    size, samples = (24, 4) if quick else (64, 16)
+    """Both swatches, or of the cloth alone less; or these archives. Photographs that are in `out` are taken."""
+    size, samples, true_samples = (24, 4, 16) if quick else (64, 16, 128)
     for name in () if files else NAMES[1:] if quick else NAMES:
         started = time.perf_counter()
-        compared = photographed(name, size, samples, out, _Tenths(name))
-        report(name, {rival: errors_of(rival, compared, size) for rival in compared.rivals})
-        print(f"  {time.perf_counter() - started:.0f} s; noise of a picture {compared.noise:.1%}", flush=True)
+        rivals = photographed(name, size, samples, out, _Tenths(name))
+        frames, noise = geometry(name, size, true_samples)
+        report(name, {rival: errors_of(rival, frames, size) for rival in rivals})
+        print(f"  {time.perf_counter() - started:.0f} s; noise of the geometry's picture {noise:.1%}", flush=True)
     for file in map(Path, files):
         try:
             btf = read_ubo2003(file, size)
@@ -56,12 +58,12 @@ class _Tenths:
             print(f"  {self.name}: {share:.0%} photographed", flush=True)
 
 
-def errors_of(rival: Rival, compared: Compared, size: int) -> dict[str, float]:
+def errors_of(rival: Rival, frames: Frames, size: int) -> dict[str, float]:
     """RMS of the difference from the geometry in parts of its RMS, by group of directions."""
     found = {}
     for group in GROUPS:
         cases = [case for case in CASES if case.group == group]
-        rows = [techniques.errors(rival.picture(case, size), techniques.truth(case, compared.frames)) for case in cases]
+        rows = [techniques.errors(rival.picture(case, size), techniques.truth(case, frames)) for case in cases]
         found[group] = techniques.mean_errors(rows)["rms"]
     return found
 

@@ -12,7 +12,7 @@ from commands import save
 from measured_materials.addon.gantry import techniques
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from PIL import Image
-from support.btf.figure_4 import Compared, kept, rolled_geometry
+from support.btf.figure_4 import photographed, rolled_geometry
 
 NAMES = ("wool", "cloth")
 SHOWN = {
@@ -26,22 +26,22 @@ _PHOTOGRAPH, _SAMPLES, _ROLL, _ROLL_SAMPLES = 64, 16, 192, 64
 def make(out: Path, folder: Path) -> None:
     """fig4.jpg, and how far each picture is off beneath it; of what `./run bench fig4 --out FOLDER` photographed, if
     that is the folder."""
-    cells = [cell for name in NAMES for cell in row_of_cells(kept(name, _PHOTOGRAPH, _SAMPLES, folder))]
+    cells = [cell for name in NAMES for cell in row_of_cells(name, folder)]
     write_sheet(folder / "fig4.png", cells, 1 + len(SHOWN))
     save(Image.open(folder / "fig4.png"), out / "fig4.jpg", width=680)
 
 
-def row_of_cells(compared: Compared) -> list[Cell]:
+def row_of_cells(name: str, folder: Path) -> list[Cell]:
     """The roll of one swatch, in each way."""
-    truth = rolled_geometry(compared.name, _ROLL, _ROLL_SAMPLES)
+    truth = rolled_geometry(name, _ROLL, _ROLL_SAMPLES)
     bright = 0.7 / float(np.percentile(truth, 99))
-    cells = [Cell(truth * bright, f"{compared.name.capitalize()}, geometry", "")]
-    for rival in compared.rivals:
+    cells = [Cell(truth * bright, f"{name.capitalize()}, geometry", "")]
+    for rival in photographed(name, _PHOTOGRAPH, _SAMPLES, folder):
         if rival.name not in SHOWN:
             continue
         picture = rival.rolled(_ROLL)
         error = techniques.errors(picture, truth)["rms"]
-        print(f"  {compared.name}, {rival.name}: {error:.0%} RMS", flush=True)
+        print(f"  {name}, {rival.name}: {error:.0%} RMS", flush=True)
         below = f"of {rival.photographs} photographs, {rival.bytes / 1000:.0f} KB; {error:.0%} off"
         cells.append(Cell(picture * bright, SHOWN[rival.name], below))
     return cells

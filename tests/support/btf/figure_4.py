@@ -57,7 +57,6 @@ CASES = (
     *(_case("obliquely, light along the arc", view, light) for view in _OBLIQUE for light in _ALONG[:2]),
     *(_case("obliquely, light from elsewhere", view, light) for view in _OBLIQUE for light in _ELSEWHERE[:2]),
 )
-_ALL = (*AROUND_CASES, *CASES)
 GROUPS = tuple(dict.fromkeys(case.group for case in CASES))
 # Direction to the sun of the picture: over the roll, whose axis is y, towards larger u and along the axis.
 SUN = (0.6, 0.35, math.sqrt(1 - 0.6**2 - 0.35**2))
@@ -101,45 +100,32 @@ class Rival:
         return techniques.pixels(total, _OVER)
 
 
-@dataclass(frozen=True, eq=False)
-class Compared:
-    """A swatch's rivals, and frames of its geometry for `CASES`; `noise` of a frame in parts of its RMS."""
-
-    name: str
-    rivals: tuple[Rival, ...]
-    frames: Frames
-    noise: float
-
-
 def photographed(
     name: str, size: int, samples: int, folder: Path, progress: Callable[[float], None] = lambda share: None
-) -> Compared:
-    """Photograph a swatch from everywhere, on the arc and all around; `folder` keeps it for `kept`."""
+) -> tuple[Rival, ...]:
+    """A swatch's rivals of photographs from everywhere, on the arc and all around, all with so many samples of a pixel.
+
+    `folder` keeps the photographs as fig4_NAME.npz, and those of this size and effort that are there are taken.
+    """
+    file = folder / f"fig4_{name}.npz"
+    if not (file.is_file() and np.load(file)["effort"].tolist() == [size, samples]):
+        with gantry_scene(SWATCHES[name](0), size=size, samples=samples) as gantry:
+            frames = techniques.photograph(gantry, AROUND_CASES)
+            btf = photograph_btf(gantry, DIRECTIONS, DIRECTIONS, progress)
+        around = np.stack([frames[key] for key in sorted(frames)])
+        np.savez(file, btf=btf.pictures, around=around, effort=np.array([size, samples]))
+    with np.load(file) as kept:
+        keys = sorted({frame for case in AROUND_CASES for frame in case.frames})
+        frames = dict(zip(keys, kept["around"], strict=True))
+        return *rivals_of(whole(kept["btf"], DIRECTIONS, DIRECTIONS)), *maps_of(name, frames)
+
+
+def geometry(name: str, size: int, samples: int) -> tuple[Frames, float]:
+    """Frames of the swatch itself for `CASES`, and the noise of one in parts of its RMS."""
     with gantry_scene(SWATCHES[name](0), size=size, samples=samples) as gantry:
-        frames = techniques.photograph(gantry, _ALL)
+        frames = techniques.photograph(gantry, CASES)
         ((key, other),) = techniques.photograph(gantry, CASES[-1:], seed=1).items()
-        btf = photograph_btf(gantry, DIRECTIONS, DIRECTIONS, progress)
-    noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
-    np.savez(_file(folder, name), btf=btf.pictures, frames=np.stack([frames[k] for k in sorted(frames)]), noise=noise)
-    return _compared(name, btf, frames, noise)
-
-
-def kept(name: str, size: int, samples: int, folder: Path) -> Compared:
-    """What was photographed last into this folder, whatever it took; else photographed now."""
-    if not (file := _file(folder, name)).is_file():
-        return photographed(name, size, samples, folder)
-    with np.load(file) as there:
-        keys = sorted({frame for case in _ALL for frame in case.frames})
-        frames = dict(zip(keys, there["frames"], strict=True))
-        return _compared(name, whole(there["btf"], DIRECTIONS, DIRECTIONS), frames, float(there["noise"]))
-
-
-def _file(folder: Path, name: str) -> Path:
-    return folder / f"fig4_{name}.npz"
-
-
-def _compared(name: str, btf: Btf, frames: Frames, noise: float) -> Compared:
-    return Compared(name, (*rivals_of(btf), *maps_of(name, frames)), frames, noise)
+    return frames, float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
 
 
 def rivals_of(btf: Btf) -> tuple[Rival, ...]:
