@@ -259,7 +259,6 @@ def test_far_texels_have_their_mean_without_noise(tmp_path: Path) -> None:
     # A mean of 2 x 256 pixels.
     means = {name: found.mean() for name, found in pictures.items()}
     assert means["levels"] == pytest.approx(means["texels"], rel=4 * noise["texels"] / np.sqrt(2 * 256))
-    assert means["levels"] == pytest.approx(0.5, rel=0.02)
 
 
 def test_near_texels_stay(tmp_path: Path) -> None:

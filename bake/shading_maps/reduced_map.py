@@ -53,8 +53,8 @@ class DetailLayout:
 
     @cached_property
     def _numbers(self) -> list[tuple[float, float, float]]:
-        """Row at which each level begins, and height and width of its tiles."""
-        first = np.cumsum([0, *(level.rows for level in self.levels)])
+        """Row at which each level would begin if it had one tile, and height and width of its tiles."""
+        first = np.cumsum([0, *(level.pitch for level in self.levels)])
         return [(float(row), float(one.height), float(one.width)) for row, one in zip(first, self.levels)]
 
     def place(self, xp: Any, texels: Any, u: Any, v: Any) -> tuple[Any, Any, Any]:
@@ -79,11 +79,12 @@ class DetailLayout:
                 gutter = coarser * GUTTER
         first, height, width = xp.components(chosen)
         across = ((u - xp.floor(u)) * width + gutter) * (1 / self.width)
-        return across, (1 - v) * height + (first + GUTTER), height + 2 * GUTTER
+        return across, (1 - v) * height + (first * self.levels[0].tiles + GUTTER), height + 2 * GUTTER
 
     def image_v(self, top: Any, pitch: Any, index: Any) -> Any:
         """Image coordinate, upwards in [0, 1], of a place that `place` has found, in tile `index`."""
-        return 1 - (index * pitch + top) * (1 / self.rows)
+        row = top if self.levels[0].tiles == 1 else index * pitch + top
+        return 1 - row * (1 / self.rows)
 
 
 def detail_layout(layout: SliceLayout) -> DetailLayout | None:

@@ -33,7 +33,7 @@ from rich.console import Console
 from rich.table import Table
 
 _SHOWN = (1, 4, 16, 64)
-_SEEDS, _MANY = 6, 4096
+_SEEDS, _MANY = 6, 1024
 _SHIFT = 0.25  # pixels
 VIEWS = {"horizon": BANDS, "tilted": TILTED}
 Make = Callable[[Piece], bpy.types.Material]
