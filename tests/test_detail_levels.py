@@ -109,7 +109,7 @@ def dark_basis() -> AzimuthBasis:
 
 
 def test_means_of_light_where_texels_are_held_at_zero() -> None:
-    """At every level and azimuth: nearer to the mean of S than means of the coefficients are, and right on the whole."""
+    """At every level and azimuth: nearer to the mean of S than mean coefficients are, and right on the whole."""
     basis = dark_basis()
     light = light_coefficients(basis)
     errors = []
@@ -299,6 +299,9 @@ def test_a_plane_to_the_horizon_is_built_with_levels(tmp_path: Path, registered:
             effects = {effect.name: effect for effect in effects_of(material)}
             assert effects[LEVELS_EFFECT].kept is kept, effects[LEVELS_EFFECT].why
             assert any("detail" in image.name for image in bpy.data.images) is kept
+        scene.scene.camera.data.keyframe_insert("lens", frame=1)
+        SHADING_MAP.refit(material, scene.scene)
+        assert not next(effect for effect in effects_of(material) if effect.name == LEVELS_EFFECT).kept
 
 
 # --- where they are worth it ----------------------------------------------------------------------------
