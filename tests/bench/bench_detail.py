@@ -7,12 +7,13 @@ the difference between two frames whose camera has turned by a quarter of a pixe
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,8 @@ from rich.table import Table
 
 _SHOWN = (1, 4, 16, 64)
 _SEEDS, _MANY = 6, 1024
+# Samples of the means that EEVEE's are held against.
+_TRUTH = 256
 _SHIFT = 0.25  # pixels
 VIEWS = {"horizon": BANDS, "tilted": TILTED}
 Make = Callable[[Piece], bpy.types.Material]
@@ -47,27 +50,31 @@ class Sources:
     around: Bundle
     maps: MapsFolder
 
+    @classmethod
+    def within(cls, folder: Path) -> Sources:
+        """Those that lie in a folder."""
+        return cls(
+            read_bundle(folder / "arc.mmat"), read_bundle(folder / "around.mmat"), read_maps_folder(folder / "maps")
+        )
+
 
 def run(out: Path, quick: bool) -> None:
     """Tables and detail.csv."""
     with tempfile.TemporaryDirectory() as folder:
-        sources = Sources(
-            horizon.map_bundle(Path(folder), arc=True),
-            horizon.map_bundle(Path(folder), arc=False),
-            horizon.plain_maps(Path(folder)),
-        )
-        rows = _rows(sources, quick)
+        horizon.map_bundle(Path(folder), arc=True)
+        horizon.map_bundle(Path(folder), arc=False)
+        horizon.plain_maps(Path(folder))
+        rows = _rows(Sources.within(Path(folder)), quick)
         _print(rows)
-        _eevee(sources, Path(folder), rows)
-    write_rows(out / "detail.csv", rows)
+        write_rows(out / "detail.csv", rows)
+        if not quick:
+            write_rows(out / "detail_eevee.csv", _eevee(Path(folder)))
 
 
 def materials(sources: Sources) -> dict[str, tuple[Make, Make | None]]:
     """How each is built, and with levels of detail."""
 
     def maps(bundle: Bundle, mode: str, levels: bool) -> Make:
-        from dataclasses import replace
-
         settings = replace(ShadingMapRecord.read(bundle).render, mode=mode)
 
         def make(piece: Piece) -> bpy.types.Material:
@@ -167,47 +174,47 @@ def _two(row: dict[str, Any], name: str) -> str:
 # --- EEVEE ----------------------------------------------------------------------------------------------
 
 
-def _eevee(sources: Sources, folder: Path, rows: list[dict[str, Any]]) -> None:
+def _eevee(folder: Path) -> list[dict[str, Any]]:
     """Means of the pieces in EEVEE over those in Cycles; in a process of its own: without OpenGL it ends there."""
-    paths = [str(sources.arc.path), str(sources.around.path), str(folder / "maps_1"), str(folder / "eevee.json")]
-    done = subprocess.run([sys.executable, "-P", __file__, *paths], capture_output=True, text=True, timeout=900)
+    out = folder / "eevee.json"
+    done = subprocess.run([sys.executable, "-P", __file__, str(folder), str(out)], capture_output=True, text=True)
     if done.returncode:
         print("SKIPPED EEVEE:", (done.stderr.strip() or "it ended by a signal").splitlines()[-1][:200])
-        return
-    found = json.loads((folder / "eevee.json").read_text())
-    table = Table(
-        "material", "view", *(f"{piece.texels:g}" for piece in BANDS), title="EEVEE ÷ Cycles, by texels in a pixel"
-    )
+        return []
+    rows: list[dict[str, Any]] = json.loads(out.read_text())
+    table = Table("material", "view", *(f"{piece.texels:g}" for piece in BANDS), title="EEVEE ÷ Cycles")
     for kind in dict.fromkeys(row["material"] for row in rows):
         for view in VIEWS:
-            cells = []
-            for row in (row for row in rows if (row["material"], row["view"]) == (kind, view)):
-                mean = found.get(f"{kind}, {view}, {row['texels']:g}")
-                if mean is not None:
-                    row["EEVEE ÷ Cycles"] = mean / row["mean"]
-                    put(f"{kind}, {view}, {row['texels']:g}, EEVEE ÷ Cycles", mean / row["mean"])
-                    cells.append(f"{mean / row['mean']:.3f}")
-            if cells:
-                table.add_row(kind, view, *cells)
-    Console(width=100).print(table)
+            found = [row for row in rows if (row["material"], row["view"]) == (kind, view)]
+            table.add_row(kind, view, *(f"{row['EEVEE ÷ Cycles']:.3f}" for row in found))
+    Console(width=110).print(table)
+    for row in rows:
+        put(f"{row['material']}, {row['view']}, {row['texels']:g}, EEVEE by Cycles", row["EEVEE ÷ Cycles"])
+    return rows
 
 
-def _eevee_child(arc: str, around: str, maps: str, out: str) -> None:
-    sources = Sources(read_bundle(Path(arc)), read_bundle(Path(around)), read_maps_folder(Path(maps)))
-    found = {}
-    with horizon.horizon() as scene:
-        scene.scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
-        scene.scene.eevee.taa_render_samples = 16
-        for kind, (plain, _) in materials(sources).items():
+def _eevee_child(folder: Path, out: Path) -> None:
+    """Of all materials under the sun aside; of the maps, against the sun too."""
+    sources = Sources.within(folder)
+    made = materials(sources)
+    maps = made["Principled of maps"][0]
+    filtered: Make = lambda piece: build_principled(sources.maps, relief="filtered", pack=True)  # noqa: E731
+    cases = {kind: (False, made[kind][0], made[kind][0]) for kind in ("arc", "over azimuth", "Principled of maps")}
+    cases |= {"Principled, to the sun": (True, maps, maps), "filtered, to the sun": (True, filtered, maps)}
+    rows = []
+    for kind, (ahead, make, reference) in cases.items():
+        with horizon.horizon(ahead=ahead) as scene:
             for view, pieces in VIEWS.items():
                 for piece in pieces:
-                    scene.show(plain(piece), piece)
-                    found[f"{kind}, {view}, {piece.texels:g}"] = float(scene.render_as_it_is().mean())
-    Path(out).write_text(json.dumps(found))
+                    scene.show(reference(piece), piece)
+                    exact = scene.render(_TRUTH, 0).mean()
+                    scene.show(make(piece), piece)
+                    scene.use_eevee()
+                    ratio = float(scene.render_as_it_is().mean() / exact)
+                    rows.append({"material": kind, "view": view, "texels": piece.texels, "EEVEE ÷ Cycles": ratio})
+    out.write_text(json.dumps(rows))
 
 
 if __name__ == "__main__":
-    _eevee_child(*sys.argv[1:])
-    import os
-
+    _eevee_child(Path(sys.argv[1]), Path(sys.argv[2]))
     os._exit(0)  # Blender's own end may hang once OpenGL has been used

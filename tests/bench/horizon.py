@@ -110,11 +110,11 @@ def map_bundle(folder: Path, *, arc: bool) -> Bundle:
     )
 
 
-def plain_maps(folder: Path, reduce: int = 1) -> MapsFolder:
+def plain_maps(folder: Path) -> MapsFolder:
     """Normal, albedo, height, roughness and specular maps of the same photographs."""
-    folder = folder / f"maps_{reduce}"
+    folder = folder / "maps"
     folder.mkdir()
-    maps, facts, _ = maps_of(stack(arc=False), MapSettings(level=False, repeats=True, reduce=reduce), "weave")
+    maps, facts, _ = maps_of(stack(arc=False), MapSettings(level=False, repeats=True), "weave")
     facts |= {"maps": write_maps(folder, maps, "opengl", "exr")}
     (folder / "maps.json").write_text(json.dumps(facts))
     return read_maps_folder(folder)
@@ -151,9 +151,15 @@ class Horizon:
 
     def render(self, samples: int, seed: int, shift: float = 0.0) -> Array:
         """Rows (H, W, 3) of the piece."""
+        self.scene.render.engine = "CYCLES"
         self.scene.cycles.samples, self.scene.cycles.seed = samples, seed
         self._aim(shift)
         return self.render_as_it_is()
+
+    def use_eevee(self) -> None:
+        """Until the next `render`, which is Cycles'."""
+        self.scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
+        self.scene.eevee.taa_render_samples = 16
 
     def render_as_it_is(self) -> Array:
         """Rows (H, W, 3) by whichever engine and settings the scene has."""
