@@ -38,6 +38,7 @@ _SEEDS, _MANY = 6, 1024
 # Samples of the means that EEVEE's are held against.
 _TRUTH = 256
 _SHIFT = 0.25  # pixels
+_KEPT = ("noise at 16", "noise at 16, levels", "shimmer", "shimmer, levels", "mean, levels", "time, levels")
 VIEWS = {"horizon": BANDS, "tilted": TILTED}
 Make = Callable[[Piece], bpy.types.Material]
 
@@ -122,7 +123,7 @@ def _row(
             material = made(piece)
             scene.show(material, piece)
             again = scene.render(many, 2000)
-            row["mean, levels ÷ mean"] = again.mean() / exact.mean()
+            row["mean, levels"] = again.mean() / exact.mean()
             row["difference, levels"] = float(np.sqrt(np.mean((again - exact) ** 2)) / exact.mean())
         seeds = 3 if quick else _SEEDS
         for samples in _SHOWN[::2] if quick else _SHOWN:
@@ -140,6 +141,8 @@ def _row(
         scene.render(16, 0)
         row[f"seconds{name}"] = whole - (time.process_time() - began)
         bpy.data.materials.remove(material)
+    if levelled is not None:
+        row["time, levels"] = row["seconds, levels"] / row["seconds"]
     return row
 
 
@@ -155,13 +158,13 @@ def _print(rows: list[dict[str, Any]]) -> None:
         )
         for row in (row for row in rows if row["material"] == kind):
             cells = [_two(row, f"noise at {samples}") for samples in _SHOWN] + [_two(row, "shimmer")]
-            mean = row.get("mean, levels ÷ mean")
+            mean = row.get("mean, levels")
             told = f"{100 * (mean - 1):+.2f} %" if mean else ""
             table.add_row(row["view"], f"{row['texels']:g}", *cells, told)
             where = f"{kind}, {row['view']}, {row['texels']:g}"
-            for key, value in row.items():
-                if isinstance(value, float) and key != "texels":
-                    put(f"{where}, {key}", value)
+            for key in _KEPT:
+                if key in row:
+                    put(f"{where}, {key}", row[key])
         Console(width=130).print(table)
 
 
