@@ -42,6 +42,7 @@ BENCHES = {
     "parallax": "maps looked up where a viewer sees the relief, beside oblique views of the gantry's swatches",
     "azimuth": "maps over azimuth on real stacks, lights left out, beside PTM, harmonics and RBF of the same bytes",
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
+    "detail": "a swatch on a plane to the horizon, with and without levels of detail: noise, shimmer, mean; EEVEE",
     "maps": "bake maps beside plain least squares, on renders of known normals and on the gantry's swatches",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",

@@ -28,7 +28,7 @@ def make(out: Path, folder: Path) -> None:
     that is the folder."""
     cells = [cell for name in NAMES for cell in row_of_cells(name, folder)]
     write_sheet(folder / "fig4.png", cells, 1 + len(SHOWN))
-    save(Image.open(folder / "fig4.png"), out / "fig4.jpg", width=680)
+    save(Image.open(folder / "fig4.png"), out / "fig4.jpg", width=640)
 
 
 def row_of_cells(name: str, folder: Path) -> list[Cell]:
