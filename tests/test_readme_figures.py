@@ -66,7 +66,6 @@ def recorded(name: str) -> dict[str, float]:
 BENCHES = (
     "azimuth",
     "fig4",
-    "parallax",
     "engine",
     "arc",
     "techniques",
