@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from gantry_figures import FIG4
+from gantry_figures import FIG4, PARALLAX
 from no_figures import NO_FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -294,6 +294,7 @@ STATED = (
     ),
     *(_azimuth(*row.split("; ")) for row in _STACKS),
     *(Stated("fig4", row, "addon/docs/method.md") for row in FIG4),
+    *(Stated("parallax", row, "addon/docs/maps.md") for row in PARALLAX),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
