@@ -29,7 +29,7 @@ from .rings import Array, Rings
 
 COMPONENTS = 16
 ARC_MAP, AROUND_MAP = "map of one arc", "map over azimuth"
-# 21 views and as many lights, about 38 degrees apart along a ring and 24 between rings.
+# 21 views and as many lights, 30 to 43 degrees apart along a ring and 22 to 25 between rings.
 DIRECTIONS = Rings(((0.0, 1), (25.0, 5), (50.0, 7), (72.0, 8)))
 # (elevation, azimuth) of lights and (theta, phi) of views that are none of the BTF's, degrees.
 _ALONG = tuple((e, 0.0) for e in (30.0, 52.5, 77.0))
