@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+from measured_materials.addon.material.adjust.swatch import swatch_mapping
 from measured_materials.addon.material.bake_photographs import swatch_from
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.kinds import SHADING_MAP
@@ -18,6 +19,8 @@ from measured_materials.addon.material.rebuild import effects_of
 from measured_materials.addon.material.scene_fit import LEVELS_EFFECT, plan_levels
 from measured_materials.addon.material.texel_footprint import Footprint
 from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.addon.scene_check.check import check_scene, mend
+from measured_materials.addon.scene_check.findings import WRONG, Finding
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.bake.bundle.result import BakeResult
@@ -285,6 +288,10 @@ def test_a_material_over_azimuth_holds_means_of_light(tmp_path: Path) -> None:
     assert sum(image.name.count(" detail") for image in bpy.data.images) == 2
 
 
+def of_levels(scene: TestScene) -> list[Finding]:
+    return [finding for finding in check_scene(scene.scene) or () if finding.rule == "swatch_levels"]
+
+
 def test_a_plane_to_the_horizon_is_built_with_levels(tmp_path: Path, registered: None) -> None:  # noqa: F811
     """Though the camera stands within the plane's bounding ball, and moves; what is near as a whole is not."""
     material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
@@ -299,6 +306,18 @@ def test_a_plane_to_the_horizon_is_built_with_levels(tmp_path: Path, registered:
             effects = {effect.name: effect for effect in effects_of(material)}
             assert effects[LEVELS_EFFECT].kept is kept, effects[LEVELS_EFFECT].why
             assert any("detail" in image.name for image in bpy.data.images) is kept
+        # The check tells of a larger picture, and of a larger swatch, and mends both; a smaller one is merely finer.
+        assert not of_levels(scene)
+        for owner, name, larger in ((scene.scene.render, "resolution_x", 32), (swatch_mapping(material), "Scale", 0.2)):
+            if name == "Scale":
+                owner.inputs[name].default_value = (larger,) * 3
+            else:
+                owner.resolution_x = owner.resolution_y = larger
+            (found,) = of_levels(scene)
+            assert found.severity == WRONG and "times as large" in found.found and mend([found])
+            assert not of_levels(scene)
+        scene.scene.render.resolution_x = scene.scene.render.resolution_y = 16
+        assert not of_levels(scene)
         scene.scene.camera.data.keyframe_insert("lens", frame=1)
         SHADING_MAP.refit(material, scene.scene)
         assert not next(effect for effect in effects_of(material) if effect.name == LEVELS_EFFECT).kept

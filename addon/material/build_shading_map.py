@@ -38,7 +38,7 @@ from .scene_fit import (
     plan_levels,
     plan_sampling,
 )
-from .texel_footprint import texel_footprint
+from .texel_footprint import texel_footprint, texel_scale
 from .textures.packed import pack_textures
 
 # Of swatches that let light through, in any scene.
@@ -65,7 +65,8 @@ def build_map(
     record = ShadingMapRecord.of(source)
     choices = chosen if record.through is None else replace(chosen, **_NOT_OF_THROUGH)
     stored, layout = record.map, record.map.layout
-    footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
+    per_uv = texels_per_uv(material, layout.width, layout.height)
+    footprint = texel_footprint(material, scene, per_uv)
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
     levels = plan_levels(choices, stored.model, settings.tiling, footprint)
     effects = [detail, levels]
@@ -93,7 +94,8 @@ def build_map(
         why = NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(chosen, name) for name in OF_MAP}
-    return {"choices": kept, "effects": [effect.facts() for effect in effects]}
+    scale = {"pixels": texel_scale(scene, per_uv)} if levels.kept else {}
+    return {"choices": kept, "effects": [effect.facts() for effect in effects], **scale}
 
 
 def build_lit_map(

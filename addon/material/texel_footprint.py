@@ -80,6 +80,18 @@ def texel_footprint(
         return _unknown(str(error))
 
 
+def texel_scale(scene: bpy.types.Scene, texels: tuple[float, float] | None) -> float:
+    """Pixels, at a distance of 1, of a texel where the UV map's unit is one of the world; 0 where there is no telling.
+
+    What of `texel_footprint` changes with the camera's lens, the picture's size and the swatch's, without a look at
+    any mesh.
+    """
+    camera = scene.camera
+    if texels is None or not min(texels) or camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
+        return 0.0
+    return _projection(camera, scene, scene.view_layers[0].depsgraph)[0] / min(texels)
+
+
 def _footprint(
     material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str
 ) -> Footprint:

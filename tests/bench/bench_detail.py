@@ -23,6 +23,7 @@ import numpy as np
 from csv_rows import write_rows
 from horizon import BANDS, TILTED, Horizon, Piece
 from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.maps.folder import MapsFolder, read_maps_folder
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
@@ -68,6 +69,7 @@ def run(out: Path, quick: bool) -> None:
         rows = _rows(Sources.within(Path(folder)), quick)
         _print(rows)
         write_rows(out / "detail.csv", rows)
+        _sheet(Sources.within(Path(folder)), out / "detail.png")
         if not quick:
             write_rows(out / "detail_eevee.csv", _eevee(Path(folder)))
 
@@ -172,6 +174,21 @@ def _two(row: dict[str, Any], name: str) -> str:
     """A figure without levels, and with them."""
     found = [row.get(f"{name}{with_}") for with_ in ("", ", levels")]
     return " -> ".join(f"{100 * value:.1f} %" for value in found if value is not None)
+
+
+def _sheet(sources: Sources, path: Path) -> None:
+    """The whole plane at few samples and at many, without levels and with them."""
+    size, repeat, pixel = (420, 220), 1.0, 2e-3
+    settings = replace(ShadingMapRecord.read(sources.around).render, mode="exact")
+    cells = []
+    with horizon.horizon() as scene:
+        for label, texels in (("every texel", 0.0), ("levels of detail", repeat * horizon.SIDE * pixel)):
+            material = build_shading_map(sources.around, settings=settings, lamps=lamp_image(), texels=texels)
+            scene.whole(material, repeat, size, pixel)
+            for samples in (2, 256):
+                picture = scene.render(samples, 0)
+                cells.append(Cell(picture.astype(np.float32), label, f"{samples} samples"))
+    write_sheet(path, cells, 2, "A map over azimuth, to the horizon")
 
 
 # --- EEVEE ----------------------------------------------------------------------------------------------
