@@ -28,6 +28,7 @@ from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBa
 from measured_materials.bake.shading_maps.azimuth.azimuth_envelope import azimuth_envelope
 from measured_materials.bake.shading_maps.azimuth.curve_layout import CurveLayout, pack_curves
 from measured_materials.bake.shading_maps.azimuth.mean_coefficients import light_coefficients
+from measured_materials.bake.shading_maps.record_parts import StoredMap
 from measured_materials.bake.shading_maps.reduced_map import DetailLayout, detail_layout, mean_tiles, pack_levels
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.shading_maps.slice_atlas import MAX_EXTENT, SliceLayout
@@ -326,16 +327,21 @@ def test_a_plane_to_the_horizon_is_built_with_levels(tmp_path: Path, registered:
 # --- where they are worth it ----------------------------------------------------------------------------
 
 
+def stored(model: str, side: int = 64) -> StoredMap:
+    return StoredMap(model, 8, SliceLayout(7, side, side), 1.0, 1.0, ())
+
+
 def test_levels_follow_the_scene() -> None:
     far = Footprint(1.0, texels=0.4, farthest=50.0)
-    assert plan_levels(Choices(), "slices", "repeat", far).kept
-    assert plan_levels(Choices(), "azimuth", "repeat", far).kept and plan_levels(Choices(), "basis", "repeat", far).kept
-    near = plan_levels(Choices(), "slices", "repeat", replace(far, farthest=10.0))
+    for model in ("slices", "azimuth", "basis"):
+        assert plan_levels(Choices(), stored(model), "repeat", far).kept
+    near = plan_levels(Choices(), stored("slices"), "repeat", replace(far, farthest=10.0))
     assert not near.kept and "4 texels at most" in near.why
     for refused in (
-        plan_levels(Choices(detail="always"), "slices", "repeat", far),
-        plan_levels(Choices(), "power", "repeat", far),
-        plan_levels(Choices(), "slices", "extend", far),
-        plan_levels(Choices(), "slices", "repeat", Footprint(float("inf"), "no object of this scene wears it")),
+        plan_levels(Choices(detail="always"), stored("slices"), "repeat", far),
+        plan_levels(Choices(), stored("power"), "repeat", far),
+        plan_levels(Choices(), stored("slices"), "extend", far),
+        plan_levels(Choices(), stored("slices", 12), "repeat", far),
+        plan_levels(Choices(), stored("slices"), "repeat", Footprint(float("inf"), "no object of this scene wears it")),
     ):
         assert not refused.kept and refused.why

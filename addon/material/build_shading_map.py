@@ -68,7 +68,7 @@ def build_map(
     per_uv = texels_per_uv(material, layout.width, layout.height)
     footprint = texel_footprint(material, scene, per_uv)
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
-    levels = plan_levels(choices, stored.model, settings.tiling, footprint)
+    levels = plan_levels(choices, stored, settings.tiling, footprint)
     effects = [detail, levels]
     if stored.model == "azimuth":
         effects.append(plan_azimuth(settings, layout.tiles))

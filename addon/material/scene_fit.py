@@ -14,7 +14,8 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
 from ...bake.shading_maps.azimuth.curve_layout import PER_TEXEL
-from ...bake.shading_maps.reduced_map import UNSEEN
+from ...bake.shading_maps.record_parts import StoredMap
+from ...bake.shading_maps.reduced_map import UNSEEN, detail_layout
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.tables.grids.patch_grid import PatchGrid
 from ...bake.tables.table import FILTERS
@@ -308,20 +309,26 @@ def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str
     return factor, Effect(name, False, f"{factor} x {factor} as one: seen here they are {footprint:.2g} pixels across")
 
 
-def plan_levels(choices: Choices, model: str, tiling: str, footprint: Footprint) -> Effect:
+def plan_levels(choices: Choices, stored: StoredMap, tiling: str, footprint: Footprint) -> Effect:
     """Whether rays read means of texels where these are finer than a pixel."""
     name = LEVELS_EFFECT
     if choices.detail == ALWAYS:
         return Effect(name, False, "Swatch Detail is Always")
-    if model == "power" or tiling != "repeat":
-        why = "the power law has no mean" if model == "power" else "only what repeats has means at its border"
+    if stored.model == "power" or tiling != "repeat":
+        why = "the power law has no mean" if stored.model == "power" else "only what repeats has means at its border"
         return Effect(name, False, why)
+    if detail_layout(stored.layout) is None:
+        return Effect(name, False, "a swatch of so few texels, or so many, has none")
     if not footprint.texels:
         return Effect(name, False, footprint.why_unknown or "the camera sees all distances alike")
     most = footprint.texels * footprint.farthest
     if most < _FAR:
         return Effect(name, False, f"a pixel is across {most:.2g} texels at most")
-    return Effect(name, True, f"a pixel is across up to {most:.2g} texels; where it is above 8, means of them are read")
+    return Effect(
+        name,
+        True,
+        f"a pixel is across up to {most:.2g} texels; where it is above 8, means are read that take half as many again",
+    )
 
 
 def plan_azimuth(settings: RenderSettings, rank: int) -> Effect:
