@@ -101,7 +101,11 @@ def test_every_level_has_the_whole_light() -> None:
 
 def dark_basis() -> AzimuthBasis:
     """Lambertian texels of steep normals in six curves: half of all sides leave one dark, and some sums below 0."""
-    normals = np.concatenate([RNG.normal(0, 1.2, (HEIGHT * WIDTH, 2)), np.ones((HEIGHT * WIDTH, 1))], -1)
+    slopes = RNG.normal(0, 1, (HEIGHT, WIDTH, 2))
+    for axis in (0, 1):  # as of threads a few texels wide
+        slopes = sum(np.roll(slopes, shift, axis) for shift in range(5)) / 5
+    slopes *= 1.5 / slopes.std()
+    normals = np.concatenate([slopes.reshape(-1, 2), np.ones((HEIGHT * WIDTH, 1))], -1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     phi, x = np.meshgrid(2 * np.pi * np.arange(12) / 12, np.linspace(0, 1, 6), indexing="ij")
     towards = np.stack([np.sqrt(1 - x**2) * np.cos(phi), np.sqrt(1 - x**2) * np.sin(phi), x])
@@ -116,16 +120,18 @@ def test_means_of_light_where_texels_are_held_at_zero() -> None:
     """At every level and azimuth: nearer to the mean of S than mean coefficients are, and right on the whole."""
     basis = dark_basis()
     light = light_coefficients(basis)
+    across, up = (np.arange(4 * side) / (4 * side) for side in (WIDTH, HEIGHT))
+    places = np.stack(np.meshgrid(across, up), -1)  # between the texels too, where their coefficients are blended
     errors = []
     for coefficients in (light, basis.coefficients):
         mean = coefficients.mean((0, 1), dtype=np.float64)
         worst = []
-        for x in np.linspace(0.1, 1, 7):
-            for phi in 2 * np.pi * np.arange(12) / 12:
-                whole = basis.evaluate(float(x), float(phi)).mean((0, 1), dtype=np.float64)
+        for x in (0.15, 0.4, 0.7, 1.0):
+            for phi in 2 * np.pi * np.arange(5) / 5:
+                whole = basis.at(places, np.full(places.shape[:2], x), np.full(places.shape[:2], phi)).mean((0, 1))
                 worst.append(np.maximum(mean @ basis.weights(x, phi), 0) / whole - 1)
         errors.append((np.sqrt(np.mean(np.square(worst))), abs(np.mean(worst))))
-    assert errors[0][0] < 0.6 * errors[1][0] and errors[0][1] < 0.1 * errors[1][1], errors
+    assert errors[0][0] < 0.4 * errors[1][0] and errors[0][1] < 0.3 * errors[1][1], errors
     # What is nowhere below 0 stays as it is.
     bright = clamped_basis()
     bright = replace(bright, coefficients=bright.coefficients * 0 + np.array([1, 0, 0, 0, 0], np.float32))
