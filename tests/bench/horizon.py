@@ -144,7 +144,7 @@ class Horizon:
 
     def whole(self, material: bpy.types.Material, repeat: float, size: tuple[int, int], pixel: float) -> None:
         """All of it from near to far, in so many pixels of so many radians each, with `repeat` swatches a metre."""
-        self.show(material, Piece(repeat * 4.0 * PIXEL * SIDE, 4.0))
+        self.show(material, Piece(repeat * 6.0 * PIXEL * SIDE, 6.0))
         self._camera.data.angle = 2 * np.arctan(max(size) * pixel / 2)
         self.scene.render.resolution_x, self.scene.render.resolution_y = size
 
