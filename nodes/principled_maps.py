@@ -106,7 +106,7 @@ class _Tree:
     def _texture(self, name: str, row: int) -> bpy.types.NodeSocket:
         """Colour of a map's texture. Raises BakeError."""
         node = self._node("TexImage", -3, row)
-        node.image = _image(self._maps.files[name], f"{self._material.name} {name}", self._pack)
+        node.image = map_image(self._maps.files[name], f"{self._material.name} {name}", self._pack)
         node.label = name.capitalize()
         if name == "height":  # linear interpolation would show each texel as a facet
             node.interpolation = "Cubic"
@@ -162,7 +162,7 @@ class _Tree:
 _TURNING = ("SeparateColor", "Math", "CombineColor")
 
 
-def _image(file: MapFile, name: str, pack: bool) -> bpy.types.Image:
+def map_image(file: MapFile, name: str, pack: bool = False) -> bpy.types.Image:
     """The map as Blender's image, in its own colour space. Raises BakeError."""
     path = Path(file.path).absolute()
     unreadable = BakeError(path, "cannot be loaded by Blender", "bake the photographs again with bake maps")
