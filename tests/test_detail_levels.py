@@ -16,7 +16,7 @@ from measured_materials.addon.material.bake_photographs import swatch_from
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.kinds import SHADING_MAP
 from measured_materials.addon.material.rebuild import effects_of
-from measured_materials.addon.material.scene_fit import LEVELS_EFFECT, plan_levels
+from measured_materials.addon.material.scene_fit import LEVELS_EFFECT, Effect, plan_levels
 from measured_materials.addon.material.texel_footprint import Footprint
 from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.addon.scene_check.check import check_scene, mend
@@ -28,13 +28,13 @@ from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBa
 from measured_materials.bake.shading_maps.azimuth.azimuth_envelope import azimuth_envelope
 from measured_materials.bake.shading_maps.azimuth.curve_layout import CurveLayout, pack_curves
 from measured_materials.bake.shading_maps.azimuth.mean_coefficients import light_coefficients
-from measured_materials.bake.shading_maps.record_parts import StoredMap
 from measured_materials.bake.shading_maps.reduced_map import DetailLayout, detail_layout, mean_tiles, pack_levels
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.shading_maps.slice_atlas import MAX_EXTENT, SliceLayout
 from measured_materials.nodes import compat, expr
 from measured_materials.nodes.azimuth_group import AzimuthImages, azimuth_group
 from measured_materials.nodes.group import call
+from measured_materials.nodes.map_models import basis_group
 from measured_materials.nodes.shading_map_material import build_shading_map
 from measured_materials.nodes.slices_group import Detail, SliceImages, SliceOptions, slices_group
 from support.azimuth import clamped_basis, write_azimuth_bundle
@@ -172,6 +172,24 @@ def test_slices_read_the_level_of_the_ray(level: int, texels: float) -> None:
     np.testing.assert_allclose(np.column_stack([m, share]), texel, atol=TOLERANCE)
 
 
+def test_a_basis_reads_means_of_its_coefficients() -> None:
+    coefficients = TILES[..., :3]
+    images = SliceImages(
+        data_image("coefficients", pack_levels(coefficients, coefficients, layout_of())),
+        data_image("envelope", pack_levels(TILES[:1] * 0, TILES[:1] * 0, layout_of(1))),
+        SliceLayout(len(TILES), HEIGHT, WIDTH),
+        detail=detail_at(9.4, len(TILES)),
+    )
+    slopes = np.array([1.0, 0.5, 0.2])
+    group = basis_group("test levels", images, tuple((0.0, float(s)) for s in slopes), SliceOptions())
+    x = np.tile(np.linspace(0, 1, 17), 20).astype(np.float32)
+    reflected = looked_up(group, x, x * 0 + 1, x * 0)[0]
+    expected = (
+        sum(s * between(tile, UV) for s, tile in zip(slopes, level_of(coefficients, 1), strict=True)) * x[:, None]
+    )
+    np.testing.assert_allclose(reflected, expected, atol=TOLERANCE)
+
+
 @pytest.mark.parametrize("level, texels", [(1, 9.4), pytest.param(2, 18.0, marks=pytest.mark.slow)])
 def test_a_map_over_azimuth_reads_means_of_light(level: int, texels: float) -> None:
     basis = dark_basis()
@@ -260,14 +278,18 @@ def test_far_texels_have_their_mean_without_noise(tmp_path: Path) -> None:
     bundle = rough_bundle(tmp_path)
     distance = 40 / (32 * PIXEL)  # of 32 texels a unit
     pictures = {}
-    for name, texels in {"texels": 0.0, "levels": 32 * PIXEL}.items():
-        material = build_shading_map(bundle, texels=texels)
+    for name, (texels, reduce) in {"texels": (0.0, 1), "levels": (32 * PIXEL, 1), "both": (32 * PIXEL, 2)}.items():
+        material = build_shading_map(bundle, texels=texels, reduce=reduce)
         with from_afar(material, distance) as scene:
             pictures[name] = scene.render(samples=4, seeds=2)
     noise = {name: float(found.std((0, 1, 2)).mean() / found.mean()) for name, found in pictures.items()}
     assert noise["levels"] < 0.1 * noise["texels"] and noise["texels"] > 0.1
     # A mean of 2 x 256 pixels.
     means = {name: found.mean() for name, found in pictures.items()}
+    # Of means in the place of texels there are means too.
+    assert noise["both"] == pytest.approx(noise["levels"], rel=0.5) and means["both"] == pytest.approx(
+        means["levels"], rel=0.01
+    )
     assert means["levels"] == pytest.approx(means["texels"], rel=4 * noise["texels"] / np.sqrt(2 * 256))
 
 
@@ -308,7 +330,8 @@ def test_a_plane_to_the_horizon_is_built_with_levels(tmp_path: Path, registered:
             mesh.transform(Matrix.Scale(size, 4))
             for loop, vertex in zip(mesh.uv_layers[0].data, mesh.vertices, strict=True):
                 loop.uv = vertex.co[:2]
-            scene.scene.camera.keyframe_insert("location", frame=1)
+            if kept:
+                scene.scene.camera.keyframe_insert("location", frame=1)
             SHADING_MAP.refit(material, scene.scene)
             effects = {effect.name: effect for effect in effects_of(material)}
             assert effects[LEVELS_EFFECT].kept is kept, effects[LEVELS_EFFECT].why
@@ -333,21 +356,26 @@ def test_a_plane_to_the_horizon_is_built_with_levels(tmp_path: Path, registered:
 # --- where they are worth it ----------------------------------------------------------------------------
 
 
-def stored(model: str, side: int = 64) -> StoredMap:
-    return StoredMap(model, 8, SliceLayout(7, side, side), 1.0, 1.0, ())
-
-
 def test_levels_follow_the_scene() -> None:
-    far = Footprint(1.0, texels=0.4, farthest=50.0)
-    for model in ("slices", "azimuth", "basis"):
-        assert plan_levels(Choices(), stored(model), "repeat", far).kept
-    near = plan_levels(Choices(), stored("slices"), "repeat", replace(far, farthest=10.0))
-    assert not near.kept and "4 texels at most" in near.why
-    for refused in (
-        plan_levels(Choices(detail="always"), stored("slices"), "repeat", far),
-        plan_levels(Choices(), stored("power"), "repeat", far),
-        plan_levels(Choices(), stored("slices"), "extend", far),
-        plan_levels(Choices(), stored("slices", 12), "repeat", far),
-        plan_levels(Choices(), stored("slices"), "repeat", Footprint(float("inf"), "no object of this scene wears it")),
-    ):
-        assert not refused.kept and refused.why
+    far, some = Footprint(1.0, texels=0.4, farthest=50.0), SliceLayout(7, 64, 64)
+
+    def planned(model: str, seen: Footprint = far, layout: SliceLayout = some, **asked: str) -> Effect:
+        return plan_levels(
+            Choices(detail=asked.get("detail", "auto")), model, layout, asked.get("tiling", "repeat"), seen
+        )
+
+    assert all(planned(model).kept for model in ("slices", "azimuth", "basis"))
+    assert "up to 20 texels" in planned("slices").why
+    assert "4.0 texels at most" in planned("slices", replace(far, farthest=10.0)).why
+    moving = planned("slices", replace(far, farthest=float("inf")))
+    assert moving.kept and "the camera moves" in moving.why
+    refused = {
+        "Always": planned("slices", detail="always"),
+        "no mean": planned("power"),
+        "border": planned("slices", tiling="extend"),
+        "few": planned("slices", layout=SliceLayout(7, 15, 64)),
+        "too large": planned("slices", layout=SliceLayout(7, 2048, 2048)),
+        "wears it": planned("slices", Footprint(float("inf"), "no object of this scene wears it")),
+    }
+    assert not any(effect.kept for effect in refused.values())
+    assert all(word in effect.why for word, effect in refused.items())

@@ -9,7 +9,9 @@ import bpy
 
 from ...bake.bundle.bundle import Bundle
 from ...bake.shading_maps.record import ShadingMapRecord
+from ...bake.shading_maps.reduced_map import reduced_size
 from ...bake.shading_maps.render_settings import RenderSettings
+from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.shading_map_material import build_shading_map
@@ -68,7 +70,8 @@ def build_map(
     per_uv = texels_per_uv(material, layout.width, layout.height)
     footprint = texel_footprint(material, scene, per_uv)
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
-    levels = plan_levels(choices, stored, settings.tiling, footprint)
+    averaged = SliceLayout(layout.tiles, *reduced_size(layout, reduce))
+    levels = plan_levels(choices, stored.model, averaged, settings.tiling, footprint)
     effects = [detail, levels]
     if stored.model == "azimuth":
         effects.append(plan_azimuth(settings, layout.tiles))

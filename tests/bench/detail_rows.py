@@ -22,3 +22,11 @@ ROWS = (
     *(_eevee(kind, view) for view in _VIEWS for kind in _KINDS),
     *(_noise(label, kind) for label, kind in _MAPS.items()),
 )
+
+# What "the same light" means.
+SAME = "the same light with less noise, and less shimmer"
+SAME_CLAIMS = tuple(
+    claim
+    for kind in _MAPS.values()
+    for claim in (f"{kind}, horizon, 16, mean, levels < 1.005", f"0.995 < {kind}, horizon, 16, mean, levels")
+)
