@@ -83,6 +83,7 @@ BENCHES = (
     "behind",
     "sheets",
     "maps",
+    "detail",
     "library",
     "thousand",
     "faults",
