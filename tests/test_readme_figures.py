@@ -66,6 +66,7 @@ def recorded(name: str) -> dict[str, float]:
 BENCHES = (
     "azimuth",
     "fig4",
+    "parallax",
     "engine",
     "arc",
     "techniques",
@@ -82,6 +83,7 @@ BENCHES = (
     "behind",
     "sheets",
     "maps",
+    "detail",
     "library",
     "thousand",
     "faults",

@@ -11,7 +11,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from gantry_figures import FIG4
+from detail_rows import ROWS, SAME, SAME_CLAIMS
+from gantry_figures import FIG4, PARALLAX
 from no_figures import NO_FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -294,6 +295,7 @@ STATED = (
     ),
     *(_azimuth(*row.split("; ")) for row in _STACKS),
     *(Stated("fig4", row, "addon/docs/method.md") for row in FIG4),
+    *(Stated("parallax", row, "addon/docs/maps.md") for row in PARALLAX),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
@@ -387,6 +389,8 @@ STATED = (
     _kind("paint, half vectors, fitted", "paint, half, fitted"),
     _kind("brushed metal, normal basis", "brushed metal, normal"),
     _kind("brushed metal, half vectors", "brushed metal, half"),
+    *(Stated("detail", row, "addon/docs/maps.md") for row in ROWS),
+    Stated("detail", SAME, "addon/docs/maps.md", SAME_CLAIMS),
     Stated(
         "bytes",
         "{bytes, log over half, least|2} to {bytes, log over half, most|2} of the bytes of half floats",
