@@ -13,6 +13,7 @@ from ..bake.directions import spherical
 from ..bake.errors import BakeError
 from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
+from ..bake.shading_maps.azimuth.azimuth_basis import mean_curves
 from ..bake.shading_maps.azimuth.curve_layout import unpack_curves
 from ..bake.shading_maps.record import ShadingMapRecord
 from ..bake.shading_maps.record_parts import StoredMap
@@ -154,9 +155,7 @@ def _map_groups(record: ShadingMapRecord, lighting: Lighting, name: str, texture
     if facts.model != "azimuth":
         return MapGroups(traced, shown, traced)
     curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
-    around = mean_group(
-        f"MM Slices Around {name}", images, curves.mean(1, dtype=np.float64), lighting.options(stochastic=False)
-    )
+    around = mean_group(f"MM Slices Around {name}", images, mean_curves(curves), lighting.options(stochastic=False))
     return MapGroups(traced, shown, around, turned=True)
 
 

@@ -11,6 +11,7 @@ from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoi
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
 from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack
 from measured_materials.bake.shading_maps.azimuth.light_weights import (
+    PLATES,
     LightWeights,
     convex_hull,
     nearest_within,
@@ -88,7 +89,8 @@ def test_errors_by_products_are_those_of_the_pixels() -> None:
     wanted = np.arange(len(ELSEWHERE))
     direct = np.square(weights @ flat - flat[wanted]).mean(1)
     assert np.allclose(stack.errors(weights, wanted, np.arange(len(images))), direct, rtol=1e-5)
-    whole, reduced = nodes.weights @ flat, curves[:, :, 1:].reshape(6, -1).T @ (mixed @ flat)
+    level = np.tile(nodes.x, nodes.azimuths)[:, None]
+    whole, reduced = nodes.weights @ flat, level * curves[:, :, 1:].reshape(6, -1).T @ (mixed @ flat)
     assert np.isclose(lost, np.sqrt(np.square(whole - reduced).mean()), rtol=1e-4)
     assert np.allclose(stack.averages, flat.mean(1), rtol=1e-5)
 
@@ -99,17 +101,15 @@ def test_means_are_the_levels(even: bool) -> None:
     stack = LightStack.of(leaning, DOME)
     nodes = Nodes.of(stack, AzimuthChoice(1e-3, even))
     means = (nodes.weights @ stack.averages).reshape(nodes.azimuths, -1)
-    levels = np.arange(1, nodes.levels) / (nodes.levels - 1)
-    assert np.allclose(means.mean(0), levels, rtol=1e-6)
-    apart = np.ptp(means[:, 12]) / levels[12]
+    assert np.allclose(means.mean(0), nodes.x, rtol=1e-6)
+    apart = np.ptp(means[:, 25]) / nodes.x[25]
     assert apart < 1e-6 if even else apart > 0.4
 
 
 def test_a_fitted_map_has_its_levels_for_means_and_one_look_at_the_zenith() -> None:
     fit = fit_azimuth(photographs(bumps(24), DOME), DOME, rank=5)
-    levels = np.arange(1, azimuth_fit.LEVELS) / (azimuth_fit.LEVELS - 1)
-    assert np.abs(node_means(fit.basis).mean(0) / levels - 1).max() < 1e-4
-    assert fit.basis.rank == 5 and not fit.basis.curves[:, :, 0].any()
+    assert np.abs(node_means(fit.basis).mean(0) - 1).max() < 1e-4
+    assert fit.basis.rank == 5
     assert np.ptp(fit.basis.curves[:, :, -1], axis=1).max() < 1e-6
 
 
@@ -132,11 +132,17 @@ def test_lights_of_one_elevation_and_beyond_the_outermost() -> None:
 
 
 def test_weights_sum_to_one_and_hold_what_is_linear() -> None:
-    weights = LightWeights(DOME, 1e-4)
+    curve = LevelCurve.of(DOME[:, 2], DOME[:, 2] ** 4)
+    weights = LightWeights(DOME, 1e-4, curve)
     places = ELSEWHERE[:, :2]
     found = weights(places)
     assert np.allclose(found.sum(1), 1) and np.allclose(found @ DOME, ELSEWHERE, atol=1e-9)
-    assert np.allclose(LightWeights(DOME, 0.0)(DOME[:, :2]), np.eye(len(DOME)), atol=1e-6)
+    for plate in PLATES:
+        exact = LightWeights(DOME, 0.0, curve, plate)
+        assert np.allclose(exact(DOME[:, :2]), np.eye(len(DOME)), atol=1e-6)
+        # In parts of the level, what is one for all lights stays so; a plain plate holds radiance instead.
+        kept = exact(places) @ curve.level(DOME[:, 2]) / curve.level(ELSEWHERE[:, 2])
+        assert (np.abs(kept - 1).max() < 1e-6) == (plate != "plain")
 
 
 def test_places_outside_of_the_lights_move_to_the_nearest_on_their_rim() -> None:

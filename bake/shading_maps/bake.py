@@ -219,9 +219,9 @@ def _tried(stack: PhotoStack, settings: ArcSettings, name: str) -> Prepared | Li
     """Which way photographs are baked, by the settings, their lights, and what foretells those left out better."""
     if not _may_surround(stack.directions, settings):
         return "arc"
-    prepared = prepare(stack, name)
     count, height, width, _ = stack.images.shape
-    check_size_around(count, height, width, settings.azimuth_rank, settings.tileable != "off", prepared.products)
+    check_size_around(count, height, width, settings.azimuth_rank, settings.tileable != "off")
+    prepared = prepare(stack, name)
     better = settings.azimuths == "all" or foretells(prepared.products, prepared.choice, settings.stack.spread)
     return prepared if better else "arc"
 

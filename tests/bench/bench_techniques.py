@@ -265,7 +265,9 @@ def _print_material(material: Material, rows: list[dict[str, Any]], seconds: flo
     basis = material.around[CHOSEN].around
     assert basis is not None
     words += f"; over azimuth rank {basis.rank}, {material.bytes[1] / material.bytes[0]:.2f} of the bytes"
-    _heading(f"{material.name}: {words}; noise of the truth {material.noise:.1%}; {material.seconds:.0f} + {seconds:.0f} s")
+    _heading(
+        f"{material.name}: {words}; noise of the truth {material.noise:.1%}; {material.seconds:.0f} + {seconds:.0f} s"
+    )
     for group in _groups():
         _line(group, [row for row in own if row["case"] == group], "rms")
 
