@@ -1,4 +1,4 @@
-"""Mirrors that exclude each other and native closures, so that every sample is worth about the same."""
+"""Mirrors and native closures of a sheet: exclusive, so that every sample is worth about the same, or all of them."""
 
 from __future__ import annotations
 
@@ -25,3 +25,13 @@ def one_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[
     for (_, _, mirror), limit in reversed(list(zip(drawn, upto, strict=True))):
         chosen = choose_closure(random < limit, chosen, mirror)
     return chosen
+
+
+def all_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[Any], Any]]) -> Any:
+    """All mirrors, each drawn with probability 1, and all native closures, between which Cycles chooses.
+
+    It does so by numbers that are spread more evenly than White Noise, for the time of all mirrors. That pays where
+    what a sheet reflects and what it lets through are lit as differently as by sky and ground. Not where mirrors are
+    aimed at lamps: the smaller the lamp, the smaller the weight of its mirror, by which Cycles chooses.
+    """
+    return add_closures([*(mirror for _, _, mirror in drawn), *(closure(1.0) for closure in native)])

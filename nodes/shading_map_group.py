@@ -16,7 +16,7 @@ from . import expr
 from .adjustments import LIMITS, NEUTRAL, SOCKETS, Adjustments
 from .brdf_group import after_diffuse
 from .drawn_direction import DrawnDirection
-from .exclusive_closures import one_of
+from .exclusive_closures import all_of, one_of
 from .feature_passes import clamped, write_features
 from .group import call, node_group
 from .map_lighting import TEXTURED, Lighting, MapGroups, Parts, Place, times
@@ -126,23 +126,25 @@ def _both_in_mode(
     adjustments: Adjustments,
     place: Place,
 ) -> Any:
-    """`_in_mode` of reflected and transmitted light together, whose mirrors exclude each other."""
+    """`_in_mode` of reflected and transmitted light together, whose mirrors exclude each other where they are aimed."""
     mode = lighting.settings.mode
     sides = [(groups, lighting), (transmitted.groups, transmitted.lighting)]
     preview = add_closures([_preview(*side, normal, adjustments, place) for side in sides])
     if mode == "preview":
         return preview
+    added = all(light.lamps is None for _, light in sides)
     share = min(max(transmitted.share, _LEAST), 1 - _LEAST)
     drawn, native = [], []
-    for (found, light), part in zip(sides, (share, 1 - share), strict=True):
+    for (found, light), part in zip(sides, (1.0, 1.0) if added else (share, 1 - share), strict=True):
         one, f_cos = light.draw(normal)
         split = light.split(found, place, one.wo, one.wi_world, f_cos, one.cosine, one.random[0])
         chance = part
         if light.exact:
-            chance = _mirror_chance(split, light) * part
+            if not added:
+                chance = _mirror_chance(split, light) * part
             native.append(partial(_native, light, split, normal, adjustments))
         drawn.append((one, chance, _mirror(one, split.traced, light, adjustments, chance)))
-    traced = one_of(drawn, native)
+    traced = (all_of if added else one_of)(drawn, native)
     return choose_closure(after_diffuse(), traced, preview) if mode == "balanced" else traced
 
 

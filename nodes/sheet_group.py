@@ -12,7 +12,7 @@ from . import expr
 from .adjustments import GLOSS, LIMITS, NEUTRAL, Adjustments
 from .brdf_group import BrdfParts, after_diffuse, brdf_inputs
 from .drawn_direction import DrawnDirection
-from .exclusive_closures import one_of
+from .exclusive_closures import all_of, one_of
 from .gloss_group import held_gloss
 from .group import call, node_group
 from .lamp_light_groups import LightTables
@@ -75,13 +75,16 @@ class SheetSide:
         """Closure that is as good as the tables; where there are `lights`, the shader samples them.
 
         Mirrors and native closures exclude each other, as in `exact_closure`, and so do the two mirrors: each is drawn
-        with its share of its part's light times its part's share, what is left draws the closures of both.
+        with its share of its part's light times its part's share, what is left draws the closures of both. Where
+        nothing is aimed at, all are added and Cycles chooses.
         """
         if lights is not None and any(part.table is not None for part in self.parts):
             return sampled_sheet(self.reflected, self.through, self.reflected_share, normal, adjustments, lights)
         drawn: list[tuple[DrawnDirection, Any, Any]] = []
         native: list[Callable[[Any], Any]] = []
-        for part, share in zip(self.parts, self.shares(normal), strict=True):
+        added = len(self.parts) > 1 and all(part.lamps is None for part in self.parts)
+        shares = [1.0 for _ in self.parts] if added else self.shares(normal)
+        for part, share in zip(self.parts, shares, strict=True):
             if part.table is None:
                 assert part.envelope is not None
                 native.append(_closures(part.envelope, normal, adjustments))
@@ -90,12 +93,13 @@ class SheetSide:
             chance: Any = share
             if part.envelope is not None:
                 weights = part.envelope.weights(one.wo)
-                chance = _mirror_chance(part, one, weights[0][1], normal) * share
+                if not added:
+                    chance = _mirror_chance(part, one, weights[0][1], normal) * share
                 native.append(_closures(part.envelope, normal, adjustments, weights))
             value = call(part.table.lookup, one.wi, one.wo, one.random[0])
             weight = expr.scale(value, expr.divide(one.cosine, one.pdf * chance))
             drawn.append((one, chance, one.mirror(adjustments.apply(weight))))
-        return one_of(drawn, native)
+        return (all_of if added else one_of)(drawn, native)
 
 
 def _mirror_chance(part: BrdfParts, drawn: DrawnDirection, usual: Any, normal: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from measured_materials.addon.material.facts import record_of
 from measured_materials.addon.material.lighting import lighting_of, show_lighting
 from measured_materials.addon.summary.bake_stages import USUAL_SIZE
 from measured_materials.addon.ui.properties.photographs import _shown, arc_settings_of, show_arc_settings
+from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import LOBES, Lobe
 from measured_materials.bake.photographs.settings import StackSettings
@@ -73,7 +75,7 @@ def test_light_from_every_side_leaves_out_what_is_said_of_an_arc() -> None:
         usual = StackSettings(size=USUAL_SIZE)
         assert _settings(material) == ArcSettings(azimuths="all", azimuth_rank=3, stack=usual)
         shown = _shown(arc, material.measured_lighting)
-        assert shown["lights"] == ("lights", "azimuths", "azimuth_rank", "fit_lobe")
+        assert shown["lights"] == ("lights", "spheres", "azimuths", "azimuth_rank", "fit_lobe")
         assert shown["files"] == ("storage", "pack") and "slices" not in shown["swatch"]
         arc.azimuths = "arc"
         assert "azimuth_rank" not in _shown(arc, material.measured_lighting)["lights"]
@@ -86,7 +88,7 @@ def test_light_from_every_side_leaves_out_what_is_said_of_an_arc() -> None:
 
 
 def test_spheres_are_kept_for_the_same_photographs_alone(plate: Any, tmp_path: Path) -> None:
-    """The panel does not show them; on other photographs circles are elsewhere."""
+    """The panel shows them; on other photographs circles are elsewhere."""
     spheres, folder = ((48.0, 48.0, 40.0),), tmp_path / "ball"
     folder.mkdir()
     x, y = np.meshgrid(*2 * [(np.arange(96) + 0.5 - 48) / 40])
@@ -98,9 +100,45 @@ def test_spheres_are_kept_for_the_same_photographs_alone(plate: Any, tmp_path: P
     bundle = bake_arc(folder, tmp_path / "ball.mmat", settings).path
     bpy.ops.measured_materials.import_bundle(filepath=str(bundle))
     material = plate.active_material
+    assert material.measured_arc.spheres == "48,48,40"
     for chosen, kept in ((str(folder), spheres), ("", spheres), (str(write_stack(tmp_path / "others")), ())):
         assert bpy.ops.measured_materials.bake_again(filepath=chosen) == {"FINISHED"}
         assert record_of(material).settings.stack.spheres == kept
+
+
+@pytest.fixture
+def material(registered: None) -> Iterator[bpy.types.Material]:  # noqa: F811
+    made = bpy.data.materials.new("settings")
+    yield made
+    bpy.data.materials.remove(made)
+
+
+def test_spheres_of_a_panel_are_those_of_the_bake(material: bpy.types.Material) -> None:
+    properties = material.measured_arc
+    two = ((812.0, 340.0, 95.5), (1200.25, 64.0, 88.0))
+    for text, spheres, shown in (
+        ("", (), ""),
+        ("812, 340 ,95.5", two[:1], "812,340,95.5"),
+        (" 812,340,95.5  1200.25,64,88 ", two, "812,340,95.5 1200.25,64,88"),
+    ):
+        properties.spheres = text
+        settings = _settings(material)
+        assert settings.stack.spheres == spheres
+        show_arc_settings(properties, settings, pack=True)
+        assert properties.spheres == shown
+    for wrong in ("812,340", "812;340;95", "812,340,x", "812,340,95,"):
+        properties.spheres = wrong
+        with pytest.raises(BakeError, match=r"photograph settings: (a sphere|radius of a sphere) is"):
+            _settings(material)
+
+
+def test_a_file_of_lights_hides_the_spheres(material: bpy.types.Material) -> None:
+    material.measured_arc.spheres = "812,340,95"
+    for lights, spheres in (("/lights.csv", ()), ("", ((812, 340, 95),))):
+        material.measured_arc.lights = lights
+        assert _settings(material).stack.spheres == spheres
+        shown = _shown(material.measured_arc, material.measured_lighting)["lights"]
+        assert ("spheres" in shown) == bool(spheres)
 
 
 def _settings(material: bpy.types.Material) -> ArcSettings:

@@ -121,10 +121,20 @@ def test_a_nan_that_signals_is_refused_without_a_warning(tmp_path: Path) -> None
     for path in (tmp_path / "a.npy", tmp_path / "a.mbsdf", network):
         with pytest.raises(BakeError):
             read_source(path)
+    tensors = tmp_path / "a.bsdf"
+    fuzz.write_anisotropic_rgl(tensors, fuzz.GLOSSY, (0.3, 0.3), azimuths=3, elevations=3, size=4)
+    data = bytearray(tensors.read_bytes())
+    # Behind the name: dimensions, kind, where it begins. Of several numpy makes one that does not signal.
+    after = data.index(b"vndf") + len(b"vndf") + 3
+    entry = int.from_bytes(data[after : after + 8], "little") + 4 * 142
+    data[entry : entry + 4] = SIGNALS.tobytes()
+    tensors.write_bytes(data)
+    with pytest.raises(BakeError, match="'vndf' has values that are not finite"):
+        read_source(tensors)
     merl.write_merl(tmp_path / "m.binary", fuzz.GLOSSY, "bins")
     data = np.fromfile(tmp_path / "m.binary", "<f8", offset=12).astype("<f4")
-    data[1000:1000000:7] = SIGNALS
-    (tmp_path / "m.binary").write_bytes(np.array([90, 90, 180], "<i4").tobytes() + data.tobytes())
+    data[100::7] = SIGNALS
+    (tmp_path / "m.binary").write_bytes(merl.HEADER + data.tobytes())
     merl.read(tmp_path / "m.binary")
 
 

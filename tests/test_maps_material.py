@@ -217,7 +217,7 @@ def test_maps_alone_heed_nothing_of_a_shading_map(plate: Any, stack: Path, tmp_p
     assert shown == {
         "swatch": ("full_size", "size", "frame"),
         "brightness": ("decode", "scale_by", "flat_field", "align"),
-        "lights": ("lights",),
+        "lights": ("lights", "spheres"),
         "files": ("pack",),
     }
 

@@ -91,10 +91,9 @@ class _ShadingMapForm(Form):
     def settings(self, material: bpy.types.Material, *, own: bool = True) -> tuple[Any, bool]:
         properties, mode = material.measured_arc, material.measured_quality.mode
         settings = arc_settings_of(properties, material.measured_lighting, mode)
-        with contextlib.suppress(BakeError):
-            baked = record_of(material).settings  # None where this version cannot read them
-            if own and settings.stack.lights is None and baked is not None:
-                settings = replace(settings, stack=replace(settings.stack, spheres=baked.stack.spheres))
+        if not own:
+            # On other photographs circles are elsewhere.
+            settings = replace(settings, stack=replace(settings.stack, spheres=()))
         return settings, properties.pack
 
     def chosen(self, operator: Any) -> Source:

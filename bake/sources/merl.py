@@ -27,7 +27,6 @@ from ..source import Array, BrdfSource, Reader
 from .merl_file import DIMENSIONS, HEADER, is_header, raw_planes
 
 SCALES = (1 / 1500, 1.15 / 1500, 1.66 / 1500)
-FOLDED = 91  # phi_d nodes left in [0, pi/2] once phi_d and pi - phi_d are one
 OFFSETS = {"nodes": 0.0, "bins": 0.5}
 _USUAL = Reading()
 _LARGEST = 1e30  # beyond this a number is damage, and its float32 square would overflow
@@ -104,8 +103,12 @@ def grid_coordinates(wi: Array, wo: Array) -> tuple[Array, Array, Array]:
     theta_h = np.arctan2(radius, np.maximum(sz, 0))
     theta_d = np.arctan2(np.sqrt(dx * dx + dy * dy + dz * dz), length)
     phi_d = np.arctan2(np.abs(sx * dy - sy * dx), length * np.abs(dz))
-    degrees = np.float32(180 / np.pi)
-    return np.sqrt(theta_h * (90 * degrees)), theta_d * degrees, phi_d * degrees
+    rows, columns, steps = DIMENSIONS
+    return (
+        np.sqrt(theta_h * np.float32(rows**2 * 2 / np.pi)),
+        theta_d * np.float32(columns * 2 / np.pi),
+        phi_d * np.float32(steps / np.pi),
+    )
 
 
 def _single(values: Array) -> Array:
@@ -205,9 +208,10 @@ def _planes(path: Path, planes: list[Array], offset: float) -> tuple[Array, Arra
 
 def grid_angles(offset: float = 0.0) -> tuple[Array, Array, Array]:
     """theta_h (90, 1, 1), theta_d (90, 1) and phi_d (180,) of the entries, in radians."""
-    theta_h = ((np.arange(90) + offset) / 90) ** 2 * (np.pi / 2)
-    theta_d = np.radians(np.arange(90) + offset)
-    return theta_h[:, None, None], theta_d[:, None], np.radians(np.arange(180) + offset)
+    rows, columns, steps = DIMENSIONS
+    theta_h = ((np.arange(rows) + offset) / rows) ** 2 * (np.pi / 2)
+    theta_d = np.radians((np.arange(columns) + offset) * (90 / columns))
+    return theta_h[:, None, None], theta_d[:, None], np.radians((np.arange(steps) + offset) * (180 / steps))
 
 
 def below_horizon(offset: float = 0.0) -> Array:
@@ -223,9 +227,8 @@ def _mirror_average(values: Array, valid: Array, offset: float) -> tuple[Array, 
 
     The third result is sum |f(phi_d) - f(pi - phi_d)| / sum (f(phi_d) + f(pi - phi_d)) where both are valid.
     """
-    mirror = (180 - np.arange(FOLDED)) % 180
-    if offset:
-        mirror = 179 - np.arange(FOLDED - 1)
+    steps = DIMENSIONS[2]
+    mirror = steps - 1 - np.arange(steps // 2) if offset else -np.arange(steps // 2 + 1) % steps
     left, right = values[:, :, : mirror.size], values[:, :, mirror]
     left_valid, right_valid = valid[:, :, : mirror.size], valid[:, :, mirror]
     total = left + right
@@ -238,7 +241,7 @@ def _mirror_average(values: Array, valid: Array, offset: float) -> tuple[Array, 
 
 def _collapse_poles(table: Array, valid: Array) -> None:
     """One value over phi_d, which has no meaning there, where theta_h = 0 or theta_d = 0; in place."""
-    share = np.full((FOLDED, 1), 2.0, np.float32)
+    share = np.full((table.shape[2], 1), 2.0, np.float32)
     share[[0, -1]] = 1
     for pole in (np.s_[0], np.s_[:, 0]):
         weight = valid[pole] * share
@@ -278,7 +281,7 @@ def _neighbour_sum(table: Array, valid: Array, holes: Array, steps: tuple[tuple[
     for kind, step in steps:
         # phi_d continues as its own mirror image; where a theta axis ends the hole meets its invalid self.
         last = table.shape[2] - 1
-        mirrored = last - np.abs(last - np.abs(k + step)) if last == FOLDED - 1 else np.clip(k + step, 0, last)
+        mirrored = last - np.abs(last - np.abs(k + step)) if last == DIMENSIONS[2] // 2 else np.clip(k + step, 0, last)
         near_k = mirrored if kind == 1 else k
         near_j = np.clip(j + step, 0, DIMENSIONS[1] - 1) if kind == 0 else j
         near_i = np.clip(i + step, 0, DIMENSIONS[0] - 1) if kind == 2 else i

@@ -14,8 +14,6 @@ from .lookup.text_file import widened
 
 DIMENSIONS = (90, 90, 180)
 HEADER = np.array(DIMENSIONS, "<i4").tobytes()
-# Steps of phi_d over half a turn, and over a whole one where light and viewer are told apart (LIRIS).
-_STEPS = (180, 360)
 _REMEDY = "use an undamaged MERL .binary file"
 # Numbers of another byte order have any exponent: almost half of them are larger than any measurement.
 _MOST_DAMAGED, _LARGEST = 0.2, 1e30
@@ -27,10 +25,11 @@ def is_header(head: bytes) -> bool:
 
 
 def _steps(head: bytes) -> tuple[int, str] | None:
-    """Steps of phi_d and the byte order."""
+    """Steps of phi_d, over half a turn, or a whole one where light and viewer are told apart (LIRIS); byte order."""
+    steps = DIMENSIONS[2]
     for order in "<>":
         numbers = np.frombuffer(head[:12], f"{order}i4") if len(head) >= 12 else np.zeros(0)
-        if numbers.size == 3 and tuple(numbers[:2]) == DIMENSIONS[:2] and numbers[2] in _STEPS:
+        if numbers.size == 3 and tuple(numbers[:2]) == DIMENSIONS[:2] and numbers[2] in (steps, 2 * steps):
             return int(numbers[2]), order
     return None
 
@@ -49,12 +48,12 @@ def raw_planes(path: Path) -> tuple[list[Array], dict[str, Any]]:
         with path.open("rb") as stream:
             size = os.fstat(stream.fileno()).st_size
             head = stream.read(len(HEADER))
-            found = _steps(head)
+            found, usual = _steps(head), DIMENSIONS[2]
             if found is None and len(head) == len(HEADER):
                 told = " x ".join(str(n) for n in np.frombuffer(head, "<i4"))
-                cause = f"the header says {told}, MERL's is 90 x 90 x 180 ({_bytes(180, 8)} bytes, found {size})"
+                cause = f"the header says {told}, MERL's is 90 x 90 x 180 ({_bytes(usual, 8)} bytes, found {size})"
                 raise BakeError(path, cause, _REMEDY)
-            steps, order = found or (180, "<")
+            steps, order = found or (usual, "<")
             width = next((w for w in (8, 4) if size == _bytes(steps, w)), 0)
             if not width:
                 kind = "truncated" if size < _bytes(steps, 8) else "too long"
@@ -72,13 +71,13 @@ def raw_planes(path: Path) -> tuple[list[Array], dict[str, Any]]:
     variant: dict[str, Any] = {}
     if order == ">" or width == 4:
         variant["numbers"] = f"{'big' if order == '>' else 'little'}-endian float{8 * width}"
-    if steps == _STEPS[1]:
+    if steps == 2 * DIMENSIONS[2]:
         variant["reciprocity_error"], planes = _folded(planes)
     return planes, variant
 
 
 def _bytes(steps: int, width: int) -> int:
-    return len(HEADER) + 3 * 90 * 90 * steps * width
+    return len(HEADER) + 3 * DIMENSIONS[0] * DIMENSIONS[1] * steps * width
 
 
 def _folded(planes: list[Array]) -> tuple[float, list[Array]]:
@@ -86,7 +85,7 @@ def _folded(planes: list[Array]) -> tuple[float, list[Array]]:
     difference = total = 0.0
     folded = []
     for plane in planes:
-        near, far = plane[..., :180], plane[..., 180:]
+        near, far = np.split(plane, 2, -1)
         near_valid, far_valid = ((half >= 0) & (half < _LARGEST) for half in (near, far))
         both = near_valid & far_valid
         difference += float(np.abs(near - far)[both].sum())

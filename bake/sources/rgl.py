@@ -29,6 +29,7 @@ from ..source import Array, Facts, Reader
 from ..spectrum import white_point, xyz_to_rec709, xyz_weights
 from .grid_warp import Grid, Slices, WarpInverse, bracket
 from .lookup.lookup_source import above_horizon
+from .lookup.text_file import widened
 from .tensor_file import MAGIC, read_tensor_file
 
 _USUAL = Reading()
@@ -219,10 +220,11 @@ class _Validator:
             raise self.error(f"field {name!r} has shape {table.shape} of {table.dtype}, which is not usable")
         if table.size > MAX_SAMPLES:
             raise self.error(f"field {name!r} has {table.size} entries, more than any measurement")
+        table = widened(table)
         # NaN fails these comparisons too
         if not (table.min() >= least and table.max() <= MAX_ENTRY):
             raise self.error(f"field {name!r} has values that are not finite or out of range")
-        return table.astype(np.float64)
+        return table
 
     def angles(self, name: str, low: float, high: float) -> Array:
         """A field of rising angles in radians within [low, high]."""

@@ -1,10 +1,10 @@
 """Spoil measurements' files and bundles, and read them: `./run fuzz` by chance, `./run fuzz --guided NAME` by coverage.
 
 By chance, each format in turn is read so many times by several processes, and what became of them is printed: tried,
-clean errors, the slowest, memory. MERL is not among them, of 34 MB each. Bundles are spoiled too: documents, images
-with checksums made right, and folders with links that lead out. `--record` keeps what was printed, of the most files of
-each, and `--table` prints all that is kept. Guided (needs the package atheris, which `./run fuzz --guided` installs),
-libFuzzer mutates one format's small file towards code that no file has reached before.
+clean errors, the slowest, memory. UTIA's and MERL's files have few directions. Bundles are spoiled too: documents,
+images with checksums made right, and folders with links that lead out. `--record` keeps what was printed, of the most
+files of each, and `--table` prints all that is kept. Guided (needs the package atheris, which `./run fuzz --guided`
+installs), libFuzzer mutates one format's small file towards code that no file has reached before.
 """
 
 from __future__ import annotations

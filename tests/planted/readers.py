@@ -43,8 +43,8 @@ MISTAKES = (
     Mistake(
         "merl-mirror-half-one-off",
         "bake/sources/merl.py",
-        "mirror = (180 - np.arange(FOLDED)) % 180",
-        "mirror = (179 - np.arange(FOLDED)) % 180",
+        "else -np.arange(steps // 2 + 1) % steps",
+        "else (-1 - np.arange(steps // 2 + 1)) % steps",
         (
             "tests/test_merl.py::test_mirror_halves_are_averaged_and_their_difference_told",
             "tests/test_merl.py::test_round_trip",

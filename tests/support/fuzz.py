@@ -23,7 +23,7 @@ import numpy as np
 from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.source import Array
-from measured_materials.bake.sources import cornell, read_source, utia
+from measured_materials.bake.sources import cornell, merl, merl_file, read_source, utia
 from measured_materials.bake.sources.goniometer import scattered_source
 from measured_materials.bake.sources.lookup.scattered import MIN_SAMPLES
 from measured_materials.bake.sources.lookup.scattered_coordinates import Coordinates
@@ -86,12 +86,27 @@ class Tally:
 # UTIA's files are told by their size: with these few directions they are as small as others.
 FEW_UTIA: dict[str, Any] = {"THETAS": 3, "PHIS": 4, "SIDE": 12, "FILE_BYTES": 3 * 12**2 * 8}
 
+# MERL's too, of 34 MB: these have 5.8 kB.
+_FEW_MERL = (5, 6, 8)
+
+
+@contextmanager
+def _small_tables() -> Iterator[None]:
+    """UTIA's and MERL's files are of few directions."""
+    head = np.array(_FEW_MERL, "<i4").tobytes()
+    with (
+        mock.patch.multiple(utia, **FEW_UTIA),
+        mock.patch.multiple(merl_file, DIMENSIONS=_FEW_MERL, HEADER=head),
+        mock.patch.multiple(merl, DIMENSIONS=_FEW_MERL, HEADER=head),
+    ):
+        yield
+
 
 @contextmanager
 def no_fit() -> Iterator[None]:
     """Samples are not fitted, which takes seconds and is tested elsewhere: what matters is what reaches the fit.
 
-    UTIA's files, and pictures, are of few directions.
+    UTIA's files and pictures, and MERL's files, are of few directions.
     """
 
     def fit(wi: Array, wo: Array, values: Array) -> Any:
@@ -108,7 +123,7 @@ def no_fit() -> Iterator[None]:
     with (
         mock.patch.object(scattered_source, "fit_samples", fit),
         mock.patch.object(cornell, "fit_scattered", fit),
-        mock.patch.multiple(utia, **FEW_UTIA),
+        _small_tables(),
     ):
         yield
 
@@ -125,7 +140,7 @@ def small_files(folder: Path) -> dict[str, Path]:
     few = {"THETAS": [10.0, 50.0], "_OUT_THETAS": [0.0, 30.0, 60.0], "_OUT_PHIS": [0.0, 90.0, 180.0]}
     with (
         mock.patch.multiple(files, **{key: np.array(value) for key, value in few.items()}),
-        mock.patch.multiple(utia, **FEW_UTIA),
+        _small_tables(),
     ):
         for name, (suffix, write) in files.WRITERS.items():
             target = place(name, f"sample{suffix}")
@@ -144,6 +159,8 @@ def small_files(folder: Path) -> dict[str, Path]:
         made["ALTA stream"] = format_variants.write_alta_stream(place("ALTA stream", "sample.alta"), GLOSSY)
         made["Cornell goniometer"] = format_variants.write_cornell(place("Cornell goniometer", "paint.brdf"), GLOSSY)
         picture = place("UTIA picture", "m.exr")
+        made["MERL"] = place("MERL", "sample.binary")
+        merl.write_merl(made["MERL"], GLOSSY, "bins")
         made["UTIA picture"] = format_variants.write_utia_picture(picture, files.by_name("lambert"))
     made["tensor tree"] = files.write_tree(place("tensor tree", "tree.xml"), GLOSSY, 1)
     made["EPFL/RGL tensor"] = place("EPFL/RGL tensor", "brushed.bsdf")
@@ -160,6 +177,7 @@ NAMES = (
     "Cornell goniometer",
     "EPFL/RGL tensor",
     "published SGD",
+    "MERL",
 )
 
 

@@ -103,6 +103,14 @@ def set_sky(scene: bpy.types.Scene) -> None:
     scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 64
 
 
+def spread(scene: TestScene) -> float:
+    """Noise of a pixel of 64 samples, over the mean."""
+    pictures = scene.render(64, 4).astype(float)
+    found = math.sqrt(pictures.var(0, ddof=1).mean()) / float(pictures.mean())
+    print(f"noise {found:.3g}")
+    return found
+
+
 def viewer(theta: float) -> Array:
     """Direction to a viewer at so many degrees from the front's normal; beyond 90 he sees the back."""
     t = math.radians(theta)

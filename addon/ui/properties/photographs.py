@@ -1,13 +1,15 @@
 """What the artist can set for the bake of a shading map, as Blender properties."""
 
 # No postponed annotations here: Blender reads the properties from them.
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ....bake.images.storage import IMAGE_STORAGES, Storage
+from ....bake.photographs.light_files.spheres import Sphere
 from ....bake.photographs.radiometry.response import parse_rule
 from ....bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ....bake.shading_maps.against_light import ThroughSettings
@@ -149,6 +151,11 @@ class ArcProperties:
         "flat_field": _path("Flat Field", "Photograph of an evenly white board under the same lamp"),
         "align": _enum("Stabilise", "What is done about small movements of the camera", ALIGNMENTS, _STACK.align),
         "lights": _path("Lights", "A lights.csv or .lp file. Automatic: found in the folder, or angles in file names"),
+        "spheres": bpy.props.StringProperty(
+            name="Mirror Spheres",
+            description="In the photographs, whose reflections tell the lights: x and y of the centre from the upper "
+            "left, and radius, in pixels, such as 812,340,95; a blank, and the next",
+        ),
         "azimuths": _enum("Azimuths", "Which of the photographs are used", AZIMUTHS, _USUAL.azimuths),
         "azimuth_rank": _whole(
             "Azimuth Rank", "Numbers per texel and channel of light from every side; 0 is Automatic", 0, 0, MAX_RANK
@@ -198,6 +205,7 @@ def stack_settings_of(p: Any) -> StackSettings:
         size=p.size or None,
         decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
         lights=_file(p.lights),
+        spheres=() if p.lights else _spheres_of(p.spheres),
         **_arc_of(p),
         crop=tuple(p.crop) if p.frame == "crop" else None,
         corners=tuple(tuple(getattr(p, name)) for name in _CORNERS) if p.frame == "corners" else None,
@@ -222,6 +230,15 @@ def _arc_of(p: Any) -> dict[str, Any]:
     if p.azimuths == "all":
         return {}
     return {"azimuth": number(p.azimuth) if p.one_plane else None, "spread": number(p.spread), "sides": p.sides}
+
+
+def _spheres_of(text: str) -> Any:
+    """What `_text_of_spheres` writes; blanks may follow commas. What is no sphere the settings refuse."""
+    return tuple(tuple(one.split(",")) for one in re.sub(r"\s*,\s*", ",", text).split())
+
+
+def _text_of_spheres(spheres: Sequence[Sphere]) -> str:
+    return " ".join(",".join(f"{number:.10g}" for number in sphere) for sphere in spheres)
 
 
 def _through_of(p: Any) -> ThroughSettings | None:
@@ -260,7 +277,7 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
         setattr(p, name, corner)
     p.scale_by = "card" if stack.white_card else "none" if stack.albedo is None else "albedo"
     p.albedo = 0.5 if stack.albedo is None else stack.albedo
-    p.spread, p.sides = stack.spread, stack.sides
+    p.spread, p.sides, p.spheres = stack.spread, stack.sides, _text_of_spheres(stack.spheres)
     p.white_reflectance, p.align = stack.white_reflectance, stack.align
     _show_through(p, settings.through)
     for name, path in (("lights", stack.lights), ("flat_field", stack.flat_field), ("brdf", settings.brdf)):
@@ -328,8 +345,14 @@ def _draw_pairs(layout: bpy.types.UILayout, p: Any, name: str) -> None:
         right.prop(p, name, index=index, text=axis)
 
 
-# What an empty path means.
-_WHERE_EMPTY = {"lights": "Automatic", "flat_field": "None", "through": "None", "through_lights": "Automatic"}
+# What an empty text means.
+_WHERE_EMPTY = {
+    "lights": "Automatic",
+    "spheres": "None",
+    "flat_field": "None",
+    "through": "None",
+    "through_lights": "Automatic",
+}
 
 
 def _maps_alone(p: Any) -> bool:
@@ -350,15 +373,16 @@ def _shown(p: Any, light: Any) -> dict[str, tuple[str, ...]]:
     stated = {"transmittance": ("transmittance",), "diffuser": ("diffuser", "diffuser_transmittance")}
     behind = ("through_lights", "through_by", *stated.get(p.through_by, ())) if p.through else ()
     brdf = ("brdf",) if light.lobe == MEASURED and not p.fit_lobe else ()
+    lights = ("lights",) if p.lights else ("lights", "spheres")
     brightness = ("decode", *gamma, "scale_by", *scale, "flat_field", "align")
     if _maps_alone(p):
         swatch = (*size, "frame", *frame)
-        return {"swatch": swatch, "brightness": brightness, "lights": ("lights",), "files": ("pack",)}
+        return {"swatch": swatch, "brightness": brightness, "lights": lights, "files": ("pack",)}
     return {
         "swatch": (*size, *slices, "tileable", "frame", *frame),
         "brightness": brightness,
         "through": ("through", *behind),
-        "lights": ("lights", "azimuths", *arc, "fit_lobe", *brdf),
+        "lights": (*lights, "azimuths", *arc, "fit_lobe", *brdf),
         "files": (*compression, "storage", "pack"),
     }
 
