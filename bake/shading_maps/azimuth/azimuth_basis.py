@@ -3,7 +3,8 @@
 Kautz et al. 2004 look a swatch up by the light that it reflects, r, alone, so that light from another side keeps the
 shadows where they were. Here S(s, t, x, phi) ~ x max(sum_j c_j(s, t) B_j(x, phi), 0), x = r / a_max as ever, phi the
 azimuth of the light in the swatch's own tangent frame: from +u towards +v. The curves are S in parts of its level,
-which changes slowly where light is low, and their nodes crowd towards black, where a glossy swatch has most of its lights.
+which changes slowly where light is low, and their nodes crowd towards black, where a glossy swatch has most of its
+lights.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ def position(xp: Any, x: Any) -> Any:
 
 
 def curve_weights(curves: NDArray[Any], x: ArrayLike, phi: ArrayLike) -> _F64:
-    """x times curves (rank, P, N) at level x, held at 1 above it, and azimuth phi (rad), which broadcast: (..., rank)."""
+    """x times curves (rank, P, N) at level x, held at 1 above it, and azimuth phi (rad); both broadcast: (..., rank)."""
     _, azimuths, levels = curves.shape
     x, phi = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(phi, np.float64))
     x = np.clip(x, 0, 1)

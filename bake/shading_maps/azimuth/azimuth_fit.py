@@ -131,8 +131,8 @@ class Nodes:
         """Curves (rank, P, N), photographs' weights (rank, n) of their coefficients, and the RMS that is lost.
 
         Coefficients are the leading singular vectors of nodes and photographs together, all in parts of their level:
-        dim light counts as the eye counts it. A node counts by the lights that it stands for, of which equally many have
-        every cosine to the normal; the photographs together count as much as all nodes, which spread evenly where
+        dim light counts as the eye counts it. A node counts by the lights that it stands for, of which equally many
+        have every cosine to the normal; the photographs together count as much as all nodes, which spread evenly where
         photographs may stand in a row. Nothing of this rank loses less by that measure.
         """
         values, vectors = np.linalg.eigh(stack.products)

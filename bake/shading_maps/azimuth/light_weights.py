@@ -6,8 +6,8 @@ Beside the plate stands the polynomial 1, l_x, l_y, l_z, which holds a Lambertia
 
 Under a highlight photographs differ by a hundred times in brightness, and a plate that bends for the bright ones would
 ripple among the dark: "scaled" multiplies it by the level of the light at both its ends, so that it bends photographs
-in parts of their level. "shadows" does so over other places, by azimuth and ln(1 + tan theta): a shadow is as long as tan
-theta, and low lights, which are close together in projection, lie as far apart as what they show.
+in parts of their level. "shadows" does so over other places, by azimuth and ln(1 + tan theta): a shadow is as long as
+tan theta, and low lights, which are close together in projection, lie as far apart as what they show.
 """
 
 from __future__ import annotations
