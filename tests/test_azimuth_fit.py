@@ -18,6 +18,7 @@ from measured_materials.bake.shading_maps.azimuth.light_weights import (
     spacing,
     widest_gap,
 )
+from measured_materials.bake.shading_maps.shading_map import at_level, linearise
 from support.relief import bumps, lights, photographs
 
 DOME = lights((15, 35, 55, 75), 8)
@@ -63,6 +64,50 @@ def test_shadows_that_a_relief_casts_turn_with_the_light() -> None:
     assert foretells(stack, chosen(stack), 20)
     turned = [fit.basis.evaluate(0.4, phi) for phi in (0.0, np.pi)]
     assert relative(turned[0], turned[1]) > 0.4
+
+
+def test_along_an_arc_that_was_photographed_closely_it_is_as_good_as_the_map_of_that_arc() -> None:
+    arc, between = (lights(tuple(np.linspace(*ends)), 1, zenith=False) for ends in ((5, 88, 10), (10, 65, 4)))
+    around = lights((10, 30, 50, 70), 8, zenith=False)
+    images, truths = (photographs(bumps(32), directions) for directions in (np.concatenate([arc, around]), between))
+    fit = fit_azimuth(images, np.concatenate([arc, around]))
+    alone = linearise(images[: len(arc)])
+    errors = []
+    for direction, truth in zip(between, truths, strict=True):
+        level = float(truth.mean()) / alone.a_max
+        errors.append(
+            [relative(one, truth) for one in (shown(fit, direction), alone.a_max * at_level(alone.map, level))]
+        )
+    ours, theirs = np.sqrt(np.square(errors).mean(0))
+    assert ours < theirs
+
+
+def test_curves_are_as_many_as_keep_the_photographs() -> None:
+    images = photographs(bumps(24), DOME)
+    stack = LightStack.of(images, DOME)
+    choice = AzimuthChoice(1e-3, False)
+    nodes, errors = Nodes.of(stack, choice), azimuth_fit.left_out_by_rank(stack, choice)
+    rank = azimuth_fit.called_for(stack, nodes, errors)
+    foretold = int(np.argmin([found.sum() for found in errors])) + 1
+    flat = images.reshape(len(images), -1).astype(np.float64)
+
+    def lost(count: int) -> float:
+        """Of the photographs, by least squares on the coefficient images of so many curves."""
+        coefficients = nodes.reduced(stack, count)[1] @ flat
+        rest = flat - flat @ np.linalg.pinv(coefficients) @ coefficients
+        return float(np.sqrt(np.square(rest).mean(1) / np.square(flat).mean(1)).mean())
+
+    assert lost(rank) < 0.02 < lost(rank - 1)
+    # Nothing is kept for its own sake: left out, fewer curves foretell as much.
+    assert errors[rank - 1].sum() < 1.05 * errors[foretold - 1].sum()
+
+
+def test_a_highlight_is_interpolated_in_parts_of_the_level_and_a_matte_relief_as_it_is() -> None:
+    half = DOME + np.array([0.0, 0.0, 1.0])
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    stack = LightStack.of(lambertian(half) ** 30 + np.float32(0.01) * lambertian(DOME), DOME)
+    assert chosen(stack).plate != "plain"
+    assert chosen(LightStack.of(lambertian(DOME), DOME)).plate == "plain"
 
 
 def test_every_photograph_is_left_out_once_and_predicted_without_itself() -> None:

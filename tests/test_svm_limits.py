@@ -210,7 +210,7 @@ def test_shading_maps_leave_room(paint: Bundle, tmp_path: Path, name: str) -> No
     ],
 )
 def test_maps_over_azimuth_leave_room(tmp_path: Path, mode: str, technique: str, sampled: bool) -> None:
-    """Sixteen curves, all of which are read for each direction."""
+    """As many curves as there may be, all of which are read for each direction."""
     settings = RenderSettings(Lobe("phong", 12.0, 0.4), sigma=0.8, mode=mode, technique=technique, a_max=0.1)
     bundle = write_azimuth_bundle(tmp_path / "turned.mmat", clamped_basis(rank=23), settings)
     lights = {"lights": lamp_light_image(), "scripted": True} if sampled else {}

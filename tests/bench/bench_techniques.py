@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gantry_frames
 import numpy as np
 from csv_rows import write_rows
 from measured_materials.addon.gantry import techniques
@@ -97,7 +98,7 @@ def run(out: Path, quick: bool) -> None:
     rows: list[dict[str, Any]] = []
     shown = []
     for name in names:
-        material = make(name, size, samples)
+        material = make(name, size, samples, out / "gantry")
         shown.append(material)
         started = time.perf_counter()
         rows += list(compare(material, size))
@@ -114,13 +115,21 @@ def run(out: Path, quick: bool) -> None:
 # --- photograph and bake --------------------------------------------------------------------------------
 
 
-def make(name: str, size: int, samples: int) -> Material:
+def make(name: str, size: int, samples: int, frames_folder: Path) -> Material:
     """One swatch on the gantry, baked and lit."""
     started = time.perf_counter()
     swatch = SWATCHES[name](0)
-    with gantry_scene(swatch, size=size, samples=samples) as gantry:
-        frames = techniques.photograph(gantry, (*AROUND_CASES, *CASES))
-        ((key, other),) = techniques.photograph(gantry, CASES[1:2], seed=1).items()
+
+    def photographed(cases: tuple[Case, ...], seed: int) -> Frames:
+        def make_them() -> Frames:
+            with gantry_scene(swatch, size=size, samples=samples) as gantry:
+                return techniques.photograph(gantry, cases, seed)
+
+        told = f"{size} {samples} {seed}"
+        return gantry_frames.kept(frames_folder, f"{name}-seed{seed}", told, cases, make_them)
+
+    frames = photographed((*AROUND_CASES, *CASES), 0)
+    ((key, other),) = photographed(CASES[1:2], 1).items()
     noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
     arc, all_around = (_stack(cases, frames) for cases in (ARC_CASES, AROUND_CASES))
     renders, renders_around = (_renders(swatch, stack) for stack in (arc, all_around))

@@ -109,7 +109,7 @@ def position(xp: Any, x: Any) -> Any:
 
 
 def curve_weights(curves: NDArray[Any], x: ArrayLike, phi: ArrayLike) -> _F64:
-    """x times curves (rank, P, N) at level x, held at 1 above it, and azimuth phi (rad); both broadcast: (..., rank)."""
+    """x times curves (rank, P, N) at level x, held at 1 above it, and azimuth phi (rad); they broadcast (..., rank)."""
     _, azimuths, levels = curves.shape
     x, phi = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(phi, np.float64))
     x = np.clip(x, 0, 1)

@@ -20,7 +20,7 @@ from .light_weights import PLATES, LightWeights, Plate
 
 Array = NDArray[np.float64]
 
-AZIMUTHS, LEVELS = 32, 48
+AZIMUTHS, LEVELS = 32, 40
 SMOOTHINGS = (1e-4, 1e-3, 1e-2, 1e-1)
 # Radiance in parts of a_max that counts as none.
 _DARK = 1e-4
