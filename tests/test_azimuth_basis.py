@@ -128,6 +128,16 @@ def test_a_bundle_gives_the_map_back(tmp_path: Path) -> None:
     assert np.abs(record.load_map().slices[3] - mean).max() < 1e-5
 
 
+def test_curves_at_even_levels_are_refused(tmp_path: Path) -> None:
+    bundle = write_azimuth_bundle(tmp_path / "cloth.mmat", clamped_basis())
+    told = dict(bundle.material["map"])
+    with pytest.raises(BakeError, match="crowding"):
+        ShadingMapRecord.parse({**bundle.material, "map": {**told, "crowding": 1.0}}, bundle.path)
+    told.pop("crowding")
+    with pytest.raises(BakeError, match="crowding"):
+        ShadingMapRecord.parse({**bundle.material, "map": told}, bundle.path)
+
+
 def test_what_cannot_be_kept_is_refused() -> None:
     basis = lambert_basis()
     with pytest.raises(BakeError, match=r"rgbe.*either sign.*half or float32"):

@@ -12,7 +12,7 @@ from ..errors import BakeError
 from ..images.storage import HALF_LARGEST, Storage, quantize, scale_for
 from ..source import Facts, Json
 from . import power_law, slice_basis
-from .azimuth.azimuth_basis import AzimuthBasis, mean_curves
+from .azimuth.azimuth_basis import CROWDING, AzimuthBasis, mean_curves
 from .azimuth.azimuth_envelope import azimuth_envelope
 from .azimuth.curve_layout import pack_curves
 from .envelope_split import EnvelopeSplit, split
@@ -72,6 +72,7 @@ def store_azimuth(basis: AzimuthBasis, storage: Storage) -> tuple[dict[str, Stor
         "model": "azimuth",
         "rank": basis.rank,
         "azimuths": basis.curves.shape[1],
+        "crowding": CROWDING,
         # For what knows no azimuth.
         "mean_curves": mean_curves(curves).tolist(),
         "scale": scale,

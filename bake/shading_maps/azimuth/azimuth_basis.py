@@ -25,8 +25,8 @@ MIN_AZIMUTHS, MAX_AZIMUTHS = 4, 128
 # Texel channels that are looked at together: a few MB of float32 at all nodes.
 BLOCK = 1 << 13
 _SAMPLES = 1 << 16
-# Nodes lie at x = (i / (N - 1))^_CROWDING.
-_CROWDING = 1.5
+# Nodes lie at x = (i / (N - 1))^CROWDING.
+CROWDING = 1.5
 
 _F32 = NDArray[np.float32]
 _F64 = NDArray[np.float64]
@@ -100,12 +100,12 @@ class AzimuthBasis:
 
 def levels_of(count: int) -> _F64:
     """x of `count` nodes, from 0 to 1."""
-    return np.linspace(0, 1, count) ** _CROWDING
+    return np.linspace(0, 1, count) ** CROWDING
 
 
 def position(xp: Any, x: Any) -> Any:
     """Where between the first node, 0, and the last, 1, a level x >= 0 lies; beyond 1 it stays there."""
-    return xp.power(xp.minimum(x, 1.0), 1 / _CROWDING)
+    return xp.power(xp.minimum(x, 1.0), 1 / CROWDING)
 
 
 def curve_weights(curves: NDArray[Any], x: ArrayLike, phi: ArrayLike) -> _F64:
