@@ -13,14 +13,17 @@ from typing import Any
 import bpy
 
 from ..bake.errors import BakeError, check_choice
+from ..bake.maps.detail import filtered_roughness
 from ..bake.maps.folder import MapFile, MapsFolder
-from ..bake.maps.relief import RELIEFS, Relief, check_width
+from ..bake.maps.relief import BY_NORMALS, RELIEFS, Relief, check_width
 from ..bake.maps.write import FULL_SPECULAR
-from . import compat
+from . import compat, expr
 from .data_image import movable_path
 from .material_tree import safe_name
 from .surface_inputs import SWATCH_MAPPING
 
+# By so much a normal of 8 bits a channel may be too short.
+_ROUNDED = 3**0.5 / 255
 # The index of refraction at which an IOR Level of 1 is an F0 of 0.08.
 _IOR = 1.5
 # In place of 1: Blender's exporter doubles IOR Level to make it glTF's specular, but only where a factor is not 1.
@@ -36,7 +39,9 @@ def build_principled(
     Parameters
     ----------
     relief : "normal" by the Normal Map; "bump" by the height instead; "displacement" by the height, as displacement
-        and bump of what the mesh is too coarse for. Of each other they would count the relief twice
+        and bump of what the mesh is too coarse for. Of each other they would count the relief twice. "filtered" by the
+        Normal Map, and where a renderer averages normals, as EEVEE does far away, what they vary by is roughness:
+        highlights keep their width. Exporters find no roughness then
     width : of the picture on the object, in Blender's units where it is not scaled: heights are parts of it
     pack : keep the textures inside the .blend
 
@@ -75,11 +80,15 @@ class _Tree:
         closure.inputs["IOR"].default_value = _IOR
         closure.inputs["Metallic"].default_value = 0.0
         self._link(self._texture("albedo", 0), closure.inputs["Base Color"])
-        self._link(self._texture("roughness", 1), closure.inputs["Roughness"])
+        roughness = self._texture("roughness", 1)
         self._link(self._level(self._texture("specular", 2)), closure.inputs["Specular IOR Level"])
-        if relief == "normal":
-            self._link(self._normal(), closure.inputs["Normal"])
+        if relief in BY_NORMALS:
+            colour = self._texture("normal", 3)
+            self._link(self._normal(colour), closure.inputs["Normal"])
+            filtered = relief == "filtered"
+            self._link(self._filtered(roughness, colour) if filtered else roughness, closure.inputs["Roughness"])
             return
+        self._link(roughness, closure.inputs["Roughness"])
         height, about = self._texture("height", 3), self._maps.files["height"]
         if relief == "bump":
             bump = self._node("Bump", -1, 3)
@@ -97,7 +106,7 @@ class _Tree:
     def _texture(self, name: str, row: int) -> bpy.types.NodeSocket:
         """Colour of a map's texture. Raises BakeError."""
         node = self._node("TexImage", -3, row)
-        node.image = _image(self._maps.files[name], f"{self._material.name} {name}", self._pack)
+        node.image = map_image(self._maps.files[name], f"{self._material.name} {name}", self._pack)
         node.label = name.capitalize()
         if name == "height":  # linear interpolation would show each texel as a facet
             node.interpolation = "Cubic"
@@ -113,9 +122,20 @@ class _Tree:
         self._link(apart.outputs[0], scaled.inputs[0])
         return scaled.outputs[0]
 
-    def _normal(self) -> bpy.types.NodeSocket:
+    def _filtered(self, roughness: bpy.types.NodeSocket, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Roughness by the length of the normal as it was read; which way green points is of no matter to that."""
+        # Eight bits cannot tell a normal that was averaged a little from one that was rounded.
+        rounding = 0.0 if colour.node.image.is_float else _ROUNDED
+        before = len(self._nodes)
+        with expr.building(self._material.node_tree):
+            normal = expr.scale(expr.Vector(colour), 2.0) + expr.vec(-1.0, -1.0, -1.0)
+            found = filtered_roughness(expr, expr.Scalar(roughness), expr.length(normal) + rounding)
+        for k, node in enumerate(self._nodes[before:]):
+            node.hide, node.location = True, (-1.5 * _COLUMN, -1.2 * _ROW - 40 * k)
+        return found.socket
+
+    def _normal(self, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         normal = self._node("NormalMap", -1, 3)
-        colour = self._texture("normal", 3)
         if not self._maps.green_up:
             apart, turned, again = (self._node(kind, -2, 3 + k) for k, kind in enumerate(_TURNING))
             turned.operation = "SUBTRACT"
@@ -142,7 +162,7 @@ class _Tree:
 _TURNING = ("SeparateColor", "Math", "CombineColor")
 
 
-def _image(file: MapFile, name: str, pack: bool) -> bpy.types.Image:
+def map_image(file: MapFile, name: str, pack: bool = False) -> bpy.types.Image:
     """The map as Blender's image, in its own colour space. Raises BakeError."""
     path = Path(file.path).absolute()
     unreadable = BakeError(path, "cannot be loaded by Blender", "bake the photographs again with bake maps")

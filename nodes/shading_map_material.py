@@ -6,20 +6,23 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..bake import xp_numpy
 from ..bake.bundle.bundle import Bundle
 from ..bake.directions import spherical
 from ..bake.errors import BakeError
+from ..bake.images.storage import HALF_LARGEST
 from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
-from ..bake.shading_maps.azimuth.azimuth_basis import mean_curves
+from ..bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, mean_curves
 from ..bake.shading_maps.azimuth.curve_layout import unpack_curves
+from ..bake.shading_maps.azimuth.mean_coefficients import light_coefficients
 from ..bake.shading_maps.record import ShadingMapRecord
 from ..bake.shading_maps.record_parts import StoredMap
-from ..bake.shading_maps.reduced_map import reduced_size, reduced_slices
+from ..bake.shading_maps.reduced_map import detail_layout, mean_tiles, pack_levels, reduced_size, reduced_slices
 from ..bake.shading_maps.render_settings import RenderSettings
-from ..bake.shading_maps.slice_atlas import SliceLayout
+from ..bake.shading_maps.slice_atlas import SliceLayout, unpack_slices
 from ..bake.source import luminance
 from .azimuth_group import AzimuthImages, azimuth_group, mean_group
 from .checked_pixels import check_image
@@ -30,7 +33,7 @@ from .map_models import basis_group, power_group
 from .material_tree import build_from, lit_by_emission
 from .osl_script import require_osl
 from .shading_map_group import Transmitted, shading_map_group
-from .slices_group import SliceImages, SliceOptions, slices_group
+from .slices_group import Detail, SliceImages, SliceOptions, slices_group
 from .table_groups import table_groups
 from .world_picture import Surroundings
 
@@ -46,6 +49,7 @@ def build_shading_map(
     reduce: int = 1,
     features: bool = False,
     normals: bool = False,
+    texels: float = 0.0,
     lights: bpy.types.Image | None = None,
     surroundings: Surroundings | None = None,
     scripted: bool = False,
@@ -61,6 +65,8 @@ def build_shading_map(
     pack : store the textures that are loaded inside the .blend
     lamps : table of the scene's lamps to aim at, see `bake.sampling.lamps`
     reduce : texels across that Cycles sees as their mean, for a swatch far away; for model "slices" only
+    texels : that a pixel is across at a distance of 1, by which rays read means of texels; 0 for none. Not of models
+        "power", and not where the border goes on beyond the swatch
     features, normals : as in `nodes.material.build_material`
     lights : table of what the lamps emit, see `bake.sampling.lamp_light`: modes "exact" and "balanced" then sample
         lamps themselves, which takes `lamps`, and Blender 5.1 or `scripted` rays
@@ -94,7 +100,7 @@ def build_shading_map(
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
-        return _group(record, lighting, name, textures, reduce, behind)
+        return _group(record, lighting, name, textures, reduce, texels, behind)
 
     built = build_from(record, material, make)
     lit_by_emission(built, lighting.sampled)
@@ -124,6 +130,7 @@ def _group(
     name: str,
     textures: Images,
     reduce: int,
+    texels: float,
     behind: ShadingMapRecord | None,
 ) -> bpy.types.ShaderNodeTree:
     settings = lighting.settings
@@ -132,21 +139,25 @@ def _group(
         table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lighting.lamps is not None)
         measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
-    front = _map_groups(record, lighting, name, textures, reduce)
+    front = _map_groups(record, lighting, name, textures, reduce, texels)
     transmitted = None
     if behind is not None:
         lit = lighting_of(behind, settings.of_transmission(behind.map.a_max is not None))
         lit = replace(lit, lamps=lighting.lamps, through=True)
-        groups = _map_groups(behind, lit, f"{name} through", of_part(textures, "through"), reduce)
+        groups = _map_groups(behind, lit, f"{name} through", of_part(textures, "through"), reduce, texels)
         skies = [float(luminance(np.array(part.albedo.white_sky))) for part in (record, behind)]
         transmitted = Transmitted(groups, lit, skies[0] / max(sum(skies), 1e-9))
     return shading_map_group(f"Shading Map {name}", front, lighting, transmitted)
 
 
-def _map_groups(record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int) -> MapGroups:
+def _map_groups(
+    record: ShadingMapRecord, lighting: Lighting, name: str, textures: Images, reduce: int, texels: float
+) -> MapGroups:
     facts = record.map
     images = slice_images(record, textures)
     far = _reduced(record, images, name, reduce) if reduce > 1 and facts.model == "slices" else images
+    if texels > 0 and has_detail(facts.model, lighting.settings):
+        far = _detailed(record, far, name, texels * far.layout.width / facts.layout.width)
     # Where lamps are sampled, a slice chosen at random would be most of the noise that is left.
     traced = map_group(f"MM Slices {name}", facts, far, lighting.options(stochastic=not lighting.sampled))
     # Light in a viewport has no upper end: clamped there, everything beyond the Light Level would go flat and dark.
@@ -155,7 +166,7 @@ def _map_groups(record: ShadingMapRecord, lighting: Lighting, name: str, texture
     if facts.model != "azimuth":
         return MapGroups(traced, shown, traced)
     curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
-    around = mean_group(f"MM Slices Around {name}", images, mean_curves(curves), lighting.options(stochastic=False))
+    around = mean_group(f"MM Slices Around {name}", far, mean_curves(curves), lighting.options(stochastic=False))
     return MapGroups(traced, shown, around, turned=True)
 
 
@@ -192,6 +203,51 @@ def _reduced(record: ShadingMapRecord, images: SliceImages, name: str, factor: i
                 f"{name} {part} / {factor}", values, half=half, made_of=told[part]
             )
     return replace(images, residual=made[facts.image], envelope=made["envelope"], layout=layout)
+
+
+def has_detail(model: str, settings: RenderSettings) -> bool:
+    """Whether means of the texels are means of the light: not of a power law, nor where the border goes on."""
+    return model != "power" and settings.tiling == "repeat"
+
+
+def _detailed(record: ShadingMapRecord, images: SliceImages, name: str, texels: float) -> SliceImages:
+    """The same map with means of its texels in the images; they are kept in the .blend. `images` where it is too small.
+
+    Parameters
+    ----------
+    texels : of these images, that a pixel is across at a distance of 1
+    """
+    facts, size = record.map, images.layout
+    layout, one = detail_layout(size), detail_layout(SliceLayout(1, size.height, size.width))
+    if layout is None or one is None:
+        return images
+    sources = {facts.image: (images.residual, layout), "envelope": (images.envelope, one)}
+    told = {part: f"{record.images[part].sha256} as {found}" for part, (_, found) in sources.items()}
+    halves = {part: image.use_half_precision for part, (image, _) in sources.items()}
+    made = {part: made_image(told[part], half=half) for part, half in halves.items()}
+    if None in made.values():
+        tiles = unpack_slices(record.files().load(facts.image), facts.layout)
+        parts = {
+            facts.image: (tiles, _to_be_averaged(record, tiles)),
+            "envelope": (texel := record.files().load("envelope")[None], texel),
+        }
+        for part, (_, found) in sources.items():
+            near, whole = parts[part]
+            near = near if near.shape[1:3] == (size.height, size.width) else mean_tiles(near, size.height, size.width)
+            made[part] = made[part] or new_data_image(
+                f"{name} {part} detail", pack_levels(near, whole, found), half=halves[part], made_of=told[part]
+            )
+    return replace(images, residual=made[facts.image], envelope=made["envelope"], detail=Detail(layout, one, texels))
+
+
+def _to_be_averaged(record: ShadingMapRecord, tiles: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Tiles whose means are means of light."""
+    facts = record.map
+    if facts.model != "azimuth":
+        return tiles
+    curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
+    found = light_coefficients(AzimuthBasis(np.moveaxis(tiles, 0, -1), curves))
+    return np.clip(np.moveaxis(found, -1, 0), -HALF_LARGEST, HALF_LARGEST)
 
 
 def map_group(name: str, facts: StoredMap, images: SliceImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:

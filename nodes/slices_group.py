@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
 
+from ..bake.shading_maps.reduced_map import DetailLayout
 from ..bake.shading_maps.slice_atlas import SliceLayout, level_position, tile_v
 from . import expr
 from .group import node_group
 
 Tap = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Detail:
+    """Means of texels for what is far away, which follow the texels in both images.
+
+    Parameters
+    ----------
+    residual, envelope : how the images are laid out
+    texels : that a pixel is across, at a distance of 1
+    """
+
+    residual: DetailLayout
+    envelope: DetailLayout
+    texels: float
+
+    @property
+    def in_a_pixel(self) -> Any:
+        """Texels that a pixel is across at the end of this ray. Of a ray that has met a mirror before, the last part of
+        its way alone counts, which leaves more detail than a pixel can show."""
+        path = expr.node("ShaderNodeLightPath", {}, {})
+        return expr.Scalar(path.outputs["Ray Length"]) * self.texels
 
 
 @dataclass(frozen=True)
@@ -25,6 +48,7 @@ class SliceImages:
     envelope : m in the colours, the residual's share in alpha
     layout : of `residual`
     residual_scale, envelope_scale : what stored values are multiplied by
+    detail : where the images hold means of texels too; for tiling "repeat" only
     """
 
     residual: bpy.types.Image
@@ -32,6 +56,7 @@ class SliceImages:
     layout: SliceLayout
     residual_scale: float = 1.0
     envelope_scale: float = 1.0
+    detail: Detail | None = field(default=None, kw_only=True)
 
     @property
     def slices(self) -> int:
@@ -100,11 +125,26 @@ def inside(uv: Any, layout: SliceLayout, tiling: str) -> tuple[Any, Any]:
 
 def tapper(images: SliceImages, u: Any, v: Any, interpolation: str) -> Tap:
     """Tile k of the atlas at this place of the swatch: of slices, the first that is not black is 0."""
+    if images.detail is not None:
+        return _detailed_tapper(images, images.detail, u, v, interpolation)
     size = images.layout.width, images.layout.rows
 
     def tap(index: Any) -> Any:
         at = tile_v(expr, images.layout, index, v)
         colour, _ = image_tap(images.residual, size, u, at, interpolation, "REPEAT")
+        return _scaled(colour, images.residual_scale)
+
+    return tap
+
+
+def _detailed_tapper(images: SliceImages, detail: Detail, u: Any, v: Any, interpolation: str) -> Tap:
+    """The tile in the level of detail that this ray can show."""
+    layout = detail.residual
+    across, top, pitch = layout.place(expr, detail.in_a_pixel, u, v)
+
+    def tap(index: Any) -> Any:
+        at = across, layout.image_v(top, pitch, index)
+        colour, _ = image_tap(images.residual, (layout.width, layout.rows), *at, interpolation, "REPEAT")
         return _scaled(colour, images.residual_scale)
 
     return tap
@@ -130,6 +170,10 @@ def image_tap(
 def texel_tap(images: SliceImages, u: Any, v: Any, options: SliceOptions) -> tuple[Any, Any]:
     """Envelope and share at this place of the swatch."""
     size = images.layout.width, images.layout.height
+    if images.detail is not None:
+        layout = images.detail.envelope
+        u, top, pitch = layout.place(expr, images.detail.in_a_pixel, u, v)
+        size, v = (layout.width, layout.rows), layout.image_v(top, pitch, 0.0)
     repeat = "REPEAT" if options.tiling == "repeat" else "EXTEND"
     colour, alpha = image_tap(images.envelope, size, u, v, options.interpolation, repeat)
     return _scaled(colour, images.envelope_scale), alpha

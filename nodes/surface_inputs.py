@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .exchanged_group import exchange_group
+from .parallax_group import is_parallax
 from .random_tiling_group import is_random_tiling
 from .swatch_frame_group import ALONG_U, ALONG_V, is_swatch_frame, swatch_frame_group
 from .tangent_frame_group import surface_tangent_group
@@ -59,8 +60,8 @@ def _connect_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
 
 
 def connect_frame(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """How the swatch lies on the surface, by the coordinates that the group is given, before they are tiled at random:
-    from one patch to the next these jump.
+    """How the swatch lies on the surface, by the coordinates that the group is given, before they are tiled at random
+    or moved by parallax: from one patch to the next these jump.
 
     An artist's own vectors stay, and so does the frame of another swatch in the tree, which may lie otherwise.
     """
@@ -111,10 +112,12 @@ def frame_before(node: bpy.types.Node) -> bpy.types.Node | None:
 
 
 def coordinates_before_tiling(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
-    """The socket that gives a measured group its texture coordinates, or those that are tiled at random before it."""
+    """The socket that gives a measured group its texture coordinates, or those that are tiled at random, and moved by
+    parallax, before it."""
     source = source_of(node.inputs["UV"])
-    if source is not None and is_random_tiling(source.node):
-        return source_of(source.node.inputs["UV"])
+    for moves in (is_parallax, is_random_tiling):
+        if source is not None and moves(source.node):
+            source = source_of(source.node.inputs["UV"])
     return source
 
 

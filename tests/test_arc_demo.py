@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from measured_materials.addon.cli import demo
-from measured_materials.addon.demo import fabric
+from measured_materials.addon.demo import fabric, roll
 from measured_materials.addon.gantry.techniques import IN_ORDER
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.errors import BakeError
@@ -52,7 +52,7 @@ def test_demo_shows_the_geometry_beside_its_map(tmp_path: Path, monkeypatch: pyt
 
 def test_roll_is_lit_from_the_side_of_larger_u() -> None:
     before, material = datablocks(), diffuse_material(0.5)
-    picture = fabric._roll(material, 24, 16).mean((1, 2))
+    picture = roll.roll(material, 24, 16).mean((1, 2))
     bpy.data.materials.remove(material)
     assert datablocks() == before
     # Top to bottom across the roll: shade, then ever more light.
@@ -62,14 +62,14 @@ def test_roll_is_lit_from_the_side_of_larger_u() -> None:
 def test_bent_tile_closes_to_a_roll() -> None:
     mesh = bpy.data.meshes.new("tile")
     mesh.from_pydata([(0, 0.3, 0), (1, 0.3, 0), (0.5, 0.3, 0.1)], [], [])
-    fabric._bend(mesh)
+    roll.bend(mesh)
     first, last, raised = (np.array(vertex.co) for vertex in mesh.vertices)
     bpy.data.meshes.remove(mesh)
     # u = 1 lies an arc length of 1 further than u = 0, and height stands on the roll's surface.
     angle = math.atan2(last[0], last[2]) - math.atan2(first[0], first[2])
     radius = math.hypot(first[0], first[2])
     assert angle * radius == pytest.approx(1, rel=1e-5)
-    assert angle * fabric._TILES_AROUND == pytest.approx(2 * math.pi, rel=1e-5)
+    assert angle * roll.TILES_AROUND == pytest.approx(2 * math.pi, rel=1e-5)
     assert math.hypot(raised[0], raised[2]) == pytest.approx(radius + 0.1, rel=1e-5)
     assert first[1] == last[1] == pytest.approx(0.3)
 

@@ -100,10 +100,16 @@ def test_spheres_are_kept_for_the_same_photographs_alone(plate: Any, tmp_path: P
     bundle = bake_arc(folder, tmp_path / "ball.mmat", settings).path
     bpy.ops.measured_materials.import_bundle(filepath=str(bundle))
     material = plate.active_material
-    assert material.measured_arc.spheres == "48,48,40"
-    for chosen, kept in ((str(folder), spheres), ("", spheres), (str(write_stack(tmp_path / "others")), ())):
+    properties = material.measured_arc
+    assert properties.spheres == "48,48,40"
+    others = str(write_stack(tmp_path / "others"))
+    for chosen, kept in ((str(folder), spheres), ("", spheres), ("unset", spheres), (others, ()), ("", ())):
+        if chosen == "unset":
+            properties.property_unset("spheres")
+            chosen = ""
         assert bpy.ops.measured_materials.bake_again(filepath=chosen) == {"FINISHED"}
         assert record_of(material).settings.stack.spheres == kept
+        assert bool(properties.spheres) == bool(kept)
 
 
 @pytest.fixture
@@ -128,7 +134,7 @@ def test_spheres_of_a_panel_are_those_of_the_bake(material: bpy.types.Material) 
         assert properties.spheres == shown
     for wrong in ("812,340", "812;340;95", "812,340,x", "812,340,95,"):
         properties.spheres = wrong
-        with pytest.raises(BakeError, match=r"photograph settings: (a sphere|radius of a sphere) is"):
+        with pytest.raises(BakeError, match=r"photograph settings: (Mirror Spheres|radius of a sphere) is '"):
             _settings(material)
 
 

@@ -334,7 +334,7 @@ def test_options_of_shading_maps_are_refused_for_brdfs(tmp_path: Path, capsys: p
     bake_source(
         by_name("lambert"), tmp_path / "white.mmat", BakeSettings(resolution=8, alpha=(0.5, 0.5), envelope=False)
     )
-    for options in (["--lobe", "ggx"], ["--a-max", "1"], ["--repeat", "2"]):
+    for options in (["--lobe", "ggx"], ["--a-max", "1"], ["--repeat", "2"], ["--parallax", "maps"]):
         assert main(["render", str(tmp_path / "white.mmat"), *options]) == 2
         assert f"{options[0]} is for shading maps" in capsys.readouterr().err
 

@@ -72,6 +72,7 @@ def test_what_cannot_be_known_keeps_the_texels(view: tuple) -> None:
     assert "flat picture" in texel_footprint(material, scene, (10, 10)).why_unknown
     scene.camera.data.type = "PERSP"
     plate.data.uv_layers.remove(plate.data.uv_layers[0])
+    plate.data.update()
     assert "no UV map" in texel_footprint(material, scene, (10, 10)).why_unknown
     plate.data.materials.clear()
     assert "no object" in texel_footprint(material, scene, (10, 10)).why_unknown

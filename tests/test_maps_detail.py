@@ -10,13 +10,15 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+from measured_materials.addon.gantry.photograph_arc import photograph_view
 from measured_materials.addon.rendering.renderer import set_unbiased
+from measured_materials.bake import xp_numpy
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.maps.bake import MapSettings
-from measured_materials.bake.maps.detail import reduced_maps
-from measured_materials.bake.maps.folder import read_maps_folder
+from measured_materials.bake.maps.detail import filtered_roughness, reduced_maps
+from measured_materials.bake.maps.folder import MapsFolder, read_maps_folder
 from measured_materials.bake.maps.gloss import Gloss, half_vectors
-from measured_materials.bake.maps.write import Maps, write_maps
+from measured_materials.bake.maps.write import FileKind, Maps, write_maps
 from measured_materials.nodes.principled_maps import build_principled
 from support.known_maps import N, relief
 from support.scenes import TestScene
@@ -81,12 +83,61 @@ def test_light_and_slope_stay() -> None:
         MapSettings(reduce=0)
 
 
-def to_the_horizon(maps: Maps, folder: Path, samples: int) -> np.ndarray:
-    """Rows (H,) of a plane with four swatches a metre, seen from a metre above towards a low sun, as far as it goes."""
+@pytest.mark.parametrize("slope", [0.0, 0.06, 0.12, 0.25])
+def test_a_mean_normal_tells_its_variance(slope: float) -> None:
+    """Roughness by the length of a mean normal is that of the texels as one."""
+    maps = fine(slope)
+    length = np.linalg.norm(maps.normal.mean((0, 1), dtype=np.float64))
+    expected = reduced_maps(maps, N).roughness[0, 0]
+    assert filtered_roughness(xp_numpy, ROUGHNESS, length) == pytest.approx(float(expected), rel=0.03)
+    assert slope < 0.1 or filtered_roughness(xp_numpy, ROUGHNESS, length) > 1.05 * ROUGHNESS
+    assert filtered_roughness(xp_numpy, 0.9, 0.0) == 1 and filtered_roughness(xp_numpy, 0.3, 1.001) == 0.3
+
+
+def shown_roughness(maps: Maps, folder: Path, kind: FileKind, size: int, interpolation: str) -> np.ndarray:
+    """What reaches the Principled BSDF of a filtered material, (size, size)."""
+    material = build_principled(written(maps, folder, kind), relief="filtered", pack=True)
+    tree = material.node_tree
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeTexImage":
+            node.interpolation = interpolation
+    closure = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+    shining = tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(closure.inputs["Roughness"].links[0].from_socket, shining.inputs["Strength"])
+    tree.links.new(shining.outputs[0], tree.get_output_node("ALL").inputs["Surface"])
+    return photograph_view(material, size=size, samples=4).mean(-1)
+
+
+def test_the_material_is_rougher_where_normals_are_averaged(tmp_path: Path) -> None:
+    """Stripes of two normals: between them a linear filter reads the mean, in the middle of each there is none."""
+    lean, flat = 0.15, np.ones((4, 4), np.float32)
+    p = np.where(np.arange(4) % 2, lean, -lean) + np.zeros((4, 4))
+    normal = (np.dstack([-p, 0 * p, np.ones_like(p)]) / np.hypot(1, lean)).astype(np.float32)
+    maps = Maps(normal, relief()[2][:4, :4].astype(np.float32), 0 * flat, 0.3 * flat, F0 * flat)
+    found = shown_roughness(maps, tmp_path / "stripes", "exr", 128, "Linear").mean(0)
+    expected = filtered_roughness(xp_numpy, 0.3, 1 / np.hypot(1, lean))
+    assert expected > 1.25 * 0.3
+    np.testing.assert_allclose((found[31:127:32] + found[32:128:32]) / 2, expected, rtol=0.01)
+    np.testing.assert_allclose(found[15:128:32], 0.3, rtol=0.03)
+
+
+@pytest.mark.parametrize("kind", ["exr", "png8"])
+def test_normals_as_they_are_written_keep_their_roughness(tmp_path: Path, kind: FileKind) -> None:
+    """Also those whose length eight bits have changed."""
+    found = shown_roughness(fine(0.3, 0.2), tmp_path / "facets", kind, N, "Closest")
+    np.testing.assert_allclose(found, 0.2, atol=0.5 / 255 if kind == "png8" else 1e-3)
+
+
+def written(maps: Maps, folder: Path, kind: FileKind) -> MapsFolder:
     folder.mkdir()
     facts = {"program": "measured_materials maps", "source": folder.name, "mean_albedo": [0.0] * 3}
-    (folder / "maps.json").write_text(json.dumps({**facts, "maps": write_maps(folder, maps, "opengl", "exr")}))
-    material = build_principled(read_maps_folder(folder), pack=True)
+    (folder / "maps.json").write_text(json.dumps({**facts, "maps": write_maps(folder, maps, "opengl", kind)}))
+    return read_maps_folder(folder)
+
+
+def to_the_horizon(maps: Maps, folder: Path, samples: int) -> np.ndarray:
+    """Rows (H,) of a plane with four swatches a metre, seen from a metre above towards a low sun, as far as it goes."""
+    material = build_principled(written(maps, folder, "exr"), pack=True)
     mapping = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeMapping")
     mapping.inputs["Scale"].default_value = (4, 4, 1)
     scene, mesh = bpy.data.scenes.new("horizon"), bpy.data.meshes.new("plane")

@@ -65,6 +65,7 @@ def recorded(name: str) -> dict[str, float]:
 
 BENCHES = (
     "azimuth",
+    "fig4",
     "engine",
     "arc",
     "techniques",

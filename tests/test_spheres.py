@@ -153,7 +153,7 @@ def test_stacks_have_their_lights(folder: Path) -> None:
         assert off(found, direction(*light)) < 1
     assert not any("sphere" in warning for warning in stack.warnings)
     whole = read_stack(folder, StackSettings(spheres=SPHERES, align="off", spread=90.0, sides="both"))
-    assert any("--crop" in warning for warning in whole.warnings)
+    assert any("crop to the swatch" in warning for warning in whole.warnings)
 
 
 def test_a_circle_beside_its_sphere_is_told(folder: Path) -> None:

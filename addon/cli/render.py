@@ -88,6 +88,13 @@ def _add_shading_map(group: Any) -> None:
         metavar="N",
         help=f"swatches along a unit of texture coordinates; the ball's circumference has three ({USUAL_REPEAT:g})",
     )
+    group.add_argument(
+        "--parallax",
+        type=Path,
+        metavar="MAPS",
+        help="show the relief where an oblique view sees it, by the heights of a folder that bake maps wrote of the "
+        "same photographs",
+    )
 
 
 def _repeats(text: str) -> float:
@@ -175,7 +182,7 @@ def _keep_others(out: Path, own: list[str], options: argparse.Namespace) -> None
 
 def _settings(record: Record, options: argparse.Namespace) -> RenderSettings | None:
     """How a shading map is to be lit, None for a BRDF. Options of the other kind are wrong usage."""
-    given = given_lighting(options) + (["repeat"] if options.repeat is not None else [])
+    given = given_lighting(options) + [name for name in ("repeat", "parallax") if getattr(options, name) is not None]
     if not isinstance(record, ShadingMapRecord):
         given = [name for name in given if name != "mode"]
         if given:
@@ -279,7 +286,18 @@ def _build(record: Any, settings: RenderSettings | None, options: argparse.Names
     given = {"aim": options.aim, "sample": options.sample_lamps, "shader": OSL if options.osl else NODES}
     given |= {} if options.filter is None else {"filter": options.filter}
     choices = usual_choices(record, options.mode) if settings is None else Choices()
-    return build_for(scene, record, material, replace(choices, **given), settings, options.repeat or USUAL_REPEAT)
+    osl = build_for(scene, record, material, replace(choices, **given), settings, options.repeat or USUAL_REPEAT)
+    _add_parallax(material, record, options)
+    return osl
+
+
+def _add_parallax(material: Any, record: Any, options: argparse.Namespace) -> None:
+    """By the maps that are named; once, for a material that is built twice. Raises BakeError."""
+    from ...bake.maps.folder import read_maps_folder
+    from ..material.adjust.parallax import add_parallax, parallax_node
+
+    if options.parallax is not None and parallax_node(material) is None:
+        add_parallax(material, record, read_maps_folder(options.parallax))
 
 
 def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace) -> Any:
@@ -289,6 +307,7 @@ def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argpa
 
     twin = build_shading_map(record, settings=settings, features=True)
     set_repeat(twin, options.repeat or USUAL_REPEAT, record.map.layout)
+    _add_parallax(twin, record, options)
     return twin
 
 

@@ -8,7 +8,6 @@ sees the light at another elevation.
 from __future__ import annotations
 
 import contextlib
-import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -17,7 +16,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ...bake.bundle.bundle import Bundle, read_bundle
 from ...bake.errors import BakeError
@@ -26,7 +24,6 @@ from ...bake.shading_maps.bake import ArcSettings, bake_stack
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.shading_map import averages_of
-from ...nodes import compat
 from ...nodes.shading_map_material import build_shading_map
 from ..gantry import techniques
 from ..gantry.photograph_arc import gantry_scene, photograph_arc
@@ -35,8 +32,8 @@ from ..gantry.techniques import IN_ORDER, LABELS, Array, Case, Frames
 from ..lights.light_tables import lamp_image, update_scene
 from ..material.bake_photographs import set_repeat
 from ..rendering.contact_sheet import Cell, write_sheet
-from ..rendering.renderer import set_unbiased
 from ..studio.studio import build_studio, remove_studio, render_linear
+from .roll import roll
 
 Progress = Callable[[str, float], None]
 
@@ -50,8 +47,6 @@ CASES = (
     Case("from the other side", ((28.0, 180.0, 1.0),)),
 )
 _ON_SHEET = CASES[1]
-_TILES_AROUND, _TILES_ALONG = 6, 4
-_RADIUS = _TILES_AROUND / (2 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -169,12 +164,12 @@ def _path_traced(swatch: Swatch, bundle: Bundle, effort: _Effort, say: Progress)
     say("rendering", 0.0)
     record = ShadingMapRecord.read(bundle)
     usual = record.render
-    rolls = {"geometry": _roll(swatch, *effort.roll)}
+    rolls = {"geometry": roll(swatch, *effort.roll)}
     for k, technique in enumerate(("lookup", "lit_texture")):
         say("rendering", 0.35 + 0.2 * k)
         material = build_shading_map(bundle, settings=replace(usual, technique=technique), lamps=lamp_image())
         with _removed(material):
-            rolls[technique] = _roll(material, *effort.roll)
+            rolls[technique] = roll(material, *effort.roll)
     say("rendering", 0.75)
     size, samples = effort.ball
     material = build_shading_map(bundle, lamps=lamp_image())
@@ -195,99 +190,6 @@ def _removed(material: bpy.types.Material) -> Iterator[None]:
         yield
     finally:
         bpy.data.materials.remove(material)
-
-
-# --- the roll -------------------------------------------------------------------------------------------
-
-
-def _roll(target: Swatch | bpy.types.Material, size: int, samples: int) -> Array:
-    """A roll of the swatch's geometry, or of a plain sheet with the material, in raking light: (size, size, 3)."""
-    scene = bpy.data.scenes.new("Roll")
-    try:
-        objects = list(target.build(scene)) if isinstance(target, Swatch) else [_sheet(scene, target)]
-        for obj in objects:
-            _bend(obj.data)
-            scene.collection.objects.unlink(obj)
-        _repeat_around(scene, objects)
-        _light_and_look(scene)
-        scene.render.resolution_x = scene.render.resolution_y = size
-        set_unbiased(scene, samples, seed=1)
-        update_scene(scene)
-        return render_linear(scene)
-    finally:
-        _remove(scene, keep=target)
-
-
-def _sheet(scene: bpy.types.Scene, material: bpy.types.Material, steps: int = 48) -> bpy.types.Object:
-    """A flat tile, fine enough along u to be bent."""
-    u = np.linspace(0, 1, steps + 1)
-    points = [(x, y, 0.0) for y in (0.0, 1.0) for x in u]
-    faces = [(k, k + 1, steps + 2 + k, steps + 1 + k) for k in range(steps)]
-    mesh = bpy.data.meshes.new("Sheet")
-    mesh.from_pydata(points, [], faces)
-    layer = mesh.uv_layers.new(name="UVMap")
-    corners = np.array(points)[np.array(faces).ravel(), :2]
-    layer.data.foreach_set("uv", corners.astype(np.float32).ravel())
-    mesh.shade_smooth()
-    mesh.materials.append(material)
-    obj = bpy.data.objects.new("Sheet", mesh)
-    scene.collection.objects.link(obj)
-    return obj
-
-
-def _bend(mesh: bpy.types.Mesh) -> None:
-    """Wrap a tile around the axis y: u becomes an angle, height a distance from the surface of the roll."""
-    points = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", points)
-    u, v, height = points.reshape(-1, 3).T.astype(np.float64)
-    angle = u * (2 * math.pi / _TILES_AROUND)
-    bent = np.stack([(_RADIUS + height) * np.sin(angle), v, (_RADIUS + height) * np.cos(angle)], -1)
-    mesh.vertices.foreach_set("co", bent.astype(np.float32).ravel())
-    mesh.update()
-
-
-def _repeat_around(scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
-    tile = bpy.data.collections.new("Roll tile")
-    for obj in objects:
-        tile.objects.link(obj)
-    for around in range(_TILES_AROUND):
-        turn = Matrix.Rotation(2 * math.pi * around / _TILES_AROUND, 4, "Y")
-        for along in range(_TILES_ALONG):
-            empty = bpy.data.objects.new("Roll tile", None)
-            empty.instance_type, empty.instance_collection = "COLLECTION", tile
-            empty.matrix_world = Matrix.Translation((0, along - _TILES_ALONG / 2, 0)) @ turn
-            scene.collection.objects.link(empty)
-
-
-def _light_and_look(scene: bpy.types.Scene) -> None:
-    """Dim light from everywhere, and a lamp on the side of larger u, as it stood for the photographs."""
-    scene.world, background = compat.new_world("Roll light")
-    background.inputs["Color"].default_value = (0.75, 0.85, 1.0, 1)
-    background.inputs["Strength"].default_value = 0.12
-    lamp = bpy.data.lights.new("Roll lamp", "AREA")
-    lamp.shape, lamp.size, lamp.energy = "DISK", 1.5, 2600
-    lamp.cycles.use_multiple_importance_sampling = True
-    camera = bpy.data.cameras.new("Roll camera")
-    camera.type, camera.ortho_scale = "ORTHO", 2.1
-    for data, tilt in ((lamp, 62.0), (camera, 5.0)):
-        obj = bpy.data.objects.new(data.name, data)
-        # Above the roll, turned about its axis; the picture's x runs along the axis.
-        turn = Matrix.Rotation(math.radians(tilt), 4, "Y")
-        obj.matrix_world = turn @ Matrix.Translation((0, 0, 9)) @ Matrix.Rotation(math.radians(90), 4, "Z")
-        scene.collection.objects.link(obj)
-        if data is camera:
-            scene.camera = obj
-
-
-def _remove(scene: bpy.types.Scene, keep: Swatch | bpy.types.Material) -> None:
-    objects = {*scene.collection.objects}
-    tiles = {obj.instance_collection for obj in objects if obj.instance_collection}
-    objects |= {obj for tile in tiles for obj in tile.objects}
-    data = {obj.data for obj in objects if obj.data}
-    materials = {slot for block in data for slot in getattr(block, "materials", ()) if slot and slot != keep}
-    world = scene.world
-    bpy.data.scenes.remove(scene)
-    bpy.data.batch_remove([*objects, *data, *tiles, *materials, *([world] if world else [])])
 
 
 # --- report ---------------------------------------------------------------------------------------------

@@ -35,6 +35,7 @@ from .scene_fit import (
     plan_azimuth,
     plan_bounces,
     plan_detail,
+    plan_levels,
     plan_sampling,
 )
 from .texel_footprint import texel_footprint
@@ -66,7 +67,8 @@ def build_map(
     stored, layout = record.map, record.map.layout
     footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
-    effects = [detail]
+    levels = plan_levels(choices, stored.model, settings.tiling, footprint)
+    effects = [detail, levels]
     if stored.model == "azimuth":
         effects.append(plan_azimuth(settings, layout.tiles))
     light = plan_map_light(settings, choices, report, ready=ready, through=record.through is not None)
@@ -83,6 +85,7 @@ def build_map(
         images=images,
         pack=pack,
         reduce=reduce,
+        texels=footprint.texels if levels.kept else 0.0,
         features=passes and not light.scripted,
         normals=shows_normals(scene),
     )

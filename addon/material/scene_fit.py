@@ -14,24 +14,28 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
 from ...bake.shading_maps.azimuth.curve_layout import PER_TEXEL
+from ...bake.shading_maps.reduced_map import UNSEEN
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.tables.grids.patch_grid import PatchGrid
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
+from .texel_footprint import Footprint
 
 SAMPLED_EFFECT = "Lamps sampled in the shader"
 OSL_EFFECT = "Open Shading Language"
 AZIMUTH_EFFECT = "Light from every side"
+LEVELS_EFFECT = "Level of detail"
 # Of nodes whose rays are scripts.
 RAYS = "asked for; it tells the nodes which lamps are seen, and Cycles on the CPU alone renders it"
 NO_PASSES = "OSL cannot write them; built of nodes they can be had"
 NO_RAYS = "no lamp is sampled, and nodes are as good"
 # The first as it is called now; the other in materials that were built before.
 MIRROR_EFFECTS = "Mirror part", "Residual by mirror"
-# Pixels that averaged texels may be across, and how many must become one for it to be worth while.
-_UNSEEN = 0.5
+# How many texels must become one for it to be worth while.
 _WORTHWHILE = 4
+# Texels in a pixel, at the farthest point, from which on means by distance are worth their textures.
+_FAR = 8.0
 # How much larger a table's error may become by a simpler filter.
 _AS_GOOD = 1.1
 
@@ -290,7 +294,7 @@ def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str
     if choices.detail == ALWAYS:
         return 1, Effect(name, True, "asked for at any distance")
     factor = 1
-    while footprint * factor * 2 <= _UNSEEN and factor < 1 << 14:
+    while footprint * factor * 2 <= UNSEEN and factor < 1 << 14:
         factor *= 2
     if factor < _WORTHWHILE:
         known = f"a texel is up to {footprint:.2g} pixels across" if not why_unknown else why_unknown
@@ -302,6 +306,22 @@ def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str
     if model != "slices":
         return 1, Effect(name, True, f"compressed as {model}, which has no mean")
     return factor, Effect(name, False, f"{factor} x {factor} as one: seen here they are {footprint:.2g} pixels across")
+
+
+def plan_levels(choices: Choices, model: str, tiling: str, footprint: Footprint) -> Effect:
+    """Whether rays read means of texels where these are finer than a pixel."""
+    name = LEVELS_EFFECT
+    if choices.detail == ALWAYS:
+        return Effect(name, False, "Swatch Detail is Always")
+    if model == "power" or tiling != "repeat":
+        why = "the power law has no mean" if model == "power" else "only what repeats has means at its border"
+        return Effect(name, False, why)
+    if not footprint.texels:
+        return Effect(name, False, footprint.why_unknown or "the camera sees all distances alike")
+    most = footprint.texels * footprint.farthest
+    if most < _FAR:
+        return Effect(name, False, f"a pixel is across {most:.2g} texels at most")
+    return Effect(name, True, f"a pixel is across up to {most:.2g} texels; where it is above 8, means of them are read")
 
 
 def plan_azimuth(settings: RenderSettings, rank: int) -> Effect:

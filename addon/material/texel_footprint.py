@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -20,10 +21,33 @@ _HIDING = frozenset({"hide_render", "hide_viewport"})
 
 @dataclass(frozen=True)
 class Footprint:
-    """Pixels across the largest texel, or why that cannot be known: then `pixels` is infinite."""
+    """Pixels across the largest texel, or why that cannot be known: then `pixels` is infinite.
+
+    Parameters
+    ----------
+    texels : of the largest, that a pixel is across at a distance of 1; 0 where pixels are no larger with distance, or
+        where that cannot be known
+    farthest : distance from the camera that no point of the material is beyond
+    """
 
     pixels: float
     why_unknown: str = ""
+    texels: float = field(default=0.0, kw_only=True)
+    farthest: float = field(default=0.0, kw_only=True)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Of one object: extent of its largest texel in the world, and bounds of its distance from the camera."""
+
+    name: str
+    texel: float
+    nearest: float
+    farthest: float
+
+
+class _UnknownError(Exception):
+    """Why something cannot be known."""
 
 
 def texel_footprint(
@@ -40,39 +64,55 @@ def texel_footprint(
         return _unknown("its texture coordinates are the artist's own")
     if camera is None or camera.type != "CAMERA" or camera.data.type == "PANO":
         return _unknown("there is no camera with a flat picture")
-    if changes(camera):
-        return _unknown("the camera moves or zooms")
+    moves = "the camera moves or zooms" if changes(camera) else ""
+    # Of a camera that only moves, a pixel at a given distance stays as large as it is.
+    if moves and changes(camera.data):
+        return _unknown(moves)
     if changes(scene):
         return _unknown("markers change the scene's camera")
     if changes(material.node_tree):
         return _unknown("its nodes are animated")
     if not material.users:
         return _unknown(_NOT_WORN)
-    largest, shown = 0.0, set()
+    try:
+        return _footprint(material, scene, texels, moves)
+    except _UnknownError as error:
+        return _unknown(str(error))
+
+
+def _footprint(
+    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str
+) -> Footprint:
+    """See `texel_footprint`; `unknown` is why the nearest cannot be known, if so. Raises _UnknownError."""
+    pixels, by_distance, farthest, shown = 0.0, 0.0, 0.0, set()
     for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
         layer.update()
-        found = _largest_in(layer.depsgraph, material, scene, texels, shown)
-        if found.why_unknown:
-            return found
-        largest = max(largest, found.pixels)
+        pixels_per_unit, perspective = _projection(scene.camera, scene, layer.depsgraph)
+        for seen in _seen_in(layer.depsgraph, material, scene, texels, shown):
+            size = seen.texel * pixels_per_unit
+            if perspective and seen.nearest <= 0:
+                unknown = unknown or f"the camera is at {seen.name}"
+            elif not unknown:
+                pixels = max(pixels, size / (seen.nearest if perspective else 1.0))
+            by_distance, farthest = max(by_distance, size * perspective), max(farthest, seen.farthest)
     for obj in scene.objects:
         if _wears(obj, material) and obj not in shown and (not obj.hide_render or changes(obj, _HIDING)):
-            return _unknown(f"{obj.name} is hidden here, but may be rendered")
-    return Footprint(largest) if shown else _unknown(_NOT_WORN)
+            raise _UnknownError(f"{obj.name} is hidden here, but may be rendered")
+    if not shown:
+        raise _UnknownError(_NOT_WORN)
+    in_a_pixel = 1 / by_distance if by_distance else 0.0
+    return Footprint(float("inf") if unknown else pixels, unknown, texels=in_a_pixel, farthest=farthest)
 
 
-def _largest_in(
+def _seen_in(
     graph: bpy.types.Depsgraph,
     material: bpy.types.Material,
     scene: bpy.types.Scene,
     texels: tuple[float, float],
     shown: set[bpy.types.Object],
-) -> Footprint:
-    """The largest texel in one view layer, 0 where it shows none; objects with the material are added to `shown`."""
-    camera = scene.camera
-    pixels_per_unit, perspective = _projection(camera, scene, graph)
-    eye = camera.evaluated_get(graph).matrix_world.translation
-    largest = 0.0
+) -> Iterator[_Seen]:
+    """What wears the material in one view layer; these objects are added to `shown`. Raises _UnknownError."""
+    eye = scene.camera.evaluated_get(graph).matrix_world.translation
     for instance in graph.object_instances:
         obj = instance.object
         if not _wears(obj, material):
@@ -80,15 +120,11 @@ def _largest_in(
         shown.add(obj.original)
         for moved in (obj.original, *_instancers(instance)):
             if changes(moved):
-                return _unknown(f"{moved.name} moves or changes its shape")
+                raise _UnknownError(f"{moved.name} moves or changes its shape")
         size = _largest_texel(obj, np.array(instance.matrix_world)[:3, :3], texels)
         if size is None:
-            return _unknown(f"{obj.original.name} has no UV map")
-        distance = _distance(obj, instance.matrix_world, eye) if perspective else 1.0
-        if distance <= 0:
-            return _unknown(f"the camera is at {obj.original.name}")
-        largest = max(largest, size * pixels_per_unit / distance)
-    return Footprint(largest)
+            raise _UnknownError(f"{obj.original.name} has no UV map")
+        yield _Seen(obj.original.name, size, *_distances(obj, instance.matrix_world, eye))
 
 
 def _unknown(why: str) -> Footprint:
@@ -121,11 +157,13 @@ def _projection(camera: Any, scene: bpy.types.Scene, graph: Any) -> tuple[float,
     return max(matrix[0][0] * width, matrix[1][1] * height) / 2, camera.data.type == "PERSP"
 
 
-def _distance(obj: Any, matrix: Any, eye: Vector) -> float:
-    """From the eye to the nearest corner, edge or face of the bounding box, by a bound that is never too large."""
+def _distances(obj: Any, matrix: Any, eye: Vector) -> tuple[float, float]:
+    """From the eye to the nearest and the farthest point of the bounding box, by bounds that are never too narrow."""
     corners = np.array([matrix @ Vector(corner) for corner in obj.bound_box])
     centre = corners.mean(0)
-    return float(np.linalg.norm(np.array(eye) - centre) - np.linalg.norm(corners - centre, axis=1).max())
+    middle = float(np.linalg.norm(np.array(eye) - centre))
+    radius = float(np.linalg.norm(corners - centre, axis=1).max())
+    return middle - radius, middle + radius
 
 
 def _largest_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) -> float | None:

@@ -2,14 +2,18 @@
 
 # No postponed annotations here: Blender reads the properties from them.
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 
 from ...bake.errors import BakeError
+from ...bake.maps.folder import read_maps_folder
 from ..material.adjust.blend import blend_with, partners_of, remove_blend
 from ..material.adjust.energy import energy_of
+from ..material.adjust.parallax import add_parallax, parallax_node, remove_parallax
 from ..material.adjust.relief import add_bump, add_normal_map
 from ..material.adjust.swatch import WIDTH_KEY, lay_out, random_tiling_node, set_random_tiling
+from ..material.facts import record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..summary.text import one_line
 from .context import OfMeasured, shown_material
@@ -133,6 +137,35 @@ class MEASURED_MATERIALS_OT_random_tiling(_OfSwatch, bpy.types.Operator):
         return self._done(switched)
 
 
+class MEASURED_MATERIALS_OT_parallax(_OfSwatch, bpy.types.Operator):
+    """Show the swatch's relief where an oblique view sees it, by the heights of a folder of maps; or flat again"""
+
+    bl_idname = "measured_materials.parallax"
+    bl_label = "Parallax"
+
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the folder, where it is to be switched on."""
+        if parallax_node(shown_material(context)) is not None:
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Switch it on or off."""
+        material = shown_material(context)
+
+        def switched() -> str:
+            if parallax_node(material) is not None:
+                remove_parallax(material)
+                return "The swatch is shown flat"
+            add_parallax(material, record_of(material), read_maps_folder(Path(bpy.path.abspath(self.directory))))
+            return "The swatch's relief is shown where it is seen"
+
+        return self._done(switched)
+
+
 def _partners(_self: object, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
     """Materials to choose from; Blender needs the words to stay where they are."""
     global _listed
@@ -192,5 +225,6 @@ classes = (
     MEASURED_MATERIALS_OT_safe_brightness,
     MEASURED_MATERIALS_OT_lay_out,
     MEASURED_MATERIALS_OT_random_tiling,
+    MEASURED_MATERIALS_OT_parallax,
 )
 register, unregister = bpy.utils.register_classes_factory(classes)

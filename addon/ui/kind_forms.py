@@ -12,6 +12,7 @@ import bpy
 
 from ...bake.brdf.samplers import kind_of_layout
 from ...bake.errors import BakeError
+from ...bake.photographs.light_files.spheres import Sphere
 from ...bake.photographs.photograph import IMAGE_SUFFIXES
 from ..material.facts import record_of
 from ..material.kinds import BRDF, SHADING_MAP, Kind, Source
@@ -19,6 +20,7 @@ from .import_brdf import SUFFIXES
 from .import_photographs import chosen_photographs
 from .properties.bake import draw_settings, settings_of
 from .properties.photographs import arc_settings_of, draw_arc_settings
+from .properties.spheres import text_of_spheres
 
 
 class Form(ABC):
@@ -89,12 +91,19 @@ class _ShadingMapForm(Form):
         return material.measured_arc
 
     def settings(self, material: bpy.types.Material, *, own: bool = True) -> tuple[Any, bool]:
-        properties, mode = material.measured_arc, material.measured_quality.mode
-        settings = arc_settings_of(properties, material.measured_lighting, mode)
-        if not own:
-            # On other photographs circles are elsewhere.
-            settings = replace(settings, stack=replace(settings.stack, spheres=()))
-        return settings, properties.pack
+        p, mode = material.measured_arc, material.measured_quality.mode
+        known: tuple[Sphere, ...] = ()
+        with contextlib.suppress(BakeError):
+            baked = record_of(material).settings  # None where this version cannot read them
+            known = () if baked is None else baked.stack.spheres
+        if own and not p.is_property_set("spheres"):
+            # A file that was saved before the panel showed them.
+            p.spheres = text_of_spheres(known)
+        settings = arc_settings_of(p, material.measured_lighting, mode)
+        if not own and known and settings.stack.spheres == known:
+            # On other photographs circles are elsewhere, unless the artist has said where.
+            p.spheres, settings = "", replace(settings, stack=replace(settings.stack, spheres=()))
+        return settings, p.pack
 
     def chosen(self, operator: Any) -> Source:
         return chosen_photographs(operator)

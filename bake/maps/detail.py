@@ -25,6 +25,24 @@ MOST = 4096
 # Tried from 0 to 1 on Gaussian facets: RMS of the highlight 0.14 from above and 0.39 to the horizon at 1, 0.58 and 0.16
 # at 0.4; without any, 1.6 and 0.66.
 _SHARE = 2 / 3
+# Of a mean normal; of less the lobe is as wide as any.
+_SHORTEST = 0.05
+
+
+def filtered_roughness(xp: Any, roughness: Any, length: Any) -> Any:
+    """Roughness where a renderer has averaged normals, by the length that their mean has left (Toksvig 2005).
+
+    Of unit normals of Gaussian slopes the mean is about 1 / (1 + var) long, var that of the slopes along either axis.
+    It becomes roughness as that of texels does which become one.
+
+    Parameters
+    ----------
+    roughness : as of Principled BSDF, in [0, 1]
+    length : of the mean normal, above 0; from 1 on nothing was averaged
+    """
+    varied = xp.maximum(1 / xp.maximum(length, _SHORTEST) - 1, 0.0) * (2 * _SHARE)
+    square = roughness * roughness
+    return xp.sqrt(xp.sqrt(xp.minimum(square * square + varied, 1.0)))
 
 
 def reduced_maps(maps: Maps, factor: int) -> Maps:

@@ -6,9 +6,11 @@ from typing import Literal, get_args
 
 from ..errors import BakeError
 
-Relief = Literal["normal", "bump", "displacement"]
-"""What shows the relief: the normals, the height as bump, or the height as displacement."""
+Relief = Literal["normal", "bump", "displacement", "filtered"]
+"""What shows the relief: the normals, the height as bump, the height as displacement, or the normals with roughness for
+what they vary by where a renderer averages them."""
 RELIEFS: tuple[str, ...] = get_args(Relief)
+BY_NORMALS = ("normal", "filtered")
 _TOO_WIDE = 1e6
 
 

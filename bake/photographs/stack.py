@@ -179,7 +179,7 @@ def lights_by_spheres(
             raise dark[key]
     warnings = []
     if settings.crop is None and settings.corners is None:
-        warnings.append("the spheres lie in the picture that is read: give --crop or --corners of the swatch")
+        warnings.append("the spheres lie in the picture that is read: crop to the swatch, or give its corners")
     off, name = max((off, name) for *_, off, name in directions.values())
     if off > DOUBTFUL_DEG:
         warnings.append(

@@ -14,7 +14,7 @@ from ..images.storage import Storage
 from ..photographs.stack import PhotoStack
 from ..source import Facts, Json
 from ..tiling.tileable import TileSettings, check_tileable, make_tileable
-from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK, AzimuthBasis, levels_of, mean_over_azimuth
+from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK, AzimuthBasis, mean_over_azimuth
 from .azimuth.azimuth_fit import LEVELS, Prepared, fit_azimuth
 from .azimuth.light_stack import LightStack
 from .azimuth.light_weights import spacing
@@ -233,8 +233,7 @@ def over_azimuth(
 def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:
     """RMS over the nodes that the storage of the coefficients loses."""
     off = (stored.coefficients - basis.coefficients).reshape(-1, basis.rank)
-    levels = np.tile(levels_of(basis.curves.shape[2])[1:], basis.curves.shape[1])
-    nodes = basis.nodes() * levels
+    nodes = basis.lit_nodes().astype(np.float64)
     products = (off.T @ off).astype(np.float64) / len(off)
     return float(np.sqrt(max(np.einsum("ij,ij->", products, nodes @ nodes.T) / nodes.shape[1], 0.0)))
 

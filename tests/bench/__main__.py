@@ -38,8 +38,11 @@ BENCHES = {
     "lobes": "cos^n and four cheaper curves (Romanyuk 2007): error, tail, digits, time in numpy, nodes and OSL; a plot",
     "stacks": "photographed stacks: pictures, held-out photographs, energy of the envelope, compression",
     "techniques": "the four techniques of Kautz et al. 2004, figure 6, against rendered true geometry",
+    "fig4": "a BTF of 441 photographs and its PCA beside shading maps of 10 and 38 (Kautz et al. 2004, figure 4)",
+    "parallax": "maps looked up where a viewer sees the relief, beside oblique views of the gantry's swatches",
     "azimuth": "maps over azimuth on real stacks, lights left out, beside PTM, harmonics and RBF of the same bytes",
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
+    "detail": "a swatch on a plane to the horizon, with and without levels of detail: noise, shimmer, mean; EEVEE",
     "maps": "bake maps beside plain least squares, on renders of known normals and on the gantry's swatches",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
@@ -52,6 +55,8 @@ BENCHES = {
     "faults": "kills, full disks, read-only folders, races, hostile bundles: what is lost, half-written or touched",
     "tileable": "swatches made tileable: seams before and after; sheets of repeats",
 }
+# Mistakes to plant; archives of UBO2003 to compare in place of the gantry's swatches.
+_TAKE_NAMES = ("planted", "fig4")
 
 
 def main() -> int:
@@ -72,9 +77,9 @@ def main() -> int:
     )
     parser.add_argument("--out", type=Path, default=Path("out") / "bench", help="folder of pictures and tables")
     parser.add_argument("--before", default="", metavar="COMMIT", help="of bench scale: also measure that commit")
-    parser.add_argument("parts", nargs="*", metavar="NAME", help="of bench planted: the mistakes, all by default")
+    parser.add_argument("parts", nargs="*", metavar="NAME", help="mistakes of bench planted; archives of fig4")
     arguments = parser.parse_intermixed_args()
-    if arguments.parts and arguments.name != "planted":
+    if arguments.parts and arguments.name not in _TAKE_NAMES:
         parser.error(f"bench {arguments.name} takes no more names")
     if arguments.before and arguments.name != "scale":
         parser.error(f"bench {arguments.name} takes no --before")
@@ -83,7 +88,7 @@ def main() -> int:
     started = time.perf_counter()
     if arguments.name == "readme" and arguments.record:
         importlib.import_module("bench_readme").fill(out)
-    more = {"planted": [arguments.parts], "scale": [arguments.before]}.get(arguments.name, [])
+    more = [arguments.parts] if arguments.name in _TAKE_NAMES else [arguments.before] * (arguments.name == "scale")
     status = importlib.import_module(f"bench_{arguments.name.replace('-', '_')}").run(out, arguments.quick, *more)
     seconds, values = time.perf_counter() - started, record.taken()
     print(f"bench {arguments.name}: {seconds:.0f} s; files in {out}")

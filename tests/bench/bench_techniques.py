@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
 import gantry_frames
 import numpy as np
@@ -24,17 +27,11 @@ from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.swatches import SWATCHES
 from measured_materials.addon.gantry.techniques import IN_ORDER, Case, Frames, MappedSwatch
 from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
-from measured_materials.bake.bundle.bundle import Bundle, read_bundle
-from measured_materials.bake.images.storage import Storage
-from measured_materials.bake.lobes.lobe_fit import fit_lobe
-from measured_materials.bake.lobes.lobes import Lobe
-from measured_materials.bake.photographs.stack import PhotoStack
+from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
-from measured_materials.bake.shading_maps.record import ShadingMapRecord
-from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from record import put, put_range
+from support.gantry_maps import ARC_CASES, AROUND_CASES, bytes_of, renders_of, stack_of
 
-ARC = tuple(np.linspace(5, 88, 10).round(2).tolist())
 # Light of unit irradiance unless said otherwise: (elevation, azimuth, irradiance); views (theta, phi), all in degrees.
 CASES = (
     *(Case("between the photographs", ((e, 0.0, 1.0),)) for e in (9.6, 28.0, 46.5, 65.0)),
@@ -46,12 +43,6 @@ CASES = (
     Case("two lights, low one brighter", ((28.0, 0.0, 4.0), (65.0, 0.0, 1.0))),
     Case("two lights, high one brighter", ((28.0, 0.0, 1.0), (65.0, 0.0, 4.0))),
     *(Case("between azimuths", ((37.0, a, 1.0),)) for a in (67.5, 202.5)),
-)
-ARC_CASES = tuple(Case("arc", ((e, 0.0, 1.0),)) for e in ARC)
-# Photographs of a map over azimuth: those of the arc, and seven azimuths more.
-AROUND_CASES = (
-    *ARC_CASES,
-    *(Case("around", ((e, a, 1.0),)) for a in range(45, 360, 45) for e in (10.0, 30.0, 50.0, 70.0)),
 )
 # What the sheet shows: one sun, four times as bright as in the photographs.
 SHOWN = Case("sheet", ((28.0, 0.0, 4.0),))
@@ -131,8 +122,8 @@ def make(name: str, size: int, samples: int, frames_folder: Path) -> Material:
     frames = photographed((*AROUND_CASES, *CASES), 0)
     ((key, other),) = photographed(CASES[1:2], 1).items()
     noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
-    arc, all_around = (_stack(cases, frames) for cases in (ARC_CASES, AROUND_CASES))
-    renders, renders_around = (_renders(swatch, stack) for stack in (arc, all_around))
+    arc, all_around = (stack_of(cases, frames) for cases in (ARC_CASES, AROUND_CASES))
+    renders, renders_around = (renders_of(swatch, stack) for stack in (arc, all_around))
     made = {}
     with tempfile.TemporaryDirectory() as folder:
         for count in SLICES:
@@ -146,32 +137,8 @@ def make(name: str, size: int, samples: int, frames_folder: Path) -> Material:
         }
         slices = {count: techniques.mapped_swatch(bundle, renders["family"]) for count, bundle in made.items()}
         around = {key: techniques.mapped_swatch(over_azimuth, render) for key, render in renders_around.items()}
-        size_of = _bytes(made[SLICES[0]]) / size**2, _bytes(over_azimuth) / size**2
+        size_of = bytes_of(made[SLICES[0]]) / size**2, bytes_of(over_azimuth) / size**2
     return Material(name, frames, lit, slices, around, size_of, noise, time.perf_counter() - started)
-
-
-def _stack(cases: tuple[Case, ...], frames: Frames) -> PhotoStack:
-    images = np.stack([techniques.truth(case, frames) for case in cases]).astype(np.float32)
-    directions = np.array([techniques.direction(*case.lights[0][:2]) for case in cases])
-    return PhotoStack(images, tuple(f"{case.lights[0][:2]}" for case in cases), directions, True, ())
-
-
-def _renders(swatch: Any, stack: PhotoStack) -> dict[str, RenderSettings]:
-    """Lighting by each choice of f_r, fitted to photographs."""
-    assert stack.directions is not None
-    elevations = np.arcsin(stack.directions[:, 2])
-    averages = stack.images.mean((1, 2, 3), dtype=np.float64)
-    named, fit = Lobe.of(swatch.lobe, **swatch.lobe_parameters), fit_lobe(elevations, averages)
-    return {
-        "family": techniques.fitted_render(swatch.lobe, elevations, averages),
-        "auto": RenderSettings(fit.lobe, fit.scale),
-        "suggested": RenderSettings(named, techniques.scale_of(named, elevations, averages)),
-    }
-
-
-def _bytes(bundle: Bundle) -> int:
-    images = ShadingMapRecord.read(bundle).images.values()
-    return sum(i.width * i.height * Storage(i.storage).file_bytes(i.channels) for i in images)
 
 
 # --- compare --------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from gantry_figures import FIG4
 from no_figures import NO_FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -292,6 +293,7 @@ STATED = (
         "{RMS, lookup, aside or behind, most|0%} %",
     ),
     *(_azimuth(*row.split("; ")) for row in _STACKS),
+    *(Stated("fig4", row, "addon/docs/method.md") for row in FIG4),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",

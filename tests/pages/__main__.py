@@ -14,6 +14,7 @@ PICTURES = {
     "sheets": "lampshade.jpg, curtain.jpg: light through cloth, photographed and of a formula",
     "swatch": "swatch_photographs.jpg, swatch_plot.jpg, swatch.jpg: denim of the gantry, to the material",
     "turned": "turned.jpg: suede and cloth turned under a lamp: geometry, map over azimuth, map of one arc",
+    "fig4": "fig4.jpg: wool and cloth rolled up: geometry, compressed BTF, shading map, map over azimuth",
     "gallery": "gallery.jpg: one material for each command of gallery.md",
     "quieter": "quieter.jpg: a paint by Principled and Exact, before and after lamps were sampled, denoised or not",
     "formats": "formats.jpg: a sphere of each format, on formats.md",

@@ -11,7 +11,7 @@ from measured_materials.addon.cli.main import main
 from PIL import Image
 
 DOCS = Path(__file__).resolve().parents[2] / "addon" / "docs"
-_QUALITY = 88
+_QUALITY = 80
 
 
 def commands_of(page: str) -> list[list[str]]:
@@ -40,5 +40,5 @@ def save(picture: Image.Image, path: Path, width: int | None = None) -> None:
     if width is not None and picture.width > width:
         picture = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
     path.parent.mkdir(parents=True, exist_ok=True)
-    picture.convert("RGB").save(path, quality=_QUALITY, optimize=True)
+    picture.convert("RGB").save(path, quality=_QUALITY, optimize=True, progressive=True)
     print(f"  {path.name}: {picture.width} x {picture.height}, {path.stat().st_size // 1024} KB")

@@ -10,6 +10,7 @@ from mathutils import Matrix, Vector
 
 from ....bake.errors import BakeError
 from ....nodes.material_tree import measured_nodes
+from ....nodes.parallax_group import is_parallax
 from ....nodes.random_tiling_group import is_random_tiling, random_tiling_group
 from ....nodes.surface_inputs import SWATCH_MAPPING, source_of
 from ..facts import record_of
@@ -82,14 +83,14 @@ def metres_per_uv(obj: bpy.types.Object) -> float:
 
 def random_tiling_node(material: bpy.types.Material) -> bpy.types.Node | None:
     """The node that hides the repetition, where it is linked to the swatch."""
-    socket = _uv_socket(material)
+    socket = tiled_socket(material)
     source = source_of(socket) if socket is not None else None
     return source.node if source is not None and is_random_tiling(source.node) else None
 
 
 def set_random_tiling(material: bpy.types.Material, on: bool) -> None:
     """Put the node that hides the repetition before the swatch's UV, or take it out again. Raises BakeError."""
-    node, socket = random_tiling_node(material), _uv_socket(material)
+    node, socket = random_tiling_node(material), tiled_socket(material)
     if socket is None:
         raise BakeError(material.name, "its measured group is no longer among its nodes", "undo its removal")
     if on == (node is not None):
@@ -112,5 +113,13 @@ def set_random_tiling(material: bpy.types.Material, on: bool) -> None:
     tree.links.new(made.outputs["UV"], socket)
 
 
-def _uv_socket(material: bpy.types.Material) -> Any:
+def uv_socket(material: bpy.types.Material) -> Any:
+    """The UV of the measured group, None where that is gone."""
     return next((node.inputs["UV"] for _, node in measured_nodes(material.node_tree) if "UV" in node.inputs), None)
+
+
+def tiled_socket(material: bpy.types.Material) -> Any:
+    """Where coordinates that are tiled at random belong: before parallax, which looks at the heights of the patch."""
+    socket = uv_socket(material)
+    source = source_of(socket) if socket is not None else None
+    return source.node.inputs["UV"] if source is not None and is_parallax(source.node) else socket

@@ -11,6 +11,7 @@ from ....nodes.material_tree import measured_nodes
 from ....nodes.second_group import MASK, mask_node, second_node
 from ...material.adjust.blend import second_of
 from ...material.adjust.energy import energy_of
+from ...material.adjust.parallax import parallax_node
 from ...material.adjust.relief import relief_nodes
 from ...material.adjust.swatch import random_tiling_node, swatch_mapping
 from ...material.kinds import SHADING_MAP, kind_of
@@ -19,6 +20,7 @@ from ..adjust import (
     MEASURED_MATERIALS_OT_add_normal_map,
     MEASURED_MATERIALS_OT_blend,
     MEASURED_MATERIALS_OT_lay_out,
+    MEASURED_MATERIALS_OT_parallax,
     MEASURED_MATERIALS_OT_random_tiling,
     MEASURED_MATERIALS_OT_remove_blend,
     MEASURED_MATERIALS_OT_safe_brightness,
@@ -104,7 +106,7 @@ def _draw_relief(layout: Any, material: bpy.types.Material) -> None:
 
 
 def _draw_swatch(layout: Any, material: bpy.types.Material) -> None:
-    """Size, rotation and random tiling."""
+    """Size, rotation, random tiling and parallax."""
     mapping, tiling = swatch_mapping(material), random_tiling_node(material)
     layout.operator(MEASURED_MATERIALS_OT_lay_out.bl_idname, icon="DRIVER_DISTANCE")
     if mapping is not None and not mapping.inputs["Rotation"].is_linked:
@@ -114,3 +116,7 @@ def _draw_swatch(layout: Any, material: bpy.types.Material) -> None:
         layout.operator(MEASURED_MATERIALS_OT_random_tiling.bl_idname, icon="MOD_ARRAY", depress=tiling is not None)
     for name in ("Patch Size", "Seed") if tiling is not None else ():
         _draw_socket(layout, tiling.id_data, tiling, name)
+    parallax = parallax_node(material)
+    layout.operator(MEASURED_MATERIALS_OT_parallax.bl_idname, icon="MOD_DISPLACE", depress=parallax is not None)
+    if parallax is not None:
+        _draw_socket(layout, parallax.id_data, parallax, "Depth")

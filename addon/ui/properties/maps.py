@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ....bake.maps.bake import MapSettings
-from ....bake.maps.relief import RELIEFS
+from ....bake.maps.relief import BY_NORMALS, RELIEFS
 from ....bake.maps.write import FILE_KINDS, NORMAL_CONVENTIONS
 from ....bake.photographs.settings import StackSettings
 from ...material.lighting import number
@@ -24,6 +24,7 @@ _WORDS = {
     "normal": ("Normal", "A Normal Map"),
     "bump": ("Bump", "The height, as bump"),
     "displacement": ("Displacement", "The height, as displacement of a mesh that is fine enough, and as bump"),
+    "filtered": ("Filtered Normal", "A Normal Map, and rougher where EEVEE averages it far away; not for exports"),
     "opengl": ("Green Up", "As Blender and glTF have it (OpenGL)"),
     "directx": ("Green Down", "As DirectX has it"),
     "png8": ("PNG 8 bits", "The smallest"),
@@ -94,5 +95,5 @@ def draw_maps(layout: bpy.types.UILayout, properties: Any) -> None:
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     names = ("relief", "map_files", "map_normals", "level", "repeats", "reduce")
-    for name in names if properties.relief == "normal" else (names[0], "swatch_width", *names[1:]):
+    for name in names if properties.relief in BY_NORMALS else (names[0], "swatch_width", *names[1:]):
         column.prop(properties, name)

@@ -1,15 +1,13 @@
 """What the artist can set for the bake of a shading map, as Blender properties."""
 
 # No postponed annotations here: Blender reads the properties from them.
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ....bake.images.storage import IMAGE_STORAGES, Storage
-from ....bake.photographs.light_files.spheres import Sphere
 from ....bake.photographs.radiometry.response import parse_rule
 from ....bake.photographs.settings import ALIGNMENTS, SIDES, StackSettings
 from ....bake.shading_maps.against_light import ThroughSettings
@@ -24,6 +22,7 @@ from .enum_items import enum
 from .quality_choice import advanced, draw_part, draw_quality_choice, part_choice, quality_choice
 from .registration import registration
 from .rights import AUTHOR, LICENSE, SOURCE_URL, draw_rights, rights_of, show_rights
+from .spheres import spheres_of, text_of_spheres
 
 _USUAL, _STACK = ArcSettings(), StackSettings()
 _DIFFUSER = ThroughSettings(Path()).diffuser_transmittance
@@ -205,7 +204,7 @@ def stack_settings_of(p: Any) -> StackSettings:
         size=p.size or None,
         decode=f"gamma:{number(p.gamma):g}" if p.decode == "gamma" else p.decode,
         lights=_file(p.lights),
-        spheres=() if p.lights else _spheres_of(p.spheres),
+        spheres=() if p.lights else spheres_of(p.spheres),
         **_arc_of(p),
         crop=tuple(p.crop) if p.frame == "crop" else None,
         corners=tuple(tuple(getattr(p, name)) for name in _CORNERS) if p.frame == "corners" else None,
@@ -230,15 +229,6 @@ def _arc_of(p: Any) -> dict[str, Any]:
     if p.azimuths == "all":
         return {}
     return {"azimuth": number(p.azimuth) if p.one_plane else None, "spread": number(p.spread), "sides": p.sides}
-
-
-def _spheres_of(text: str) -> Any:
-    """What `_text_of_spheres` writes; blanks may follow commas. What is no sphere the settings refuse."""
-    return tuple(tuple(one.split(",")) for one in re.sub(r"\s*,\s*", ",", text).split())
-
-
-def _text_of_spheres(spheres: Sequence[Sphere]) -> str:
-    return " ".join(",".join(f"{number:.10g}" for number in sphere) for sphere in spheres)
 
 
 def _through_of(p: Any) -> ThroughSettings | None:
@@ -277,7 +267,7 @@ def show_arc_settings(properties: Any, settings: ArcSettings, *, pack: bool) -> 
         setattr(p, name, corner)
     p.scale_by = "card" if stack.white_card else "none" if stack.albedo is None else "albedo"
     p.albedo = 0.5 if stack.albedo is None else stack.albedo
-    p.spread, p.sides, p.spheres = stack.spread, stack.sides, _text_of_spheres(stack.spheres)
+    p.spread, p.sides, p.spheres = stack.spread, stack.sides, text_of_spheres(stack.spheres)
     p.white_reflectance, p.align = stack.white_reflectance, stack.align
     _show_through(p, settings.through)
     for name, path in (("lights", stack.lights), ("flat_field", stack.flat_field), ("brdf", settings.brdf)):

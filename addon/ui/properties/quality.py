@@ -94,8 +94,8 @@ _DETAIL = bpy.props.EnumProperty(
     name="Swatch Detail",
     description="The pattern of the swatch",
     items=[
-        (AUTO, "Automatic", "Left out where the pattern is far finer than a pixel everywhere"),
-        ("always", "Always", "Kept at any distance"),
+        (AUTO, "Automatic", "Its means where it is far finer than a pixel: everywhere, or by distance"),
+        ("always", "Always", "Every texel at any distance"),
         ("never", "Never", "The swatch's mean; refused where the pattern can be seen"),
     ],
     default=AUTO,

@@ -53,7 +53,7 @@ def light_on_sphere(path: Path, pixels: NDArray[Any], sphere: Sphere) -> NDArray
     where = f"the sphere {x:g},{y:g},{radius:g}"
     if x - radius < -1 or y - radius < -1 or x + radius > width + 1 or y + radius > height + 1:
         cause = f"is {width} x {height}, and {where} reaches outside"
-        raise BakeError(path, cause, "give --sphere as x, y of the centre and radius, in pixels")
+        raise BakeError(path, cause, "give x and y of its centre, and its radius, in pixels")
     reach = radius * _HORIZON
     left, top = max(math.floor(x - reach), 0), max(math.floor(y - reach), 0)
     part = pixels[top : math.ceil(y + reach) + 1, left : math.ceil(x + reach) + 1].astype(np.float64).mean(-1)

@@ -97,6 +97,11 @@ class AzimuthBasis:
         """Curves at all (x, phi) but x = 0, where S is 0: (rank, P (N - 1)), levels of an azimuth together."""
         return self.curves[:, :, 1:].reshape(self.rank, -1)
 
+    def lit_nodes(self) -> _F32:
+        """The same times x: the curves of S."""
+        _, azimuths, levels = self.curves.shape
+        return self.nodes() * np.tile(levels_of(levels)[1:], azimuths).astype(np.float32)
+
 
 def levels_of(count: int) -> _F64:
     """x of `count` nodes, from 0 to 1."""

@@ -1,0 +1,98 @@
+"""Parallax of a shading map: its relief where an oblique view sees it, by heights of `bake maps`."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ....bake.errors import BakeError
+from ....bake.maps.folder import MapsFolder
+from ....bake.shading_maps.record import ShadingMapRecord
+from ....bake.shading_maps.slice_atlas import SliceLayout
+from ....nodes.parallax_group import Relief, is_parallax, parallax_group
+from ....nodes.principled_maps import map_image
+from ....nodes.surface_inputs import connect_frame, source_of
+from ....nodes.swatch_frame_group import ALONG_U, is_swatch_frame
+from .swatch import uv_socket
+
+# Pictures whose proportions differ by more are not of one swatch.
+_SAME_SHAPE = 0.02
+
+
+def parallax_node(material: bpy.types.Material) -> bpy.types.Node | None:
+    """The node that moves the swatch's coordinates; None where there is none."""
+    socket = uv_socket(material)
+    source = source_of(socket) if socket is not None else None
+    return source.node if source is not None and is_parallax(source.node) else None
+
+
+def add_parallax(
+    material: bpy.types.Material, record: ShadingMapRecord, maps: MapsFolder, *, pack: bool = False
+) -> bpy.types.Node:
+    """Move the swatch's coordinates by the heights of these maps, of the same photographs. Nothing else of it changes.
+
+    Parameters
+    ----------
+    record : of the material
+    pack : keep the heights inside the .blend
+
+    Raises
+    ------
+    BakeError : the material has parallax already, its group or coordinates are gone, its swatch was made to tile or is
+        of another shape than the heights, or these cannot be loaded
+    """
+    socket = uv_socket(material)
+    if socket is None:
+        raise BakeError(material.name, "its measured group is no longer among its nodes", "undo its removal")
+    if parallax_node(material) is not None:
+        raise BakeError(material.name, "has parallax already", "take it out first")
+    if not socket.is_linked:
+        raise BakeError(material.name, "nothing is linked to the UV of its measured group", "link a UV map to it")
+    if record.tiling is not None:
+        cause = "its swatch was made to tile, which the heights of its photographs were not"
+        raise BakeError(material.name, cause, "bake the photographs without --tileable")
+    before = set(bpy.data.images)
+    try:
+        group = parallax_group(_relief(maps, record.map.layout, pack))
+    except BaseException:
+        bpy.data.batch_remove(set(bpy.data.images) - before)
+        raise
+    tree, source = socket.id_data, socket.links[0].from_socket
+    made = tree.nodes.new("ShaderNodeGroup")
+    made.node_tree = group
+    made.location, made.parent = (socket.node.location.x - 220, socket.node.location.y - 860), socket.node.parent
+    tree.links.new(source, made.inputs["UV"])
+    tree.links.new(made.outputs["UV"], socket)
+    connect_frame(tree, made)
+    return made
+
+
+def remove_parallax(material: bpy.types.Material) -> None:
+    """Show the swatch flat again; nothing happens where it is."""
+    node, socket = parallax_node(material), uv_socket(material)
+    if node is None:
+        return
+    tree, source = socket.id_data, source_of(node.inputs["UV"])
+    frame = source_of(node.inputs[ALONG_U])
+    tree.nodes.remove(node)
+    if source is not None:
+        tree.links.new(source, socket)
+    if frame is not None and is_swatch_frame(frame.node) and not any(o.is_linked for o in frame.node.outputs):
+        tree.nodes.remove(frame.node)
+
+
+def _relief(maps: MapsFolder, layout: SliceLayout, pack: bool) -> Relief:
+    """The heights as an image, and its range. Raises BakeError."""
+    file = maps.files["height"]
+    zero, scale = file.number("midlevel"), file.number("scale")
+    image = map_image(file, f"{maps.name} height", pack)
+    width, height = image.size
+    if abs(width / height / (layout.width / layout.height) - 1) > _SAME_SHAPE:
+        cause = f"is of {width} x {height} texels, and the swatch of {layout.width} x {layout.height}"
+        raise BakeError(file.path, cause, "give the maps of the same photographs")
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    red = values[:: image.channels]
+    if not (np.isfinite(red).all() and scale >= 0):
+        raise BakeError(file.path, "holds heights that are not finite, or a scale below 0", "bake the maps again")
+    return Relief(image, float(red.min()), float(red.max()), zero, scale)

@@ -1,0 +1,113 @@
+"""Parallax under shading maps: lookups moved by the relief, beside those that are not, against oblique views.
+
+Every swatch of the gantry is photographed all around, and baked to a map over azimuth and, by photometric stereo, to
+heights. Seen from 30, 50 and 70 degrees, with lights that are in no photograph, what the map shows is compared with the
+geometry: as it is, moved by those heights, and moved by the geometry's own.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+from measured_materials.addon.gantry import techniques
+from measured_materials.addon.gantry.photograph_arc import gantry_scene
+from measured_materials.addon.gantry.swatches import SWATCHES
+from measured_materials.addon.gantry.techniques import Case, Frames
+from measured_materials.addon.gantry.truth import truth_of
+from measured_materials.bake import xp_numpy
+from measured_materials.bake.images.bilinear import texels_around
+from measured_materials.bake.maps.bake import MapSettings, maps_of
+from measured_materials.bake.maps.parallax import LAYERS, LEAST_COSINE, seen_at
+from measured_materials.bake.source import Array
+from record import put
+from rich.console import Console
+from rich.table import Table
+from support.btf.figure_4 import AROUND_MAP, Radiance, of_stack
+from support.gantry_maps import AROUND_CASES, renders_of, stack_of
+
+VIEWS, LIGHTS = (30.0, 50.0, 70.0), ((46.5, 0.0), (30.0, 135.0))
+_SIDES = (82.0, 230.0)
+CASES = tuple(
+    Case(f"{theta:g} degrees", ((*light, 1.0),), (theta, phi)) for theta in VIEWS for phi in _SIDES for light in LIGHTS
+)
+GROUPS = tuple(dict.fromkeys(case.group for case in CASES))
+_OVER = 4
+# How heights are used: by name the share of them, which heights, and in how many layers.
+WAYS = {
+    "as it is": (0.0, "photographs", LAYERS),
+    "moved": (1.0, "photographs", LAYERS),
+    "moved by half": (0.5, "photographs", LAYERS),
+    "moved, 32 layers": (1.0, "photographs", 32),
+    "moved, true heights": (1.0, "geometry", LAYERS),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Swatch:
+    """Frames of a swatch, its map over azimuth, and its heights (H, W) in tiles by where they come from."""
+
+    frames: Frames
+    mapped: Radiance
+    heights: dict[str, Array]
+
+
+def run(out: Path, quick: bool) -> None:
+    """All swatches, or two of them, smaller."""
+    size, samples = (48, 8) if quick else (96, 16)
+    table = Table("swatch", "heights", "way", *GROUPS, title="RMS of the difference, in parts of the geometry's")
+    for name in ("cloth", "stone") if quick else SWATCHES:
+        swatch = make(name, size, samples)
+        alike = float(np.corrcoef(*(h.ravel() for h in swatch.heights.values()))[0, 1])
+        put(f"heights, {name}", alike)
+        for way in WAYS:
+            found = errors_of(swatch, way, size)
+            for group, error in found.items():
+                put(f"RMS, {name}, {way}, {group}", error)
+            table.add_row(name, f"{alike:.2f}", way, *(f"{found[group]:.1%}" for group in GROUPS))
+        table.add_section()
+    Console(width=110).print(table)
+
+
+def make(name: str, size: int, samples: int) -> Swatch:
+    """Photograph it and bake both."""
+    swatch = SWATCHES[name](0)
+    with gantry_scene(swatch, size=size, samples=samples) as gantry:
+        frames = techniques.photograph(gantry, (*AROUND_CASES, *CASES))
+        true = truth_of(gantry).height
+    stack = stack_of(AROUND_CASES, frames)
+    found = maps_of(stack, MapSettings(level=False, repeats=True), name)[0].height.astype(np.float64)
+    mapped = of_stack(AROUND_MAP, stack, "all", renders_of(swatch, stack)["family"]).radiance
+    # Photographs tell no height of the whole, by which all of a picture would only be moved.
+    return Swatch(frames, mapped, {"photographs": found - found.mean() + true.mean(), "geometry": true})
+
+
+def errors_of(swatch: Swatch, way: str, size: int) -> dict[str, float]:
+    """RMS by angle of the view."""
+    share, which, layers = WAYS[way]
+    rows: dict[str, list[dict[str, float]]] = {group: [] for group in GROUPS}
+    for case in CASES:
+        uv = techniques.frame_uv(size, case.view_radians, _OVER)
+        (light,), (theta, phi) = case.lights, case.view
+        wi, wo = np.array(techniques.direction(*light[:2])), np.array(techniques.direction(90 - theta, phi))
+        if share:
+            uv = moved(uv, wo, share * swatch.heights[which], layers)
+        shown = techniques.pixels(swatch.mapped(uv, wi, wo), _OVER)
+        rows[case.group].append(techniques.errors(shown, techniques.truth(case, swatch.frames)))
+    return {group: techniques.mean_errors(each)["rms"] for group, each in rows.items()}
+
+
+def moved(uv: Array, wo: Array, heights: Array, layers: int) -> Array:
+    """Coordinates of what is seen there from wo."""
+
+    def height(place: Array) -> Array:
+        around = texels_around(heights.shape, place[..., :2])
+        return np.sum([weight * heights[index] for index, weight in around], axis=0)
+
+    place = np.concatenate([uv, np.zeros_like(uv[..., :1])], -1)
+    step = np.array([wo[0], wo[1], 0.0]) / max(float(wo[2]), LEAST_COSINE)
+    return seen_at(xp_numpy, height, place, step, float(heights.min()), float(heights.max()), layers)[..., :2]

@@ -1,0 +1,31 @@
+"""Rows of pages that benches fig4 and parallax fill: the text of each, as of `readme_figures.Stated`."""
+
+_GROUPS = (
+    "directions of the BTF",
+    "from above, light along the arc",
+    "from above, light from elsewhere",
+    "obliquely, light along the arc",
+    "obliquely, light from elsewhere",
+)
+
+
+def _rival(label: str, rival: str) -> str:
+    photographs = f"{{photographs, wool, {rival}|0}} | {{KB, wool, {rival}|0}}, {{KB, cloth, {rival}|0}}"
+    errors = (f"{{RMS, wool, {rival}, {group}|0%}}, {{RMS, cloth, {rival}, {group}|0%}} %" for group in _GROUPS)
+    return f"| {label} | {photographs} | " + " | ".join(errors) + " |"
+
+
+def _swatch(name: str) -> str:
+    ways = ("as it is", "moved", "moved, true heights")
+    errors = (", ".join(f"{{RMS, {name}, {way}, {theta} degrees|0%}}" for way in ways) + " %" for theta in (30, 50, 70))
+    return f"| {name} | " + " | ".join(errors) + " |"
+
+
+FIG4 = (
+    _rival("BTF, all of it", "BTF"),
+    _rival("BTF, 16 components", "BTF, PCA"),
+    _rival("BTF, 16 components of each view", "BTF, PCA per view"),
+    _rival("shading map of one arc", "map of one arc"),
+    _rival("shading map over azimuth", "map over azimuth"),
+)
+PARALLAX = tuple(map(_swatch, ("plastic_5", "plastic_60", "suede", "cloth", "jeans", "wool", "stone")))

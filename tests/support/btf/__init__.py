@@ -1,0 +1,1 @@
+"""Bidirectional texture functions (Dana et al. 1999), for what a shading map is compared with."""
