@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_materials.bake.shading_maps.azimuth import azimuth_fit
 from measured_materials.bake.shading_maps.azimuth.against_arc import arc_error, foretells, surround
-from measured_materials.bake.shading_maps.azimuth.azimuth_basis import node_means
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, node_means
 from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, chosen, fit_azimuth
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
 from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack
@@ -19,6 +19,7 @@ from measured_materials.bake.shading_maps.azimuth.light_weights import (
     widest_gap,
 )
 from measured_materials.bake.shading_maps.shading_map import at_level, linearise
+from support.azimuth import clamped_basis
 from support.relief import bumps, lights, photographs
 
 DOME = lights((15, 35, 55, 75), 8)
@@ -156,6 +157,13 @@ def test_a_fitted_map_has_its_levels_for_means_and_one_look_at_the_zenith() -> N
     assert np.abs(node_means(fit.basis).mean(0) - 1).max() < 1e-4
     assert fit.basis.rank == 5
     assert np.ptp(fit.basis.curves[:, :, -1], axis=1).max() < 1e-6
+
+
+def test_levels_of_next_to_no_light_are_not_scaled_up() -> None:
+    basis = clamped_basis()
+    dark = basis.coefficients - basis.coefficients.mean((0, 1, 2), keepdims=True) * np.float32(1 - 1e-9)
+    found = azimuth_fit.levelled(AzimuthBasis(dark * np.float32(1e-9), basis.curves))
+    assert np.abs(found.curves).max() <= 2.001 * np.abs(basis.curves).max()
 
 
 def test_brightness_that_goes_with_azimuth_is_kept_and_uneven_lamps_are_not() -> None:

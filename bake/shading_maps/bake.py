@@ -71,7 +71,8 @@ class ArcSettings:
     through : photographs against the light, of which the bundle then holds a second map
     azimuths : "arc" keeps the photographs of one arc; "all" makes a map over azimuth of all of them; "auto" that, where
         lights surround the swatch, nothing is said of the arc, and it foretells photographs better
-    azimuth_rank : curves of a map over azimuth; None takes as many as photographs that are left out call for
+    azimuth_rank : curves of a map over azimuth; None takes as many as predict photographs that are
+        left out and keep those that are there
     """
 
     slices: int = 8

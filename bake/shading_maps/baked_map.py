@@ -231,9 +231,13 @@ def over_azimuth(
 
 
 def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:
-    """RMS over the nodes that the storage of the coefficients loses."""
-    off = (stored.coefficients - basis.coefficients).reshape(-1, basis.rank)
-    nodes = basis.lit_nodes().astype(np.float64)
+    """RMS over the nodes that the storage of coefficients and curves loses."""
+    # c' B' - c B = c' (B' - B) + (c' - c) B: small numbers, whose squares rounding does not drown.
+    off = np.concatenate([stored.coefficients, stored.coefficients - basis.coefficients], -1).reshape(
+        -1, 2 * basis.rank
+    )
+    kept, before = stored.lit_nodes().astype(np.float64), basis.lit_nodes().astype(np.float64)
+    nodes = np.concatenate([kept - before, before])
     products = (off.T @ off).astype(np.float64) / len(off)
     return float(np.sqrt(max(np.einsum("ij,ij->", products, nodes @ nodes.T) / nodes.shape[1], 0.0)))
 

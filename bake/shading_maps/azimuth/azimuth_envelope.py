@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...images.storage import Storage, round_down, scale_for
 from .azimuth_basis import BLOCK, AzimuthBasis, levels_of
 
-# What a shader's float32 sum of 16 products may be off by, in parts of the sum of their magnitudes.
+# What a shader's float32 sum of 23 products may be off by, in parts of the sum of their magnitudes.
 _ROUNDING = np.float32(2e-6)
 
 

@@ -24,6 +24,8 @@ AZIMUTHS, LEVELS = 32, 40
 SMOOTHINGS = (1e-4, 1e-3, 1e-2, 1e-1)
 # Radiance in parts of a_max that counts as none.
 _DARK = 1e-4
+# A level is brought back to its mean by this factor at most: where nothing is left there is nothing to scale up.
+_MOST = 2.0
 _TINY = 1e-300
 _CURVE_STEPS = 64
 # Singular values of photographs below this part of the largest are rounding.
@@ -75,7 +77,8 @@ class AzimuthFit:
     Attributes
     ----------
     curve : levels of lights by their angle
-    error : `relative_error` of photographs left out, predicted from the others at the level of their elevation
+    error : `relative_error` of photographs left out, predicted from the others at the level of their elevation; the
+        interpolation was chosen by the same photographs, so that it is the least of some trials
     held_out : the same of each photograph: index, level, "rms" in parts of a_max, and "relative" to its own RMS
     lost : RMS over the nodes that the rank loses, and of the nodes themselves, in parts of a_max
     """
@@ -195,7 +198,7 @@ def fit_azimuth(
 
     Parameters
     ----------
-    rank : by default the lowest that predicts photographs left out as well as any, at most `most`
+    rank : by default that which is `called_for`, at most `most`
     prepared : these photographs, where they have been tried
     """
     say = progress or (lambda share: None)
@@ -307,5 +310,5 @@ def levelled(basis: AzimuthBasis) -> AzimuthBasis:
     curves[:, :, -1] = curves[:, :, -1].mean(1, keepdims=True)
     again = replace(basis, curves=curves)
     means = node_means(again).mean(0)
-    factor = np.divide(1.0, means, out=np.zeros_like(means), where=means > 0)
+    factor = 1 / np.clip(means, 1 / _MOST, _MOST)
     return replace(again, curves=(curves * np.insert(factor, 0, factor[0])).astype(np.float32))
