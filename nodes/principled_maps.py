@@ -41,7 +41,7 @@ def build_principled(
     relief : "normal" by the Normal Map; "bump" by the height instead; "displacement" by the height, as displacement
         and bump of what the mesh is too coarse for. Of each other they would count the relief twice. "filtered" by the
         Normal Map, and where a renderer averages normals, as EEVEE does far away, what they vary by is roughness:
-        highlights keep their width. Exporters find no roughness then
+        highlights keep their width
     width : of the picture on the object, in Blender's units where it is not scaled: heights are parts of it
     pack : keep the textures inside the .blend
 

@@ -226,7 +226,8 @@ def _detailed(record: ShadingMapRecord, images: SliceImages, name: str, texels: 
     halves = {part: image.use_half_precision for part, (image, _) in sources.items()}
     made = {part: made_image(told[part], half=half) for part, half in halves.items()}
     if None in made.values():
-        tiles = unpack_slices(record.files().load(facts.image), facts.layout)
+        # A bundle's colours may have an alpha, which nothing reads.
+        tiles = unpack_slices(record.files().load(facts.image), facts.layout)[..., :3]
         parts = {
             facts.image: (tiles, _to_be_averaged(record, tiles)),
             "envelope": (texel := record.files().load("envelope")[None], texel),

@@ -259,10 +259,11 @@ def test_engines_do_not_look_at_it(bundles: Bundles) -> None:
         assert tree.get_output_node(engine).inputs["Surface"].links[0].from_node.bl_idname == "ShaderNodeGroup"
 
 
-@pytest.mark.parametrize("kind", ["png16", "exr"])
-def test_maps_go_along(tmp_path: Path, kind: str) -> None:
+@pytest.mark.parametrize("kind, shown", [("png16", "normal"), ("exr", "filtered")])
+def test_maps_go_along(tmp_path: Path, kind: str, shown: Any) -> None:
     """The plain material of maps keeps its textures in both: colour, roughness and normals; in glTF specular too."""
-    tile(build_principled(read_maps_folder(write_folder(tmp_path / "maps", kind=kind, gloss=F0))))
+    maps = read_maps_folder(write_folder(tmp_path / "maps", kind=kind, gloss=F0))
+    tile(build_principled(maps, relief=shown))
     path = tmp_path / "tile.gltf"
     bpy.ops.export_scene.gltf(filepath=str(path), export_format="GLTF_SEPARATE", use_selection=True)
     document = json.loads(path.read_text())

@@ -47,6 +47,18 @@ def test_pixels_of_a_texel(view: tuple) -> None:
     assert texel_footprint(material, scene, (10, 10)).pixels == pytest.approx(0.6 * 50 / (50 - np.sqrt(10)), rel=1e-3)
 
 
+def test_a_pixel_of_the_corners_is_the_narrowest(view: tuple) -> None:
+    """Of a lens of 90 degrees it spans a third of what one in the middle does, at the end of a ray of equal length."""
+    scene, _, material = view
+    found = texel_footprint(material, scene, (10, 10))
+    assert found.texels == pytest.approx(1 / (0.2 * 50) / 3, rel=1e-3)
+    assert found.farthest == pytest.approx(50 + np.sqrt(2), rel=1e-3)
+    scene.camera.data.shift_x = 0.5  # one corner is then twice as far to the side
+    assert texel_footprint(material, scene, (10, 10)).texels == pytest.approx(1 / (0.2 * 50) / 6, rel=1e-3)
+    scene.camera.data.shift_x, scene.camera.data.angle = 0.0, 0.01
+    assert texel_footprint(material, scene, (10, 10)).texels == pytest.approx(np.tan(0.005) / (0.2 * 50), rel=1e-3)
+
+
 def test_an_orthographic_camera_has_no_distance(view: tuple) -> None:
     scene, _, material = view
     scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 20.0

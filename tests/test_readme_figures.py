@@ -82,6 +82,7 @@ BENCHES = (
     "behind",
     "sheets",
     "maps",
+    "detail",
     "library",
     "thousand",
     "faults",

@@ -214,7 +214,7 @@ def test_shading_maps_leave_room(paint: Bundle, tmp_path: Path, name: str) -> No
 def test_maps_over_azimuth_leave_room(tmp_path: Path, mode: str, technique: str, sampled: bool) -> None:
     """As many curves as there may be, all of which are read for each direction, with levels of detail."""
     settings = RenderSettings(Lobe("phong", 12.0, 0.4), sigma=0.8, mode=mode, technique=technique, a_max=0.1)
-    bundle = write_azimuth_bundle(tmp_path / "turned.mmat", clamped_basis(32, 32, rank=23), settings)
+    bundle = write_azimuth_bundle(tmp_path / "turned.mmat", clamped_basis(128, 128, rank=23), settings)
     lights = {"lights": lamp_light_image(), "scripted": True} if sampled else {}
     material = build_shading_map(bundle, lamps=lamp_image(), features=not sampled, texels=1.0, **lights)
     aim_at_everything()

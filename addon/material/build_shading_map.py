@@ -9,7 +9,9 @@ import bpy
 
 from ...bake.bundle.bundle import Bundle
 from ...bake.shading_maps.record import ShadingMapRecord
+from ...bake.shading_maps.reduced_map import reduced_size
 from ...bake.shading_maps.render_settings import RenderSettings
+from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.shading_map_material import build_shading_map
@@ -38,7 +40,7 @@ from .scene_fit import (
     plan_levels,
     plan_sampling,
 )
-from .texel_footprint import texel_footprint
+from .texel_footprint import texel_footprint, texel_scale
 from .textures.packed import pack_textures
 
 # Of swatches that let light through, in any scene.
@@ -65,9 +67,11 @@ def build_map(
     record = ShadingMapRecord.of(source)
     choices = chosen if record.through is None else replace(chosen, **_NOT_OF_THROUGH)
     stored, layout = record.map, record.map.layout
-    footprint = texel_footprint(material, scene, texels_per_uv(material, layout.width, layout.height))
+    per_uv = texels_per_uv(material, layout.width, layout.height)
+    footprint = texel_footprint(material, scene, per_uv)
     reduce, detail = plan_detail(choices, stored.model, footprint.pixels, footprint.why_unknown, material.name)
-    levels = plan_levels(choices, stored.model, settings.tiling, footprint)
+    averaged = SliceLayout(layout.tiles, *reduced_size(layout, reduce))
+    levels = plan_levels(choices, stored.model, averaged, settings.tiling, footprint)
     effects = [detail, levels]
     if stored.model == "azimuth":
         effects.append(plan_azimuth(settings, layout.tiles))
@@ -93,7 +97,8 @@ def build_map(
         why = NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(chosen, name) for name in OF_MAP}
-    return {"choices": kept, "effects": [effect.facts() for effect in effects]}
+    scale = {"pixels": texel_scale(scene, per_uv)} if levels.kept else {}
+    return {"choices": kept, "effects": [effect.facts() for effect in effects], **scale}
 
 
 def build_lit_map(

@@ -29,7 +29,7 @@ from .textures.kept import rebuild
 
 def current_choices(material: bpy.types.Material) -> Choices:
     """Choices that a material is built by."""
-    return choices_from(_rendering_of(material).choices)
+    return choices_from(rendering_of(material).choices)
 
 
 def rebuild_brdf(
@@ -53,7 +53,7 @@ def rebuild_brdf(
 
 def effects_of(material: bpy.types.Material) -> list[Effect]:
     """Effects that the last build kept and left out, as far as they can be read."""
-    return [Effect(effect.name, effect.kept, effect.why) for effect in _rendering_of(material).effects]
+    return [Effect(effect.name, effect.kept, effect.why) for effect in rendering_of(material).effects]
 
 
 def current_lighting(material: bpy.types.Material) -> RenderSettings:
@@ -90,7 +90,7 @@ def images_of_map(record: ShadingMapRecord, settings: RenderSettings) -> list[st
     return [name for name in record.images if name not in unused]
 
 
-def _rendering_of(material: bpy.types.Material) -> RenderingRecord:
+def rendering_of(material: bpy.types.Material) -> RenderingRecord:
     """Also where nothing else can be read of what the material keeps."""
     return RenderingRecord.parse(facts_of(material).get("rendering"))
 

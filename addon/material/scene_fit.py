@@ -14,8 +14,9 @@ from ...bake.brdf.record import BrdfRecord
 from ...bake.envelope.gloss_energy import Rows
 from ...bake.errors import BakeError
 from ...bake.shading_maps.azimuth.curve_layout import PER_TEXEL
-from ...bake.shading_maps.reduced_map import UNSEEN
+from ...bake.shading_maps.reduced_map import SMALLEST, UNSEEN, detail_layout
 from ...bake.shading_maps.render_settings import RenderSettings
+from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...bake.tables.grids.patch_grid import PatchGrid
 from ...bake.tables.table import FILTERS
 from ..lights.aim_targets import UNKNOWN, Sampling
@@ -302,26 +303,31 @@ def plan_detail(choices: Choices, model: str, footprint: float, why_unknown: str
             raise BakeError(where, f"needs its texels: {known}", "leave the detail to Automatic")
         return 1, Effect(name, True, known)
     if model == "azimuth":
-        return 1, Effect(name, True, "a map over azimuth, whose texels are cut off at black and have no mean")
+        return 1, Effect(name, True, "a map over azimuth, of which there are means by distance alone")
     if model != "slices":
-        return 1, Effect(name, True, f"compressed as {model}, which has no mean")
+        why = "has no mean" if model == "power" else "has means by distance alone"
+        return 1, Effect(name, True, f"compressed as {model}, which {why}")
     return factor, Effect(name, False, f"{factor} x {factor} as one: seen here they are {footprint:.2g} pixels across")
 
 
-def plan_levels(choices: Choices, model: str, tiling: str, footprint: Footprint) -> Effect:
-    """Whether rays read means of texels where these are finer than a pixel."""
+def plan_levels(choices: Choices, model: str, layout: SliceLayout, tiling: str, footprint: Footprint) -> Effect:
+    """Whether rays read means of texels, which are laid out so, where these are finer than a pixel."""
     name = LEVELS_EFFECT
     if choices.detail == ALWAYS:
         return Effect(name, False, "Swatch Detail is Always")
     if model == "power" or tiling != "repeat":
         why = "the power law has no mean" if model == "power" else "only what repeats has means at its border"
         return Effect(name, False, why)
+    if detail_layout(layout) is None:
+        small = min(layout.height, layout.width) < SMALLEST
+        return Effect(name, False, "its texels are few" if small else "the texture would be too large")
     if not footprint.texels:
         return Effect(name, False, footprint.why_unknown or "the camera sees all distances alike")
     most = footprint.texels * footprint.farthest
     if most < _FAR:
-        return Effect(name, False, f"a pixel is across {most:.2g} texels at most")
-    return Effect(name, True, f"a pixel is across up to {most:.2g} texels; where it is above 8, means of them are read")
+        return Effect(name, False, f"a pixel spans {most:.1f} texels at most")
+    spans = f"a pixel spans up to {most:.0f} texels" if most < float("inf") else "the camera moves"
+    return Effect(name, True, f"{spans}; from 8 on means are read, which take half as many again")
 
 
 def plan_azimuth(settings: RenderSettings, rank: int) -> Effect:

@@ -25,9 +25,9 @@ class Footprint:
 
     Parameters
     ----------
-    texels : of the largest, that a pixel is across at a distance of 1; 0 where pixels are no larger with distance, or
-        where that cannot be known
-    farthest : distance from the camera that no point of the material is beyond
+    texels : of the largest, that a pixel is across at least at the end of a ray of length 1; 0 where pixels are no
+        larger with distance, or where that cannot be known
+    farthest : distance from the camera that no point of the material is beyond; infinite where the camera moves
     """
 
     pixels: float
@@ -80,21 +80,37 @@ def texel_footprint(
         return _unknown(str(error))
 
 
+def texel_scale(scene: bpy.types.Scene, texels: tuple[float, float] | None) -> float:
+    """Pixels, at a distance of 1, of a texel where the UV map's unit is one of the world; 0 where there is no telling.
+
+    What of `texel_footprint` changes with the camera's lens, the picture's size and the swatch's, without a look at
+    any mesh.
+    """
+    camera = scene.camera
+    if texels is None or not min(texels) or camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
+        return 0.0
+    pixels, _, aside = _projection(camera, scene, scene.view_layers[0].depsgraph)
+    return pixels / (aside * min(texels))
+
+
 def _footprint(
     material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str
 ) -> Footprint:
     """See `texel_footprint`; `unknown` is why the nearest cannot be known, if so. Raises _UnknownError."""
-    pixels, by_distance, farthest, shown = 0.0, 0.0, 0.0, set()
+    pixels, by_distance, shown = 0.0, 0.0, set()
+    # Of a camera that moves, where it will be is not asked.
+    farthest = float("inf") if unknown else 0.0
     for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
         layer.update()
-        pixels_per_unit, perspective = _projection(scene.camera, scene, layer.depsgraph)
+        pixels_per_unit, perspective, aside = _projection(scene.camera, scene, layer.depsgraph)
         for seen in _seen_in(layer.depsgraph, material, scene, texels, shown):
             size = seen.texel * pixels_per_unit
             if perspective and seen.nearest <= 0:
                 unknown = unknown or f"the camera is at {seen.name}"
             elif not unknown:
                 pixels = max(pixels, size / (seen.nearest if perspective else 1.0))
-            by_distance, farthest = max(by_distance, size * perspective), max(farthest, seen.farthest)
+            # At the end of a ray of this length, in whatever corner of the picture.
+            by_distance, farthest = max(by_distance, size / aside * perspective), max(farthest, seen.farthest)
     for obj in scene.objects:
         if _wears(obj, material) and obj not in shown and (not obj.hide_render or changes(obj, _HIDING)):
             raise _UnknownError(f"{obj.name} is hidden here, but may be rendered")
@@ -141,8 +157,12 @@ def _instancers(instance: Any) -> list[bpy.types.Object]:
     return [instance.parent.original] if instance.is_instance and instance.parent is not None else []
 
 
-def _projection(camera: Any, scene: bpy.types.Scene, graph: Any) -> tuple[float, bool]:
-    """Pixels per unit across, at distance 1 where the second is True."""
+def _projection(camera: Any, scene: bpy.types.Scene, graph: Any) -> tuple[float, bool, float]:
+    """Pixels per unit across, at depth 1 where the second is True; and the least squared cosine of a ray to the axis.
+
+    A pixel of the corners is narrower than one in the middle: at the end of a ray of the same length by the cosine, as
+    its depth is less, and towards the middle by the cosine once more.
+    """
     render = scene.render
     # Less than the whole is for trying out; nothing is fitted anew when it is set back.
     share = max(render.resolution_percentage, 100) / 100
@@ -154,7 +174,8 @@ def _projection(camera: Any, scene: bpy.types.Scene, graph: Any) -> tuple[float,
         scale_y=render.pixel_aspect_y,
     )
     width, height = render.resolution_x * share, render.resolution_y * share
-    return max(matrix[0][0] * width, matrix[1][1] * height) / 2, camera.data.type == "PERSP"
+    corner = sum(((1 + abs(matrix[k][2])) / matrix[k][k]) ** 2 for k in (0, 1))
+    return max(matrix[0][0] * width, matrix[1][1] * height) / 2, camera.data.type == "PERSP", 1 / (1 + corner)
 
 
 def _distances(obj: Any, matrix: Any, eye: Vector) -> tuple[float, float]:

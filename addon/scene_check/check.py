@@ -52,6 +52,7 @@ def _found(subject: Subject) -> list[Finding] | None:
             material_rules.common_names,
             material_rules.texture_limit,
             material_rules.changed_groups,
+            swatch_rules.swatch_levels,
             energy_rules.too_bright,
         )
     found = [finding for rule in rules for finding in rule(subject)]

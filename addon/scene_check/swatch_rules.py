@@ -1,4 +1,4 @@
-"""Rules of the scene check: swatches whose map knows from which side light comes."""
+"""Rules of the scene check: swatches whose map knows from which side light comes, and texels averaged by distance."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from ...nodes.material_tree import measured_nodes
 from ...nodes.second_group import helpers_of, second_node
 from ...nodes.surface_inputs import connect_frame, coordinates_before_tiling, frame_before, source_of
 from ...nodes.swatch_frame_group import ALONG_U, ALONG_V
+from ..material.build_shading_map import texels_per_uv
+from ..material.facts import record_of
+from ..material.kinds import SHADING_MAP, kind_of
+from ..material.rebuild import rendering_of
+from ..material.texel_footprint import texel_scale
 from .findings import WRONG, Finding, Subject, editable
+
+# By so much texels may have grown in the picture since their material was fitted: a zoom, or a larger picture.
+_CLOSER = 1.1
 
 
 def swatch_frames(subject: Subject) -> Iterator[Finding]:
@@ -52,4 +60,19 @@ def _mend(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
         connect_frame(tree, node)
 
 
-RULES = (swatch_frames,)
+def swatch_levels(subject: Subject) -> Iterator[Finding]:
+    """Texels are averaged as far as this camera and this picture's size allow it, which may have been others."""
+    for material in subject.wearers:
+        kind = kind_of(material)
+        if kind is not SHADING_MAP or not (fitted := rendering_of(material).pixels):
+            continue
+        layout = record_of(material).map.layout
+        now = texel_scale(subject.scene, texels_per_uv(material, layout.width, layout.height))
+        if now > fitted * _CLOSER:
+            found = f"texels are {now / fitted:.2g} times as large as when it was fitted"
+            why = "they are averaged by distance, now over more than can be seen: what is far away is blurred"
+            again = editable(material, partial(kind.refit, material, subject.scene))
+            yield Finding("swatch_levels", WRONG, f"material {material.name}", found, "fitted to the scene", why, again)
+
+
+RULES = (swatch_frames, swatch_levels)

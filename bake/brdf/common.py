@@ -156,12 +156,15 @@ class RenderingRecord:
     choices, effects : what an artist has chosen, and what came of it
     brightened : gloss, and how much more is reflected at it than at 1 to viewers at the angles of `AlbedoRecord`
     brightened_behind : the same of the back of a sheet whose sides differ
+    pixels : of a swatch whose texels are averaged by distance: pixels of a texel that is a unit of its UV map over the
+        texels of that, at a distance of 1; 0 of all others
     """
 
     choices: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[EffectRecord, ...] = ()
     brightened: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
     brightened_behind: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
+    pixels: float = field(default=0.0, kw_only=True)
 
     @classmethod
     def parse(cls, found: object) -> RenderingRecord:
@@ -177,6 +180,7 @@ class RenderingRecord:
             ),
             _brightened_of(given.get("brightened")),
             _brightened_of(given.get("brightened_behind")),
+            pixels=float(pixels) if isinstance(pixels := given.get("pixels"), int | float) else 0.0,
         )
 
 

@@ -21,8 +21,9 @@ from .slice_atlas import GUTTER, MAX_EXTENT, SliceLayout, pack_slices, unpack_sl
 UNSEEN = 0.5
 # Texels across that become one in the first level of means: the level of two would be as large as all others together.
 _FIRST = 4
-# Texels across that the last level has at least.
+# Texels across that the last level has at least, and those of the smallest map that has a level.
 _LEAST = 4
+SMALLEST = _FIRST * _LEAST
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ import numpy as np
 from csv_rows import write_rows
 from horizon import BANDS, TILTED, Horizon, Piece
 from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.rendering.contact_sheet import Cell, write_sheet
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.maps.folder import MapsFolder, read_maps_folder
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
@@ -34,7 +35,7 @@ from rich.console import Console
 from rich.table import Table
 
 _SHOWN = (1, 4, 16, 64)
-_SEEDS, _MANY = 6, 1024
+_SEEDS, _MANY = 4, 512
 # Samples of the means that EEVEE's are held against.
 _TRUTH = 256
 _SHIFT = 0.25  # pixels
@@ -68,8 +69,9 @@ def run(out: Path, quick: bool) -> None:
         rows = _rows(Sources.within(Path(folder)), quick)
         _print(rows)
         write_rows(out / "detail.csv", rows)
+        _sheet(Sources.within(Path(folder)), out / "detail.png")
         if not quick:
-            write_rows(out / "detail_eevee.csv", _eevee(Path(folder)))
+            _eevee(Path(folder))
 
 
 def materials(sources: Sources) -> dict[str, tuple[Make, Make | None]]:
@@ -98,7 +100,7 @@ def _rows(sources: Sources, quick: bool) -> list[dict[str, Any]]:
     with horizon.horizon() as scene:
         for kind, (plain, levelled) in materials(sources).items():
             for view, pieces in VIEWS.items():
-                for piece in pieces[::3] if quick else pieces:
+                for piece in pieces[-1:] if quick else pieces:
                     rows.append(_row(scene, kind, view, piece, plain, levelled, quick))
                     print(".", end="", flush=True)
     print()
@@ -174,16 +176,31 @@ def _two(row: dict[str, Any], name: str) -> str:
     return " -> ".join(f"{100 * value:.1f} %" for value in found if value is not None)
 
 
+def _sheet(sources: Sources, path: Path) -> None:
+    """The whole plane at few samples and at many, without levels and with them."""
+    size, repeat, pixel = (360, 180), 3.0, 2e-3
+    settings = replace(ShadingMapRecord.read(sources.around).render, mode="exact")
+    cells = []
+    with horizon.horizon() as scene:
+        for label, texels in (("every texel", 0.0), ("levels of detail", repeat * horizon.SIDE * pixel)):
+            material = build_shading_map(sources.around, settings=settings, lamps=lamp_image(), texels=texels)
+            scene.whole(material, repeat, size, pixel)
+            for samples in (2, 64):
+                picture = scene.render(samples, 0)
+                cells.append(Cell(picture.astype(np.float32), label, f"{samples} samples"))
+    write_sheet(path, cells, 2, "A map over azimuth, to the horizon")
+
+
 # --- EEVEE ----------------------------------------------------------------------------------------------
 
 
-def _eevee(folder: Path) -> list[dict[str, Any]]:
+def _eevee(folder: Path) -> None:
     """Means of the pieces in EEVEE over those in Cycles; in a process of its own: without OpenGL it ends there."""
     out = folder / "eevee.json"
-    done = subprocess.run([sys.executable, "-P", __file__, str(folder), str(out)], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, __file__, str(folder), str(out)], capture_output=True, text=True)
     if done.returncode:
         print("SKIPPED EEVEE:", (done.stderr.strip() or "it ended by a signal").splitlines()[-1][:200])
-        return []
+        return
     rows: list[dict[str, Any]] = json.loads(out.read_text())
     table = Table("material", "view", *(f"{piece.texels:g}" for piece in BANDS), title="EEVEE ÷ Cycles")
     for kind in dict.fromkeys(row["material"] for row in rows):
@@ -193,7 +210,6 @@ def _eevee(folder: Path) -> list[dict[str, Any]]:
     Console(width=110).print(table)
     for row in rows:
         put(f"{row['material']}, {row['view']}, {row['texels']:g}, EEVEE by Cycles", row["EEVEE ÷ Cycles"])
-    return rows
 
 
 def _eevee_child(folder: Path, out: Path) -> None:

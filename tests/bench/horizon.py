@@ -61,8 +61,8 @@ class Piece:
 
 
 # To the horizon: one swatch of two metres; and seen at half a right angle, a swatch that is ever smaller.
-BANDS = tuple(Piece(texels, 8.0 * texels) for texels in (0.25, 1.0, 4.0, 16.0))
-TILTED = tuple(Piece(texels, 2**0.5) for texels in (0.25, 1.0, 4.0, 16.0))
+BANDS = tuple(Piece(texels, 8.0 * texels) for texels in (1.0, 4.0, 16.0))
+TILTED = tuple(Piece(texels, 2**0.5) for texels in (1.0, 4.0, 16.0))
 
 
 # --- swatch ---------------------------------------------------------------------------------------------
@@ -111,10 +111,12 @@ def map_bundle(folder: Path, *, arc: bool) -> Bundle:
 
 
 def plain_maps(folder: Path) -> MapsFolder:
-    """Normal, albedo, height, roughness and specular maps of the same photographs."""
+    """Normal, albedo, height, roughness and specular maps of every other of the same photographs."""
     folder = folder / "maps"
     folder.mkdir()
-    maps, facts, _ = maps_of(stack(arc=False), MapSettings(level=False, repeats=True), "weave")
+    every = stack(arc=False)
+    half = PhotoStack(every.images[::2], every.names[::2], every.directions[::2], True, ())
+    maps, facts, _ = maps_of(half, MapSettings(level=False, repeats=True), "weave")
     facts |= {"maps": write_maps(folder, maps, "opengl", "exr")}
     (folder / "maps.json").write_text(json.dumps(facts))
     return read_maps_folder(folder)
@@ -139,6 +141,12 @@ class Horizon:
         self._shown = piece
         self._aim(0.0)
         update_scene(self.scene)
+
+    def whole(self, material: bpy.types.Material, repeat: float, size: tuple[int, int], pixel: float) -> None:
+        """All of it from near to far, in so many pixels of so many radians each, with `repeat` swatches a metre."""
+        self.show(material, Piece(repeat * 6.0 * PIXEL * SIDE, 6.0))
+        self._camera.data.angle = 2 * np.arctan(max(size) * pixel / 2)
+        self.scene.render.resolution_x, self.scene.render.resolution_y = size
 
     def _aim(self, shift: float) -> None:
         """Pixels to the right."""

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from detail_rows import ROWS, SAME, SAME_CLAIMS
 from gantry_figures import FIG4
 from no_figures import NO_FIGURES
 
@@ -387,6 +388,8 @@ STATED = (
     _kind("paint, half vectors, fitted", "paint, half, fitted"),
     _kind("brushed metal, normal basis", "brushed metal, normal"),
     _kind("brushed metal, half vectors", "brushed metal, half"),
+    *(Stated("detail", row, "addon/docs/maps.md") for row in ROWS),
+    Stated("detail", SAME, "addon/docs/maps.md", SAME_CLAIMS),
     Stated(
         "bytes",
         "{bytes, log over half, least|2} to {bytes, log over half, most|2} of the bytes of half floats",

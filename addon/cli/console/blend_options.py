@@ -26,8 +26,8 @@ def add_blend(group: Any) -> None:
         "--relief",
         choices=RELIEFS,
         default=RELIEFS[0],
-        help="what shows the relief there: the normals, the height as bump or as displacement, or filtered: the "
-        "normals, rougher where EEVEE averages them far away (%(default)s)",
+        help="what shows the relief there: the normals, the height as bump or as displacement, or filtered, for EEVEE: "
+        "the normals, rougher where they are averaged: far away, and between texels (%(default)s)",
     )
     group.add_argument(
         "--width",

@@ -24,7 +24,7 @@ _WORDS = {
     "normal": ("Normal", "A Normal Map"),
     "bump": ("Bump", "The height, as bump"),
     "displacement": ("Displacement", "The height, as displacement of a mesh that is fine enough, and as bump"),
-    "filtered": ("Filtered Normal", "A Normal Map, and rougher where EEVEE averages it far away; not for exports"),
+    "filtered": ("Filtered Normal", "For EEVEE: a Normal Map, and rougher where it is averaged far away"),
     "opengl": ("Green Up", "As Blender and glTF have it (OpenGL)"),
     "directx": ("Green Down", "As DirectX has it"),
     "png8": ("PNG 8 bits", "The smallest"),
