@@ -100,7 +100,7 @@ def test_every_level_has_the_whole_light() -> None:
 
 
 def dark_basis() -> AzimuthBasis:
-    """Lambertian texels of steep normals in six curves: half of all sides leave one dark, and some sums below 0."""
+    """Lambertian texels of steep normals in four curves: half of all sides leave one dark, and some sums below 0."""
     slopes = RNG.normal(0, 1, (HEIGHT, WIDTH, 2))
     for axis in (0, 1):  # as of threads a few texels wide
         slopes = sum(np.roll(slopes, shift, axis) for shift in range(5)) / 5
@@ -111,9 +111,9 @@ def dark_basis() -> AzimuthBasis:
     towards = np.stack([np.sqrt(1 - x**2) * np.cos(phi), np.sqrt(1 - x**2) * np.sin(phi), x])
     lit = np.maximum(np.einsum("tk,kpn->tpn", normals, towards), 0)
     left, values, curves = np.linalg.svd(lit.reshape(len(lit), -1), full_matrices=False)
-    mixed = (left * values)[:, None, :6] * np.array([1.0, 0.7, 0.4])[:, None]
-    coefficients = mixed.reshape(HEIGHT, WIDTH, 3, 6).astype(np.float32)
-    return AzimuthBasis(coefficients, curves[:6].reshape(6, 12, 6).astype(np.float32))
+    mixed = (left * values)[:, None, :4] * np.array([1.0, 0.7, 0.4])[:, None]
+    coefficients = mixed.reshape(HEIGHT, WIDTH, 3, 4).astype(np.float32)
+    return AzimuthBasis(coefficients, curves[:4].reshape(4, 12, 6).astype(np.float32))
 
 
 def test_means_of_light_where_texels_are_held_at_zero() -> None:
