@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -11,7 +12,7 @@ from measured_materials.addon.demo.roll import roll, sun_from
 from measured_materials.addon.gantry.techniques import direction, frame_uv, pixels
 from measured_materials.nodes import compat
 from support.btf.btf import Btf, compressed, whole
-from support.btf.figure_4 import CASES, DIRECTIONS, GROUPS, SUN, Rival
+from support.btf.figure_4 import CASES, DIRECTIONS, GROUPS, SUN, Rival, _kept, _told
 from support.btf.photograph import photograph_btf, rectified
 from support.btf.rings import Rings
 from support.scenes import diffuse_material
@@ -213,3 +214,14 @@ def test_a_roll_is_the_one_that_cycles_shows() -> None:
     # Away from the rim; a roll of 288 flats is meant to be round.
     np.testing.assert_allclose(shown[4:-4], seen[4:-4], atol=0.004)
     assert shown[4:-4].max() - shown[4:-4].min() > 0.1
+
+
+def test_photographs_that_are_kept_are_taken_of_the_same_only(tmp_path: Path) -> None:
+    file = tmp_path / "fig4_cloth.npz"
+    assert _kept(file, _told(64, 16)) is None
+    np.savez(file, btf=np.ones(3), around=np.zeros(2), told=_told(64, 16))
+    btf, around = _kept(file, _told(64, 16))
+    assert btf.tolist() == [1, 1, 1] and around.tolist() == [0, 0]
+    assert _kept(file, _told(64, 32)) is None
+    np.savez(file, btf=np.ones(3), around=np.zeros(2))
+    assert _kept(file, _told(64, 16)) is None

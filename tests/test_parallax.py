@@ -15,9 +15,15 @@ import pytest
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.techniques import direction, frame_uv
-from measured_materials.addon.material.adjust.parallax import add_parallax, parallax_node, remove_parallax
+from measured_materials.addon.material.adjust.parallax import (
+    add_parallax,
+    keeps_textures,
+    parallax_node,
+    remove_parallax,
+)
 from measured_materials.addon.material.adjust.swatch import random_tiling_node, set_random_tiling
 from measured_materials.addon.material.facts import keep_facts
+from measured_materials.addon.scene_check.swatch_rules import _swatches
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.bilinear import texels_around
@@ -167,7 +173,7 @@ def test_parallax_goes_in_and_out(swatch: Any, tmp_path: Path) -> None:
     assert source_of(made.inputs["UV"]) == before == coordinates_before_tiling(node)
     frame = frame_before(made)
     assert frame is not None and source_of(frame.inputs["UV"]) == before
-    with pytest.raises(BakeError, match="has parallax already"):
+    with pytest.raises(BakeError, match="already has parallax"):
         add_parallax(material, record, maps)
     remove_parallax(material)
     assert parallax_node(material) is None and source_of(node.inputs["UV"]) == before and len(tree.nodes) == count
@@ -249,3 +255,23 @@ def test_a_click_in_the_panel_moves_it_and_another_does_not(swatch: Any, tmp_pat
         with pytest.raises(RuntimeError, match="holds no maps"):
             bpy.ops.measured_materials.parallax(directory=str(tmp_path))
     bpy.data.batch_remove([obj, mesh])
+
+
+def test_heights_are_packed_where_the_textures_are(swatch: Any, tmp_path: Path) -> None:
+    material, record = swatch
+    maps = read_maps_folder(write_folder(tmp_path / "maps"))
+    assert not keeps_textures(material)
+    packed = build_shading_map(record, pack=True)
+    assert keeps_textures(packed)
+    node = add_parallax(packed, record, maps, pack=True)
+    heights = {n.image for n in node.node_tree.nodes if n.bl_idname == "ShaderNodeTexImage"}
+    assert len(heights) == 1 and heights.pop().packed_file is not None
+
+
+def test_a_frame_that_parallax_has_lost_is_found(swatch: Any, tmp_path: Path) -> None:
+    """Without it nothing would tell which way the relief is to be moved."""
+    material, record = swatch
+    keep_facts(material, record.document)
+    made = add_parallax(material, record, read_maps_folder(write_folder(tmp_path / "maps")))
+    found = list(_swatches(material.node_tree))
+    assert [node for _, node in found] == [made]

@@ -66,6 +66,7 @@ def recorded(name: str) -> dict[str, float]:
 BENCHES = (
     "azimuth",
     "fig4",
+    "parallax",
     "engine",
     "arc",
     "techniques",

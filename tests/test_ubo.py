@@ -13,6 +13,7 @@ from measured_materials.bake.brdf.preview_sphere import to_srgb
 from measured_materials.bake.errors import BakeError
 from PIL import Image
 from support.btf.archives import GROUPS, errors_of, rivals_of_archive
+from support.btf.figure_4 import ARC_MAP
 from support.btf.rings import Rings
 from support.btf.ubo import read_ubo2003
 
@@ -37,13 +38,15 @@ def name_of(view: tuple[float, float], light: tuple[float, float]) -> str:
 
 
 def write_matte(path: Path, oblique: float) -> Path:
-    """A matte texture, 12 texels wide, that oblique views see brighter by this factor."""
+    """Texels that lean to either side, 12 across, all brighter by this factor to oblique views."""
     rng = np.random.default_rng(3)
-    texture = rng.uniform(0.1, 0.4, (12, 12, 3))
+    texture, lean = rng.uniform(0.1, 0.4, (12, 12, 3)), rng.choice([-0.4, 0.4], (12, 12, 1))
     with zipfile.ZipFile(path, "w") as archive:
         for view in WIDE.angles:
             for light in WIDE.angles:
-                linear = texture * math.cos(math.radians(light[0])) * (oblique if view[0] else 1.0)
+                theta, phi = map(math.radians, light)
+                facing = math.cos(theta) + lean * math.sin(theta) * math.cos(phi)
+                linear = texture * np.maximum(facing, 0) * (oblique if view[0] else 1.0)
                 archive.writestr(name_of(view, light), jpeg(np.rint(255 * to_srgb(linear)).astype(np.uint8)))
     return path
 
@@ -79,7 +82,7 @@ def test_an_archive_is_read_by_views_and_lights(tmp_path: Path) -> None:
         ({"leave_out": name_of((30, 360 / 7), (0, 0))}, r"no picture of view \(30, 51\) under light \(0, 0\)"),
         ({"more": {"again/" + name_of((0, 0), (0, 0)): b""}}, "twice"),
         ({"more": {name_of((30, 10), (0, 0)): b""}}, "not evenly around"),
-        ({"more": {name_of((95, 0), (0, 0)): b""}}, "no rings"),
+        ({"more": {name_of((95, 0), (0, 0)): b""}}, "do not form rings"),
         ({"edge": 6}, "has .*of 8 x 6 pixels"),
     ],
 )
@@ -110,11 +113,14 @@ def test_an_archive_is_compared_with_maps_of_its_pictures_from_above(tmp_path: P
     for oblique, wanted in ((1.0, 0.0), (2.0, 0.5)):
         btf = read_ubo2003(write_matte(tmp_path / "matte.zip", oblique), edge=12)
         rivals = rivals_of_archive(btf)
-        assert [rival.photographs for rival in rivals] == [15 * 15, 15 * 15, 5, 15]
+        assert [rival.photographs for rival in rivals] == [15 * 15, 15 * 15, 3, 15]
         for rival in rivals:
             found = errors_of(rival, btf)
             assert list(found) == list(GROUPS)
             for group, error in found.items():
                 # JPEG takes 1 to 2 % off; the lobe that is fitted, and the low end of the levels, as much again.
                 off = wanted if "map" in rival.name and "oblique" in group else 0.0
-                assert error == pytest.approx(off, abs=0.05), (rival.name, group)
+                if rival.name == ARC_MAP and "elsewhere" in group:
+                    assert error > off + 0.05, "light from the other side leaves it as it is"
+                else:
+                    assert error == pytest.approx(off, abs=0.06), (rival.name, group)

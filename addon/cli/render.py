@@ -13,6 +13,7 @@ from ...bake.bundle.bundle import read_bundle
 from ...bake.bundle.origin import mark_of
 from ...bake.errors import BakeError
 from ...bake.images.png import png_about
+from ...bake.maps.folder import read_maps_folder
 from ...bake.shading_maps.record import Record, ShadingMapRecord, read_record
 from ...bake.shading_maps.render_settings import USUAL_REPEAT, RenderSettings
 from ...bake.tables.table import FILTERS
@@ -121,6 +122,8 @@ def run(options: argparse.Namespace) -> Result:
     bundle = read_bundle(options.bundle)
     record = read_record(bundle)
     settings = _settings(record, options)
+    if options.parallax is not None:
+        read_maps_folder(options.parallax)
     out = options.out or Path(bundle.path.resolve().stem + ".png")
     if out.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
@@ -154,7 +157,8 @@ def run(options: argparse.Namespace) -> Result:
         "denoised_why": denoised.why,
     }
     if settings is not None:
-        document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT}
+        parallax = None if options.parallax is None else str(options.parallax)
+        document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT, "parallax": parallax}
     without = [] if osl is None or osl.kept else [f"--osl changes nothing: {osl.why}"]
     return Result(document, [*files, *without, denoised.words(options.exr)])
 
@@ -293,7 +297,6 @@ def _build(record: Any, settings: RenderSettings | None, options: argparse.Names
 
 def _add_parallax(material: Any, record: Any, options: argparse.Namespace) -> None:
     """By the maps that are named; once, for a material that is built twice. Raises BakeError."""
-    from ...bake.maps.folder import read_maps_folder
     from ..material.adjust.parallax import add_parallax, parallax_node
 
     if options.parallax is not None and parallax_node(material) is None:

@@ -8,6 +8,7 @@ from functools import partial
 import bpy
 
 from ...nodes.material_tree import measured_nodes
+from ...nodes.parallax_group import is_parallax
 from ...nodes.second_group import helpers_of, second_node
 from ...nodes.surface_inputs import connect_frame, coordinates_before_tiling, frame_before, source_of
 from ...nodes.swatch_frame_group import ALONG_U, ALONG_V
@@ -48,11 +49,14 @@ def swatch_frames(subject: Subject) -> Iterator[Finding]:
 
 
 def _swatches(tree: bpy.types.ShaderNodeTree) -> Iterator[tuple[bpy.types.NodeTree, bpy.types.Node]]:
-    """Nodes whose map knows from which side light comes, each after its tree."""
+    """Nodes whose map knows from which side light comes, or that move its coordinates, each after its tree."""
     second = second_node(tree)
     for inner, node in [*measured_nodes(tree), *([(tree, second)] if second is not None else [])]:
         if ALONG_U in node.inputs:
             yield inner, node
+        source = source_of(node.inputs["UV"]) if "UV" in node.inputs else None
+        if source is not None and is_parallax(source.node):
+            yield inner, source.node
 
 
 def _mend(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:

@@ -10,7 +10,7 @@ from ...bake.errors import BakeError
 from ...bake.maps.folder import read_maps_folder
 from ..material.adjust.blend import blend_with, partners_of, remove_blend
 from ..material.adjust.energy import energy_of
-from ..material.adjust.parallax import add_parallax, parallax_node, remove_parallax
+from ..material.adjust.parallax import add_parallax, keeps_textures, parallax_node, remove_parallax
 from ..material.adjust.relief import add_bump, add_normal_map
 from ..material.adjust.swatch import WIDTH_KEY, lay_out, random_tiling_node, set_random_tiling
 from ..material.facts import record_of
@@ -26,12 +26,12 @@ class _OfMaterial(OfMeasured):
 
     bl_options = {"REGISTER", "UNDO"}
 
-    def _done(self, action: Callable[[], str]) -> set[str]:
-        """Do it and say what was done, or why not."""
+    def _done(self, action: Callable[[], str], of_file: bool = False) -> set[str]:
+        """Do it and say what was done, or why not; errors `of_file` name it."""
         try:
             self.report({"INFO"}, action())  # type: ignore[attr-defined]
         except BakeError as error:
-            self.report({"ERROR"}, one_line(f"{error.cause}; {error.remedy}"))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, one_line(str(error) if of_file else f"{error.cause}; {error.remedy}"))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -159,11 +159,12 @@ class MEASURED_MATERIALS_OT_parallax(_OfSwatch, bpy.types.Operator):
         def switched() -> str:
             if parallax_node(material) is not None:
                 remove_parallax(material)
-                return "The swatch is shown flat"
-            add_parallax(material, record_of(material), read_maps_folder(Path(bpy.path.abspath(self.directory))))
-            return "The swatch's relief is shown where it is seen"
+                return "Parallax is off"
+            maps, pack = read_maps_folder(Path(bpy.path.abspath(self.directory))), keeps_textures(material)
+            add_parallax(material, record_of(material), maps, pack=pack)
+            return "Parallax is on"
 
-        return self._done(switched)
+        return self._done(switched, of_file=True)
 
 
 def _partners(_self: object, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:

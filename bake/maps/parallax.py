@@ -37,7 +37,7 @@ def seen_at(
         return place + xp.scale(step, level)
 
     thickness = (high - low) / layers
-    # The highest of the layers that the relief reaches above; if none, the lowest.
+    # The highest layer that the relief exceeds; if none, the lowest.
     risen: Any = 0.0
     for k in range(1, layers):
         level = (layers - k) * thickness

@@ -81,6 +81,8 @@ def main() -> int:
     arguments = parser.parse_intermixed_args()
     if arguments.parts and arguments.name not in _TAKE_NAMES:
         parser.error(f"bench {arguments.name} takes no more names")
+    if arguments.parts and arguments.record:
+        parser.error("what is recorded is of all: leave out --record, or the names")
     if arguments.before and arguments.name != "scale":
         parser.error(f"bench {arguments.name} takes no --before")
     out = arguments.out.resolve()

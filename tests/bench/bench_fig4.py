@@ -28,21 +28,22 @@ NAMES = ("wool", "cloth")
 
 
 def run(out: Path, quick: bool, files: Sequence[str]) -> int | None:
-    """Both swatches, or of the cloth alone less; or these archives. Photographs that are in `out` are taken."""
+    """Both swatches, or of the cloth alone less; or these archives. `out` keeps the photographs for the page."""
     size, samples, true_samples = (24, 4, 16) if quick else (64, 16, 128)
     for name in () if files else NAMES[1:] if quick else NAMES:
         started = time.perf_counter()
-        rivals = photographed(name, size, samples, out, _Tenths(name))
+        rivals = photographed(name, size, samples, out, _Tenths(name), anew=True)
         frames, noise = geometry(name, size, true_samples)
         report(name, {rival: errors_of(rival, frames, size) for rival in rivals})
         print(f"  {time.perf_counter() - started:.0f} s; noise of the geometry's picture {noise:.1%}", flush=True)
     for file in map(Path, files):
         try:
             btf = read_ubo2003(file, size)
+            rivals = archives.rivals_of_archive(btf)
         except BakeError as error:
             print(f"bench fig4: {error}")
             return 1
-        report(file.stem, {rival: archives.errors_of(rival, btf) for rival in archives.rivals_of_archive(btf)})
+        report(file.stem, {rival: archives.errors_of(rival, btf) for rival in rivals})
     return None
 
 

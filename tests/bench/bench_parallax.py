@@ -1,8 +1,9 @@
 """Parallax under shading maps: lookups moved by the relief, beside those that are not, against oblique views.
 
 Every swatch of the gantry is photographed all around, and baked to a map over azimuth and, by photometric stereo, to
-heights. Seen from 30, 50 and 70 degrees, with lights that are in no photograph, what the map shows is compared with the
-geometry: as it is, moved by those heights, and moved by the geometry's own.
+heights. Seen from 30, 50 and 70 degrees, as no photograph shows it, under a light that is among those of the
+photographs and one that is not, what the map shows is compared with the geometry: as it is, moved by those heights, and
+moved by the geometry's own.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from ....nodes.second_group import (
     second_node,
     without_passes,
 )
-from ....nodes.surface_inputs import connect_inputs
+from ....nodes.surface_inputs import connect_inputs, coordinates_before_tiling
 from ...lights.light_tables import fit_slots
 from ..facts import is_measured
 
@@ -110,8 +110,8 @@ def _take_over(
         if socket.name in ("Normal", "Tangent") and here is not None and here.is_linked:
             tree.links.new(here.links[0].from_socket, socket)
     if "UV" in node.inputs and own.inputs["UV"].is_linked:
-        theirs, ours = own.inputs["UV"].links[0].from_node, node.inputs["UV"].links[0].from_node
-        if theirs.bl_idname == ours.bl_idname == "ShaderNodeMapping":
+        theirs, ours = (source and source.node for source in map(coordinates_before_tiling, (own, node)))
+        if theirs and ours and theirs.bl_idname == ours.bl_idname == "ShaderNodeMapping":
             ours.vector_type = theirs.vector_type
             for name in ("Location", "Rotation", "Scale"):
                 ours.inputs[name].default_value = theirs.inputs[name].default_value

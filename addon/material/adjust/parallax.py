@@ -9,6 +9,8 @@ from ....bake.errors import BakeError
 from ....bake.maps.folder import MapsFolder
 from ....bake.shading_maps.record import ShadingMapRecord
 from ....bake.shading_maps.slice_atlas import SliceLayout
+from ....nodes.data_image import PART_KEY
+from ....nodes.material_tree import measured_nodes
 from ....nodes.parallax_group import Relief, is_parallax, parallax_group
 from ....nodes.principled_maps import map_image
 from ....nodes.surface_inputs import connect_frame, source_of
@@ -45,7 +47,7 @@ def add_parallax(
     if socket is None:
         raise BakeError(material.name, "its measured group is no longer among its nodes", "undo its removal")
     if parallax_node(material) is not None:
-        raise BakeError(material.name, "has parallax already", "take it out first")
+        raise BakeError(material.name, "already has parallax", "switch it off first")
     if not socket.is_linked:
         raise BakeError(material.name, "nothing is linked to the UV of its measured group", "link a UV map to it")
     if record.tiling is not None:
@@ -79,6 +81,18 @@ def remove_parallax(material: bpy.types.Material) -> None:
         tree.links.new(source, socket)
     if frame is not None and is_swatch_frame(frame.node) and not any(o.is_linked for o in frame.node.outputs):
         tree.nodes.remove(frame.node)
+
+
+def keeps_textures(material: bpy.types.Material) -> bool:
+    """Whether the measured group's textures are packed into the .blend."""
+    trees, images = [node.node_tree for _, node in measured_nodes(material.node_tree)], []
+    while trees:
+        for node in trees.pop().nodes:
+            if node.bl_idname == "ShaderNodeTexImage" and node.image is not None:
+                images.append(node.image)
+            elif getattr(node, "node_tree", None) is not None:
+                trees.append(node.node_tree)
+    return any(image.get(PART_KEY) and image.packed_file is not None for image in images)
 
 
 def _relief(maps: MapsFolder, layout: SliceLayout, pack: bool) -> Relief:

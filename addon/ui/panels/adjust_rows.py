@@ -14,6 +14,7 @@ from ...material.adjust.energy import energy_of
 from ...material.adjust.parallax import parallax_node
 from ...material.adjust.relief import relief_nodes
 from ...material.adjust.swatch import random_tiling_node, swatch_mapping
+from ...material.facts import record_of
 from ...material.kinds import SHADING_MAP, kind_of
 from ..adjust import (
     MEASURED_MATERIALS_OT_add_bump,
@@ -117,6 +118,9 @@ def _draw_swatch(layout: Any, material: bpy.types.Material) -> None:
     for name in ("Patch Size", "Seed") if tiling is not None else ():
         _draw_socket(layout, tiling.id_data, tiling, name)
     parallax = parallax_node(material)
-    layout.operator(MEASURED_MATERIALS_OT_parallax.bl_idname, icon="MOD_DISPLACE", depress=parallax is not None)
+    row = layout.row()
+    # The heights of a swatch that was made to tile are not those of its photographs.
+    row.enabled = parallax is not None or record_of(material).tiling is None
+    row.operator(MEASURED_MATERIALS_OT_parallax.bl_idname, icon="MOD_DISPLACE", depress=parallax is not None)
     if parallax is not None:
         _draw_socket(layout, parallax.id_data, parallax, "Depth")

@@ -21,7 +21,7 @@ GROUPS = (
 
 
 def rivals_of_archive(btf: Btf) -> tuple[Rival, ...]:
-    """Both compressions, and maps of the pictures seen from above: under lights in the plane of u, and under all."""
+    """Both compressions, and maps of the pictures seen from above: under lights of one arc, and under all."""
     _, whole_view, per_view = rivals_of(btf)
     along = [k for k, light in enumerate(btf.lights.angles) if _is_along(light)]
     arc, around = _stack(btf, along), _stack(btf, list(range(len(btf.lights.angles))))
@@ -58,8 +58,8 @@ def _fitted(stack: PhotoStack) -> RenderSettings:
 
 
 def _is_along(light: tuple[float, float]) -> bool:
-    """Within the plane of u: the normal, and azimuths 0 and 180."""
-    return light[0] == 0 or light[1] % 180 == 0
+    """On the arc of azimuth 0, up to the normal: of the other side shadows fall the other way."""
+    return light[0] == 0 or light[1] == 0
 
 
 def _towards(angles: tuple[float, float]) -> Array:

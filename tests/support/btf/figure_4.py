@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import tempfile
 from collections.abc import Callable
@@ -14,10 +15,12 @@ from measured_materials.addon.gantry import techniques
 from measured_materials.addon.gantry.photograph_arc import SUN_ANGLE, gantry_scene
 from measured_materials.addon.gantry.swatches import SWATCHES
 from measured_materials.addon.gantry.techniques import Case, Frames, MappedSwatch
+from measured_materials.bake.atomic_write import replacing_file
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.bake.shading_maps.bake import ArcSettings, Azimuths, bake_stack
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
+from numpy.typing import NDArray
 
 from ..gantry_maps import ARC_CASES, AROUND_CASES, bytes_of, renders_of, stack_of
 from .btf import Btf, compressed, whole
@@ -26,7 +29,7 @@ from .rings import Array, Rings
 
 COMPONENTS = 16
 ARC_MAP, AROUND_MAP = "map of one arc", "map over azimuth"
-# 21 views and as many lights, about 38 degrees apart along a ring and 24 between rings.
+# 21 views and as many lights, 30 to 43 degrees apart along a ring and 22 to 25 between rings.
 DIRECTIONS = Rings(((0.0, 1), (25.0, 5), (50.0, 7), (72.0, 8)))
 # (elevation, azimuth) of lights and (theta, phi) of views that are none of the BTF's, degrees.
 _ALONG = tuple((e, 0.0) for e in (30.0, 52.5, 77.0))
@@ -101,23 +104,47 @@ class Rival:
 
 
 def photographed(
-    name: str, size: int, samples: int, folder: Path, progress: Callable[[float], None] = lambda share: None
+    name: str,
+    size: int,
+    samples: int,
+    folder: Path,
+    progress: Callable[[float], None] = lambda share: None,
+    *,
+    anew: bool = False,
 ) -> tuple[Rival, ...]:
     """A swatch's rivals of photographs from everywhere, on the arc and all around, all with so many samples of a pixel.
 
-    `folder` keeps the photographs as fig4_NAME.npz, and those of this size and effort that are there are taken.
+    `folder` keeps the photographs as fig4_NAME.npz. Unless `anew`, those that are there are taken, if they are of this
+    size and effort, of the same directions and by the same gantry.
     """
-    file = folder / f"fig4_{name}.npz"
-    if not (file.is_file() and np.load(file)["effort"].tolist() == [size, samples]):
+    file, told = folder / f"fig4_{name}.npz", _told(size, samples)
+    kept = None if anew else _kept(file, told)
+    if kept is None:
         with gantry_scene(SWATCHES[name](0), size=size, samples=samples) as gantry:
             frames = techniques.photograph(gantry, AROUND_CASES)
             btf = photograph_btf(gantry, DIRECTIONS, DIRECTIONS, progress)
-        around = np.stack([frames[key] for key in sorted(frames)])
-        np.savez(file, btf=btf.pictures, around=around, effort=np.array([size, samples]))
-    with np.load(file) as kept:
-        keys = sorted({frame for case in AROUND_CASES for frame in case.frames})
-        frames = dict(zip(keys, kept["around"], strict=True))
-        return *rivals_of(whole(kept["btf"], DIRECTIONS, DIRECTIONS)), *maps_of(name, frames)
+        kept = btf.pictures, np.stack([frames[key] for key in sorted(frames)])
+        with replacing_file(file) as temporary:
+            np.savez(temporary, btf=kept[0], around=kept[1], told=told)
+    keys = sorted({frame for case in AROUND_CASES for frame in case.frames})
+    frames = dict(zip(keys, kept[1], strict=True))
+    return *rivals_of(whole(kept[0], DIRECTIONS, DIRECTIONS)), *maps_of(name, frames)
+
+
+def _kept(file: Path, told: str) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+    """The BTF's pictures and the frames of `AROUND_CASES`, if they are of this."""
+    if not file.is_file():
+        return None
+    with np.load(file) as there:
+        return (there["btf"], there["around"]) if "told" in there and str(there["told"]) == told else None
+
+
+def _told(size: int, samples: int) -> str:
+    """All that photographs follow from: effort, directions, and the sources of the gantry and its swatches."""
+    folder = Path(techniques.__file__).parent
+    sources = b"".join(path.read_bytes() for path in sorted(folder.rglob("*.py")))
+    lights = [case.lights for case in AROUND_CASES]
+    return f"{size} {samples} {DIRECTIONS.rings} {lights} {hashlib.sha256(sources).hexdigest()}"
 
 
 def geometry(name: str, size: int, samples: int) -> tuple[Frames, float]:

@@ -22,7 +22,7 @@ class Rings:
     def __post_init__(self) -> None:
         thetas = [theta for theta, _ in self.rings]
         if len(thetas) < 2 or self.rings[0] != (0, 1) or sorted(set(thetas)) != thetas or thetas[-1] >= 90:
-            raise ValueError(f"rings {self.rings}")
+            raise ValueError(f"invalid rings {self.rings}")
 
     @property
     def angles(self) -> list[tuple[float, float]]:

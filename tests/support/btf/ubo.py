@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+import zlib
 from collections import defaultdict
 from pathlib import Path
 
@@ -23,6 +24,15 @@ from .rings import Rings
 _NAME = re.compile(r"tl(\d{3}) pl(\d{3}) tv(\d{3}) pv(\d{3})\.jpg$")
 # Azimuths are written in whole degrees.
 _ROUNDED = 0.51
+# What zipfile and PIL raise for files that are damaged, encrypted or hostile.
+_SPOILED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    RuntimeError,
+    NotImplementedError,
+    UnidentifiedImageError,
+    Image.DecompressionBombError,
+)
 # A JPEG's header tells its size before it is decoded.
 _LARGEST_EDGE = 4096
 
@@ -39,7 +49,7 @@ def read_ubo2003(path: Path, edge: int = 64) -> Btf:
     try:
         with zipfile.ZipFile(path) as archive:
             return _read(path, archive, edge)
-    except (OSError, zipfile.BadZipFile, UnidentifiedImageError, Image.DecompressionBombError) as error:
+    except (OSError, *_SPOILED) as error:
         raise BakeError(path, f"is no archive of UBO2003 ({error})", "give its zip of JPEGs") from error
 
 
@@ -53,19 +63,19 @@ def _read(path: Path, archive: zipfile.ZipFile, edge: int) -> Btf:
             files[view, light] = name
     if not files:
         raise BakeError(path, "holds no picture named as in UBO2003", "name them tl000 pl000 tv000 pv000.jpg")
-    views, lights = (_rings(path, {pair[k] for pair in files}) for k in (0, 1))
+    (views, seen), (lights, lit) = (_rings(path, {pair[k] for pair in files}) for k in (0, 1))
     pictures = np.empty((len(views.angles), len(lights.angles), edge, edge, 3), np.float32)
-    for k, view in enumerate(views.angles):
-        for j, light in enumerate(lights.angles):
-            pair = _degrees(view), _degrees(light)
+    for k, view in enumerate(seen):
+        for j, light in enumerate(lit):
+            pair = view, light
             if pair not in files:
                 raise BakeError(path, f"has no picture of view {pair[0]} under light {pair[1]}", "give all pairs")
             pictures[k, j] = _middle(path, archive, files[pair], edge)
     return whole(pictures, views, lights)
 
 
-def _rings(path: Path, angles: set[tuple[int, int]]) -> Rings:
-    """Of whole degrees; azimuths of a ring at equal steps from 0."""
+def _rings(path: Path, angles: set[tuple[int, int]]) -> tuple[Rings, list[tuple[int, int]]]:
+    """Of whole degrees, azimuths of a ring at equal steps from 0; and the directions in their order, as read."""
     by_theta = defaultdict(list)
     for theta, phi in sorted(angles):
         by_theta[theta].append(phi)
@@ -75,13 +85,11 @@ def _rings(path: Path, angles: set[tuple[int, int]]) -> Rings:
             cause = f"has directions at {theta} degrees that are not evenly around the normal"
             raise BakeError(path, cause, "give a whole archive")
     try:
-        return Rings(tuple((float(theta), len(phis)) for theta, phis in by_theta.items()))
+        rings = Rings(tuple((float(theta), len(phis)) for theta, phis in by_theta.items()))
     except ValueError as error:
-        raise BakeError(path, f"has directions that are no rings about the normal ({error})", "give all") from error
-
-
-def _degrees(angles: tuple[float, float]) -> tuple[int, int]:
-    return round(angles[0]), round(angles[1])
+        cause = f"has directions that do not form rings about the normal ({error})"
+        raise BakeError(path, cause, "give a whole archive") from error
+    return rings, sorted(angles)
 
 
 def _middle(path: Path, archive: zipfile.ZipFile, name: str, edge: int) -> np.ndarray:
