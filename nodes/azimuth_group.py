@@ -38,9 +38,9 @@ class AzimuthImages(SliceImages):
 
 
 def azimuth_group(name: str, images: AzimuthImages, options: SliceOptions) -> bpy.types.ShaderNodeTree:
-    """S(x, phi) = max(sum of coefficients times curves, m x), m the envelope; sockets as of `slices_group`, and Light.
+    """S(x, phi) = x max(sum of coefficients times curves, m), m the envelope; sockets as of `slices_group`, and Light.
 
-    Light is any vector whose x and y are its parts along the swatch's u and v. At a texel the sum is below m x only
+    Light is any vector whose x and y are its parts along the swatch's u and v. At a texel the sum is below m only
     where it is below 0; between texels it may be, for the larger of two does not interpolate.
     """
     layout = images.curve_layout
@@ -65,9 +65,13 @@ def azimuth_group(name: str, images: AzimuthImages, options: SliceOptions) -> bp
                 total = _plus(total, tap(float(k)), *weights)
         m, share = texel_tap(images, u + _red(total) * _NOTHING, v, options)
         total = expr.scale(total, images.residual_scale)
-        one = expr.vec(1.0, 1.0, 1.0)
-        held = m * expr.vector_node("MINIMUM", x, one) if options.coloured else expr.scale(m, expr.minimum(x, 1.0))
-        rest = expr.vector_node("MAXIMUM", total - held, expr.vec(0.0, 0.0, 0.0))
+        slope = expr.vector_node("MAXIMUM", total - m, expr.vec(0.0, 0.0, 0.0))
+        if options.coloured:
+            level: Any = expr.vector_node("MINIMUM", x, expr.vec(1.0, 1.0, 1.0))
+            rest, held = slope * level, m * level
+        else:
+            level = expr.minimum(x, 1.0)
+            rest, held = expr.scale(slope, level), expr.scale(m, level)
         if options.above == "clamp" and options.peak:
             # What the closure carries must not depend on the light's azimuth, as the brightest level may.
             bounded = expr.scale(m, 1 / expr.maximum(peak, 1.0))

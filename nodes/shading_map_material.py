@@ -15,7 +15,7 @@ from ..bake.errors import BakeError
 from ..bake.images.storage import HALF_LARGEST
 from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
-from ..bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
+from ..bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, mean_curves
 from ..bake.shading_maps.azimuth.curve_layout import unpack_curves
 from ..bake.shading_maps.azimuth.mean_coefficients import light_coefficients
 from ..bake.shading_maps.record import ShadingMapRecord
@@ -166,9 +166,7 @@ def _map_groups(
     if facts.model != "azimuth":
         return MapGroups(traced, shown, traced)
     curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
-    around = mean_group(
-        f"MM Slices Around {name}", far, curves.mean(1, dtype=np.float64), lighting.options(stochastic=False)
-    )
+    around = mean_group(f"MM Slices Around {name}", far, mean_curves(curves), lighting.options(stochastic=False))
     return MapGroups(traced, shown, around, turned=True)
 
 

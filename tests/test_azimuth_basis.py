@@ -9,7 +9,7 @@ import pytest
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
-from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, levels_of, mean_curves
 from measured_materials.bake.shading_maps.azimuth.azimuth_envelope import azimuth_envelope
 from measured_materials.bake.shading_maps.azimuth.curve_layout import (
     CurveLayout,
@@ -26,7 +26,7 @@ def test_values_are_those_of_the_closed_form_at_the_nodes_and_the_mean_is_the_le
     basis = lambert_basis(azimuths=16, levels=9)
     slope = basis.coefficients[..., 1:]
     for i, p in ((1, 0), (4, 3), (7, 15), (8, 5)):
-        x, phi = i / 8, 2 * np.pi * p / 16
+        x, phi = levels_of(9)[i], 2 * np.pi * p / 16
         lean = x * np.sqrt(1 - x * x)
         expected = x + lean * (slope[..., 0] * np.cos(phi) + slope[..., 1] * np.sin(phi))
         assert np.abs(basis.evaluate(x, phi) - expected).max() < 1e-6
@@ -46,6 +46,19 @@ def test_azimuth_is_periodic_and_linear_between_its_nodes() -> None:
     assert np.allclose(basis.weights(0.4, -1e-9), basis.weights(0.4, 0.0), atol=1e-6)
 
 
+def test_levels_crowd_towards_black_and_means_are_those_of_even_ones() -> None:
+    basis = clamped_basis(azimuths=8, levels=12)
+    x = levels_of(12)
+    assert x[0] == 0 and x[-1] == 1 and (np.diff(x, 2) > 0).all()
+    # Straight lines in the position: half way between two nodes are half of both, in parts of the level.
+    middle = ((4.5) / 11) ** 1.5
+    ends = [basis.weights(level, 0.3) / level for level in x[4:6]]
+    assert np.allclose(basis.weights(middle, 0.3) / middle, (ends[0] + ends[1]) / 2, atol=1e-6)
+    means = mean_curves(basis.curves)
+    around = np.mean([basis.weights(5 / 11, 2 * np.pi * p / 8) for p in range(8)], axis=0)
+    assert np.allclose(means[:, 5], around, atol=1e-6) and not means[:, 0].any()
+
+
 def test_points_of_the_texture_and_channels_of_their_own_level() -> None:
     basis = clamped_basis(4, 6)
     uv = np.array([[(2 + 0.5) / 6, 1 - (1 + 0.5) / 4]])
@@ -63,9 +76,9 @@ def test_a_linear_filter_of_the_curves_texture_finds_the_weights(rank: int) -> N
     image, layout = pack_curves(basis.curves), CurveLayout(rank, 6, 5)
     assert np.array_equal(unpack_curves(image, layout), basis.curves)
     rng = np.random.default_rng(0)
-    x = np.concatenate([rng.uniform(0, 1.2, 60), [0, 1, 1, 0]])
+    x = np.concatenate([rng.uniform(0, 1.2, 60), [1e-9, 1, 1, 1e-9]])
     turns = np.concatenate([rng.uniform(0, 1, 60), [0, 0, 1, 1]])
-    expected = basis.weights(x, 2 * np.pi * turns)
+    expected = basis.weights(x, 2 * np.pi * turns) / np.minimum(x, 1)[:, None]
     for group in range(layout.groups):
         u, v = curve_uv(xp_numpy, layout, group, x, turns)
         found = _bilinear(image, u, v)[:, : rank - 4 * group]
@@ -92,16 +105,15 @@ def test_the_envelope_lies_under_the_stored_map_everywhere_and_touches_it(make: 
     found = azimuth_envelope(basis, storage)
     rng = np.random.default_rng(1)
     places = [(x, phi) for x, phi in zip(rng.uniform(0.02, 1, 300), rng.uniform(0, 7, 300), strict=True)]
-    nodes = [(i / 7, 2 * np.pi * p / 16) for i in range(1, 8) for p in range(16)]
+    nodes = [(x, 2 * np.pi * p / 16) for x in levels_of(8)[1:] for p in range(16)]
     slopes = np.stack([basis.evaluate(x, phi) / x for x, phi in nodes])
     for x, phi in places:
         assert (basis.evaluate(x, phi) - x * found.envelope).min() > -1e-6
     assert (slopes.min(0) - found.envelope).max() < (2e-3 if storage is Storage.HALF else 1e-4)
-    # Trapezoids of the light of all levels; that of level 0 is none.
-    weights = np.where(np.array([x for x, _ in nodes]) < 1, 1, 0.5) / len(nodes)
-    whole = np.tensordot(weights, slopes * np.array([x for x, _ in nodes])[:, None, None, None], 1)
-    energy = 0.5 * found.envelope.sum() / whole.sum()
-    assert abs(found.energy - energy) < 1e-4
+    # The light of all levels, between the nodes too, where what is held at 0 is held exactly: 1 % of it.
+    fine = [(x, 2 * np.pi * (p + 0.5) / 16) for x in (np.arange(64) + 0.5) / 64 for p in range(16)]
+    whole = np.mean([basis.evaluate(x, phi) for x, phi in fine], axis=0)
+    assert abs(found.energy - 0.5 * found.envelope.sum() / whole.sum()) < 0.01 * found.energy + 1e-6
 
 
 def test_a_bundle_gives_the_map_back(tmp_path: Path) -> None:
@@ -116,9 +128,19 @@ def test_a_bundle_gives_the_map_back(tmp_path: Path) -> None:
     assert np.abs(record.load_map().slices[3] - mean).max() < 1e-5
 
 
+def test_curves_at_even_levels_are_refused(tmp_path: Path) -> None:
+    bundle = write_azimuth_bundle(tmp_path / "cloth.mmat", clamped_basis())
+    told = dict(bundle.material["map"])
+    with pytest.raises(BakeError, match="crowding"):
+        ShadingMapRecord.parse({**bundle.material, "map": {**told, "crowding": 1.0}}, bundle.path)
+    told.pop("crowding")
+    with pytest.raises(BakeError, match="crowding"):
+        ShadingMapRecord.parse({**bundle.material, "map": told}, bundle.path)
+
+
 def test_what_cannot_be_kept_is_refused() -> None:
     basis = lambert_basis()
     with pytest.raises(BakeError, match=r"rgbe.*either sign.*half or float32"):
         store_azimuth(basis, Storage.RGBE)
-    with pytest.raises(BakeError, match=r"azimuth rank.*17.*1 to 16"):
-        AzimuthBasis(np.zeros((2, 2, 3, 17), np.float32), np.zeros((17, 8, 4), np.float32))
+    with pytest.raises(BakeError, match=r"azimuth rank.*24.*1 to 23"):
+        AzimuthBasis(np.zeros((2, 2, 3, 24), np.float32), np.zeros((24, 8, 4), np.float32))

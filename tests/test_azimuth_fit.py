@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 from measured_materials.bake.shading_maps.azimuth import azimuth_fit
 from measured_materials.bake.shading_maps.azimuth.against_arc import arc_error, foretells, surround
-from measured_materials.bake.shading_maps.azimuth.azimuth_basis import node_means
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, node_means
 from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, chosen, fit_azimuth
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
 from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack
 from measured_materials.bake.shading_maps.azimuth.light_weights import (
+    PLATES,
     LightWeights,
     convex_hull,
     nearest_within,
     spacing,
     widest_gap,
 )
+from measured_materials.bake.shading_maps.shading_map import at_level, linearise
+from support.azimuth import clamped_basis
 from support.relief import bumps, lights, photographs
 
 DOME = lights((15, 35, 55, 75), 8)
@@ -64,6 +67,50 @@ def test_shadows_that_a_relief_casts_turn_with_the_light() -> None:
     assert relative(turned[0], turned[1]) > 0.4
 
 
+def test_along_an_arc_that_was_photographed_closely_it_is_as_good_as_the_map_of_that_arc() -> None:
+    arc, between = (lights(tuple(np.linspace(*ends)), 1, zenith=False) for ends in ((5, 88, 10), (10, 65, 4)))
+    around = lights((10, 30, 50, 70), 8, zenith=False)
+    images, truths = (photographs(bumps(32), directions) for directions in (np.concatenate([arc, around]), between))
+    fit = fit_azimuth(images, np.concatenate([arc, around]))
+    alone = linearise(images[: len(arc)])
+    errors = []
+    for direction, truth in zip(between, truths, strict=True):
+        level = float(truth.mean()) / alone.a_max
+        errors.append(
+            [relative(one, truth) for one in (shown(fit, direction), alone.a_max * at_level(alone.map, level))]
+        )
+    ours, theirs = np.sqrt(np.square(errors).mean(0))
+    assert ours < theirs
+
+
+def test_curves_are_as_many_as_keep_the_photographs() -> None:
+    images = photographs(bumps(24), DOME)
+    stack = LightStack.of(images, DOME)
+    choice = AzimuthChoice(1e-3, False)
+    nodes, errors = Nodes.of(stack, choice), azimuth_fit.left_out_by_rank(stack, choice)
+    rank = azimuth_fit.called_for(stack, nodes, errors)
+    foretold = int(np.argmin([found.sum() for found in errors])) + 1
+    flat = images.reshape(len(images), -1).astype(np.float64)
+
+    def lost(count: int) -> float:
+        """Of the photographs, by least squares on the coefficient images of so many curves."""
+        coefficients = nodes.reduced(stack, count)[1] @ flat
+        rest = flat - flat @ np.linalg.pinv(coefficients) @ coefficients
+        return float(np.sqrt(np.square(rest).mean(1) / np.square(flat).mean(1)).mean())
+
+    assert lost(rank) < 0.02 < lost(rank - 1)
+    # Nothing is kept for its own sake: left out, fewer curves foretell as much.
+    assert errors[rank - 1].sum() < 1.05 * errors[foretold - 1].sum()
+
+
+def test_a_highlight_is_interpolated_in_parts_of_the_level_and_a_matte_relief_as_it_is() -> None:
+    half = DOME + np.array([0.0, 0.0, 1.0])
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    stack = LightStack.of(lambertian(half) ** 30 + np.float32(0.01) * lambertian(DOME), DOME)
+    assert chosen(stack).plate != "plain"
+    assert chosen(LightStack.of(lambertian(DOME), DOME)).plate == "plain"
+
+
 def test_every_photograph_is_left_out_once_and_predicted_without_itself() -> None:
     images = photographs(bumps(16), DOME)
     stack = LightStack.of(images, DOME)
@@ -88,7 +135,8 @@ def test_errors_by_products_are_those_of_the_pixels() -> None:
     wanted = np.arange(len(ELSEWHERE))
     direct = np.square(weights @ flat - flat[wanted]).mean(1)
     assert np.allclose(stack.errors(weights, wanted, np.arange(len(images))), direct, rtol=1e-5)
-    whole, reduced = nodes.weights @ flat, curves[:, :, 1:].reshape(6, -1).T @ (mixed @ flat)
+    level = np.tile(nodes.x, nodes.azimuths)[:, None]
+    whole, reduced = nodes.weights @ flat, level * curves[:, :, 1:].reshape(6, -1).T @ (mixed @ flat)
     assert np.isclose(lost, np.sqrt(np.square(whole - reduced).mean()), rtol=1e-4)
     assert np.allclose(stack.averages, flat.mean(1), rtol=1e-5)
 
@@ -99,18 +147,23 @@ def test_means_are_the_levels(even: bool) -> None:
     stack = LightStack.of(leaning, DOME)
     nodes = Nodes.of(stack, AzimuthChoice(1e-3, even))
     means = (nodes.weights @ stack.averages).reshape(nodes.azimuths, -1)
-    levels = np.arange(1, nodes.levels) / (nodes.levels - 1)
-    assert np.allclose(means.mean(0), levels, rtol=1e-6)
-    apart = np.ptp(means[:, 12]) / levels[12]
+    assert np.allclose(means.mean(0), nodes.x, rtol=1e-6)
+    apart = np.ptp(means[:, 25]) / nodes.x[25]
     assert apart < 1e-6 if even else apart > 0.4
 
 
 def test_a_fitted_map_has_its_levels_for_means_and_one_look_at_the_zenith() -> None:
     fit = fit_azimuth(photographs(bumps(24), DOME), DOME, rank=5)
-    levels = np.arange(1, azimuth_fit.LEVELS) / (azimuth_fit.LEVELS - 1)
-    assert np.abs(node_means(fit.basis).mean(0) / levels - 1).max() < 1e-4
-    assert fit.basis.rank == 5 and not fit.basis.curves[:, :, 0].any()
+    assert np.abs(node_means(fit.basis).mean(0) - 1).max() < 1e-4
+    assert fit.basis.rank == 5
     assert np.ptp(fit.basis.curves[:, :, -1], axis=1).max() < 1e-6
+
+
+def test_levels_of_next_to_no_light_are_not_scaled_up() -> None:
+    basis = clamped_basis()
+    dark = basis.coefficients - basis.coefficients.mean((0, 1, 2), keepdims=True) * np.float32(1 - 1e-9)
+    found = azimuth_fit.levelled(AzimuthBasis(dark * np.float32(1e-9), basis.curves))
+    assert np.abs(found.curves).max() <= 2.001 * np.abs(basis.curves).max()
 
 
 def test_brightness_that_goes_with_azimuth_is_kept_and_uneven_lamps_are_not() -> None:
@@ -132,11 +185,17 @@ def test_lights_of_one_elevation_and_beyond_the_outermost() -> None:
 
 
 def test_weights_sum_to_one_and_hold_what_is_linear() -> None:
-    weights = LightWeights(DOME, 1e-4)
+    curve = LevelCurve.of(DOME[:, 2], DOME[:, 2] ** 4)
+    weights = LightWeights(DOME, 1e-4, curve)
     places = ELSEWHERE[:, :2]
     found = weights(places)
     assert np.allclose(found.sum(1), 1) and np.allclose(found @ DOME, ELSEWHERE, atol=1e-9)
-    assert np.allclose(LightWeights(DOME, 0.0)(DOME[:, :2]), np.eye(len(DOME)), atol=1e-6)
+    for plate in PLATES:
+        exact = LightWeights(DOME, 0.0, curve, plate)
+        assert np.allclose(exact(DOME[:, :2]), np.eye(len(DOME)), atol=1e-6)
+        # In parts of the level, what is one for all lights stays so; a plain plate holds radiance instead.
+        kept = exact(places) @ curve.level(DOME[:, 2]) / curve.level(ELSEWHERE[:, 2])
+        assert (np.abs(kept - 1).max() < 1e-6) == (plate != "plain")
 
 
 def test_places_outside_of_the_lights_move_to_the_nearest_on_their_rim() -> None:

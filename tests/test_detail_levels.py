@@ -24,7 +24,7 @@ from measured_materials.addon.scene_check.findings import WRONG, Finding
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.bundle.bundle import Bundle
 from measured_materials.bake.bundle.result import BakeResult
-from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, levels_of
 from measured_materials.bake.shading_maps.azimuth.azimuth_envelope import azimuth_envelope
 from measured_materials.bake.shading_maps.azimuth.curve_layout import CurveLayout, pack_curves
 from measured_materials.bake.shading_maps.azimuth.mean_coefficients import light_coefficients
@@ -100,20 +100,20 @@ def test_every_level_has_the_whole_light() -> None:
 
 
 def dark_basis() -> AzimuthBasis:
-    """Lambertian texels of steep normals in six curves: half of all sides leave one dark, and some sums below 0."""
+    """Lambertian texels of steep normals in four curves: half of all sides leave one dark, and some sums below 0."""
     slopes = RNG.normal(0, 1, (HEIGHT, WIDTH, 2))
     for axis in (0, 1):  # as of threads a few texels wide
         slopes = sum(np.roll(slopes, shift, axis) for shift in range(5)) / 5
     slopes *= 1.5 / slopes.std()
     normals = np.concatenate([slopes.reshape(-1, 2), np.ones((HEIGHT * WIDTH, 1))], -1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    phi, x = np.meshgrid(2 * np.pi * np.arange(12) / 12, np.linspace(0, 1, 6), indexing="ij")
+    phi, x = np.meshgrid(2 * np.pi * np.arange(12) / 12, levels_of(6), indexing="ij")
     towards = np.stack([np.sqrt(1 - x**2) * np.cos(phi), np.sqrt(1 - x**2) * np.sin(phi), x])
-    lit = np.maximum(np.einsum("tk,kpn->tpn", normals, towards), 0) * x
+    lit = np.maximum(np.einsum("tk,kpn->tpn", normals, towards), 0)
     left, values, curves = np.linalg.svd(lit.reshape(len(lit), -1), full_matrices=False)
-    mixed = (left * values)[:, None, :6] * np.array([1.0, 0.7, 0.4])[:, None]
-    coefficients = mixed.reshape(HEIGHT, WIDTH, 3, 6).astype(np.float32)
-    return AzimuthBasis(coefficients, curves[:6].reshape(6, 12, 6).astype(np.float32))
+    mixed = (left * values)[:, None, :4] * np.array([1.0, 0.7, 0.4])[:, None]
+    coefficients = mixed.reshape(HEIGHT, WIDTH, 3, 4).astype(np.float32)
+    return AzimuthBasis(coefficients, curves[:4].reshape(4, 12, 6).astype(np.float32))
 
 
 def test_means_of_light_where_texels_are_held_at_zero() -> None:

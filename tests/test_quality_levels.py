@@ -69,7 +69,7 @@ def test_finer_takes_longer_and_more() -> None:
     assert levels.expected_megabytes(BakeSettings(envelope=False)) < 2.5
     # Of light from every side the rank counts, and slices, which there are none of, do not.
     for expected in (levels.expected_seconds, levels.expected_megabytes):
-        low, usual, high = (expected(ArcSettings(azimuths="all", azimuth_rank=rank)) for rank in (2, None, 16))
+        low, usual, high = (expected(ArcSettings(azimuths="all", azimuth_rank=rank)) for rank in (2, None, 23))
         assert expected(ArcSettings()) < usual and low < usual < high
         assert usual == expected(ArcSettings(azimuths="all", slices=30))
 

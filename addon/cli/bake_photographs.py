@@ -99,8 +99,8 @@ def add_azimuths(group: Any) -> None:
         "--azimuth-rank",
         type=int,
         metavar=f"{MIN_RANK}..{MAX_RANK}",
-        help="numbers per texel and channel of a map of light from every side (default: as many as photographs that "
-        "are left out call for)",
+        help="numbers per texel and channel of a map of light from every side (default: as many as predict "
+        "photographs that are left out and keep those that are there)",
     )
 
 

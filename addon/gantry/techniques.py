@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ...bake.brdf.preview_sphere import to_srgb
 from ...bake.bundle.bundle import Bundle
 from ...bake.errors import BakeError
+from ...bake.images.bilinear import sampled
 from ...bake.lobes.lobe_fit import fit_lobe
 from ...bake.lobes.lobes import Lobe
 from ...bake.shading_maps.albedo import resolved_scale
@@ -146,17 +147,29 @@ def _reflected(technique: str, swatch: MappedSwatch, wi: Sequence[float], f_cos:
     if technique == "lookup":
         return swatch.a_max * _texels(swatch, uv, f_cos * swatch.gain, phi, swatch.above)
     if technique == "lit_texture":
-        return swatch.map.evaluate(uv, _level(uv, 1.0)) * (swatch.sigma * f_cos)
+        return _slices_at(swatch.map, 1.0, uv) * (swatch.sigma * f_cos)
     knots = np.linspace(0, 1, len(swatch.level_by_cosine))
     level = max(float(np.interp(wi[2], knots, swatch.level_by_cosine)), _DARKEST_LEVEL)
     return _texels(swatch, uv, level, phi, "clamp") * (swatch.sigma * f_cos / level)
 
 
 def _texels(swatch: MappedSwatch, uv: Array, x: float, phi: float, above: Above) -> Array:
-    """The map at one level, lit from one azimuth where it knows of any."""
+    """The map at one level, lit from one azimuth where it knows of any.
+
+    What is linear comes first: the swatch at that level once, then its texels at every uv.
+    """
     if swatch.around is None:
-        return swatch.map.evaluate(uv, _level(uv, x), above)
-    return swatch.around.at(uv, _level(uv, x), _level(uv, phi), above)
+        value = _slices_at(swatch.map, x, uv)
+    else:
+        value = np.maximum(sampled(swatch.around.coefficients @ swatch.around.weights(x, phi), uv), 0)
+    return value * max(x, 1.0) if above == "scale" else value
+
+
+def _slices_at(shading_map: ShadingMap, x: float, uv: Array) -> Array:
+    position = min(x, 1.0) * (len(shading_map.slices) - 1)
+    base = min(int(position), len(shading_map.slices) - 2)
+    low, high = (sampled(one, uv) for one in shading_map.slices[base : base + 2])
+    return low + (position - base) * (high - low)
 
 
 def _azimuth_on_the_whole(lights: Iterable[Light]) -> float:
@@ -166,10 +179,6 @@ def _azimuth_on_the_whole(lights: Iterable[Light]) -> float:
         if light.wi[2] > 0:
             towards += np.array(light.wi[:2]) * float(luminance(light.irradiance * np.ones(3)))
     return math.atan2(towards[1], towards[0])
-
-
-def _level(uv: Array, x: float) -> Array:
-    return np.full(np.shape(uv)[:-1], x)
 
 
 # --- frames of the gantry -------------------------------------------------------------------------------
@@ -283,7 +292,7 @@ def at_own_level(swatch: MappedSwatch, case: Case, frames: Frames, size: int) ->
     total = np.zeros((size, size, 3))
     for light in case.lights:
         x = float(frames[case.view, light[:2]].mean()) / swatch.a_max
-        total += light[2] * swatch.a_max * pixels(swatch.map.evaluate(uv, _level(uv, x), "scale"), over)
+        total += light[2] * swatch.a_max * pixels(_slices_at(swatch.map, x, uv) * max(x, 1.0), over)
     return total
 
 

@@ -32,7 +32,7 @@ _BYTES = {Storage.HALF: 1.0, Storage.FLOAT32: 2.0, Storage.RGBE: 0.7, Storage.LO
 _COMPRESSED, _ASPECT = 1.5, 2 / 3
 _USUAL_SIDE = 1024
 # Of a map over azimuth, where as many are taken as it takes.
-_CURVES = 12
+_CURVES = 20
 # Seconds of the stages of photographs are those of swatches so large.
 _SIDE_OF_STAGES = 1700
 # How long bakes took here beside what was expected of them; the last ones count.

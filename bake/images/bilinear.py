@@ -19,3 +19,11 @@ def texels_around(size: tuple[int, ...], uv: NDArray[np.float64]) -> list[tuple[
         for i in (0, 1)
         for j in (0, 1)
     ]
+
+
+def sampled(image: NDArray[Any], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (..., C) at uv (..., 2) of an image (H, W, C) that repeats, by a linear filter."""
+    value = np.zeros((*np.shape(uv)[:-1], image.shape[-1]))
+    for index, weight in texels_around(image.shape[:2], np.asarray(uv, np.float64)):
+        value += weight[..., None] * image[index]
+    return value

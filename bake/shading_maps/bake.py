@@ -71,7 +71,8 @@ class ArcSettings:
     through : photographs against the light, of which the bundle then holds a second map
     azimuths : "arc" keeps the photographs of one arc; "all" makes a map over azimuth of all of them; "auto" that, where
         lights surround the swatch, nothing is said of the arc, and it foretells photographs better
-    azimuth_rank : curves of a map over azimuth; None takes as many as photographs that are left out call for
+    azimuth_rank : curves of a map over azimuth; None takes as many as predict photographs that are
+        left out and keep those that are there
     """
 
     slices: int = 8
@@ -219,9 +220,9 @@ def _tried(stack: PhotoStack, settings: ArcSettings, name: str) -> Prepared | Li
     """Which way photographs are baked, by the settings, their lights, and what foretells those left out better."""
     if not _may_surround(stack.directions, settings):
         return "arc"
-    prepared = prepare(stack, name)
     count, height, width, _ = stack.images.shape
-    check_size_around(count, height, width, settings.azimuth_rank, settings.tileable != "off", prepared.products)
+    check_size_around(count, height, width, settings.azimuth_rank, settings.tileable != "off")
+    prepared = prepare(stack, name)
     better = settings.azimuths == "all" or foretells(prepared.products, prepared.choice, settings.stack.spread)
     return prepared if better else "arc"
 

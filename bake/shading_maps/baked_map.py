@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..photographs.stack import PhotoStack
 from ..source import Facts, Json
 from ..tiling.tileable import TileSettings, check_tileable, make_tileable
 from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK, AzimuthBasis, mean_over_azimuth
-from .azimuth.azimuth_fit import LEVELS, Prepared, fit_azimuth, level_count
+from .azimuth.azimuth_fit import LEVELS, Prepared, fit_azimuth
 from .azimuth.light_stack import LightStack
 from .azimuth.light_weights import spacing
 from .shading_map import (
@@ -86,15 +86,12 @@ def check_arc_size(stack: PhotoStack, storing: Storing, maps: int) -> None:
     _check_bytes(maps * storing.slices, height, width, "slices", "choose a smaller --size or fewer --slices")
 
 
-def check_size_around(
-    count: int, height: int, width: int, rank: int | None, tiled: bool, products: LightStack | None = None
-) -> None:
+def check_size_around(count: int, height: int, width: int, rank: int | None, tiled: bool) -> None:
     """The same of a map over azimuth of `count` photographs.
 
     Parameters
     ----------
     tiled : whether they are made to tile
-    products : of the photographs; before they are known it takes the fewest levels for granted
     """
     try:
         SliceLayout(rank or MIN_RANK, height, width)
@@ -103,8 +100,7 @@ def check_size_around(
         raise BakeError(error.file, error.cause, remedy) from None
     if tiled:
         check_tileable(count, height, width)
-    levels = LEVELS if products is None else level_count(products)
-    _check_bytes(levels, height, width, "levels", "choose a smaller --size, or --azimuths arc")
+    _check_bytes(LEVELS, height, width, "levels", "choose a smaller --size, or --azimuths arc")
 
 
 def _check_bytes(count: int, height: int, width: int, word: str, remedy: str) -> None:
@@ -219,7 +215,7 @@ def over_azimuth(
                 "levels": fit.curve.levels.tolist(),
                 "a_max": fit.curve.a_max,
             },
-            "interpolation": {"smoothing": fit.choice.smoothing, "even": fit.choice.even},
+            "interpolation": asdict(fit.choice),
         },
         "averages": {
             **stack.in_order(products.averages, order),
@@ -235,9 +231,13 @@ def over_azimuth(
 
 
 def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:
-    """RMS over the nodes that the storage of the coefficients loses."""
-    off = (stored.coefficients - basis.coefficients).reshape(-1, basis.rank)
-    nodes = basis.nodes().astype(np.float64)
+    """RMS over the nodes that the storage of coefficients and curves loses."""
+    # c' B' - c B = c' (B' - B) + (c' - c) B: small numbers, whose squares rounding does not drown.
+    off = np.concatenate([stored.coefficients, stored.coefficients - basis.coefficients], -1).reshape(
+        -1, 2 * basis.rank
+    )
+    kept, before = stored.lit_nodes().astype(np.float64), basis.lit_nodes().astype(np.float64)
+    nodes = np.concatenate([kept - before, before])
     products = (off.T @ off).astype(np.float64) / len(off)
     return float(np.sqrt(max(np.einsum("ij,ij->", products, nodes @ nodes.T) / nodes.shape[1], 0.0)))
 

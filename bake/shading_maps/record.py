@@ -135,8 +135,8 @@ class ShadingMapRecord(BundleRecord):
             raise BakeError(self.where, "holds no map over azimuth", "bake photographs with lights all around")
         tiles = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3] * np.float32(1 / stored.scale)
         curves = unpack_curves(bundle.load("curves"), stored.curve_layout)
-        if np.abs(curves).max() > _LARGEST_CURVE or curves[:, :, 0].any():
-            cause = f"has curves above {_LARGEST_CURVE:g}, or light where none falls"
+        if np.abs(curves).max() > _LARGEST_CURVE:
+            cause = f"has curves above {_LARGEST_CURVE:g}"
             raise BakeError(self.where, cause, "bake it again")
         return AzimuthBasis(np.ascontiguousarray(np.moveaxis(tiles, 0, -1)), curves)
 

@@ -11,7 +11,7 @@ from ..brdf.modes import MODES
 from ..bundle.checked_json import Fields, settings_in
 from ..errors import BakeError
 from ..lobes.lobes import Lobe
-from .azimuth.azimuth_basis import MAX_AZIMUTHS, MAX_RANK, MIN_AZIMUTHS, MIN_RANK
+from .azimuth.azimuth_basis import CROWDING, MAX_AZIMUTHS, MAX_RANK, MIN_AZIMUTHS, MIN_RANK
 from .azimuth.curve_layout import PER_TEXEL, CurveLayout
 from .render_settings import TECHNIQUES, TILINGS, RenderSettings
 from .shading_map import ABOVE, ANGLE_KNOTS, MAX_SLICES
@@ -88,6 +88,8 @@ class MapRecord(StoredMap):
         name, ranks = ("mean_curves", (rank, rank)) if all_around else ("curves", (1, 3))
         curves = fields.rows(name, ranks, slices, -1e6, 1e6) if model in ("basis", "azimuth") else ()
         azimuths = fields.whole("azimuths", MIN_AZIMUTHS, MAX_AZIMUTHS) if all_around else 0
+        if all_around:  # what early bakes had at even levels were no parts of a level
+            fields.number("crowding", CROWDING, CROWDING)
         tiles = {"slices": slices - 1, "power": 2, "basis": len(curves), "azimuth": rank}[model]
         return cls(
             model,

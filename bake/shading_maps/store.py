@@ -12,7 +12,7 @@ from ..errors import BakeError
 from ..images.storage import HALF_LARGEST, Storage, quantize, scale_for
 from ..source import Facts, Json
 from . import power_law, slice_basis
-from .azimuth.azimuth_basis import AzimuthBasis
+from .azimuth.azimuth_basis import CROWDING, AzimuthBasis, mean_curves
 from .azimuth.azimuth_envelope import azimuth_envelope
 from .azimuth.curve_layout import pack_curves
 from .envelope_split import EnvelopeSplit, split
@@ -59,20 +59,22 @@ def store_azimuth(basis: AzimuthBasis, storage: Storage) -> tuple[dict[str, Stor
     scale = scale_for(basis.coefficients, storage)
     texels = np.ascontiguousarray(np.moveaxis(basis.coefficients, -1, 0)) * np.float32(scale)
     kept = quantize(texels, storage) * np.float32(1 / scale)
-    again = AzimuthBasis(np.ascontiguousarray(np.moveaxis(kept, 0, -1)), basis.curves)
+    curves = quantize(basis.curves, storage)
+    again = AzimuthBasis(np.ascontiguousarray(np.moveaxis(kept, 0, -1)), curves)
     split = azimuth_envelope(again, storage)
     m = split.envelope * np.float32(split.scale)
     images = {
         "coefficients": StoredImage(pack_slices(texels), storage),
-        "curves": StoredImage(pack_curves(basis.curves), Storage.FLOAT32),
+        "curves": StoredImage(pack_curves(curves), storage),
         "envelope": StoredImage(np.concatenate([m, split.share[..., None]], -1), storage),
     }
     facts: dict[str, Json] = {
         "model": "azimuth",
         "rank": basis.rank,
         "azimuths": basis.curves.shape[1],
+        "crowding": CROWDING,
         # For what knows no azimuth.
-        "mean_curves": basis.curves.mean(axis=1, dtype=np.float64).tolist(),
+        "mean_curves": mean_curves(curves).tolist(),
         "scale": scale,
         "envelope_scale": split.scale,
         "envelope_energy": split.energy,

@@ -23,7 +23,7 @@ from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.images.image_io import load_openimageio
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.photographs.stack import PhotoStack, StackSettings, read_stack
-from measured_materials.bake.shading_maps.azimuth.azimuth_basis import MAX_RANK, AzimuthBasis
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
 from measured_materials.bake.shading_maps.bake import ArcSettings, bake_stack
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
@@ -35,6 +35,9 @@ Array = np.ndarray
 _PHOTOGRAPHS = ("canvas", "painted_wood", "gold_icon")
 # Half floats of a channel, and the channels of a texel.
 _HALF, _CHANNELS = 2, 3
+# Components of RBF; with its envelope a map of two curves less takes no more bytes.
+_COMPONENTS = 16
+_CURVES = _COMPONENTS - 2
 _WIDTHS = (0.08, 0.1, 0.125, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5)
 
 
@@ -185,7 +188,7 @@ def compare(split: Split) -> list[dict[str, Any]]:
     images = split.fitted.images
     add("PTM, 6 terms", mixed(of_basis(polynomial, fitted, wanted), images), 6 * _CHANNELS)
     add("HSH, 16 terms", mixed(of_basis(harmonics, fitted, wanted), images), 16 * _CHANNELS)
-    rank = min(MAX_RANK, len(images))
+    rank = min(_COMPONENTS, len(images))
     width = best_width(split)
     add("RBF, 16 components", mixed(of_gaussians(fitted, wanted, width), reduced(images, rank)), rank * _CHANNELS)
     started = time.process_time()
@@ -200,13 +203,16 @@ def compare(split: Split) -> list[dict[str, Any]]:
 
 
 def baked(split: Split) -> tuple[AzimuthBasis, LevelCurve]:
-    """The map as a bundle holds it, and the levels of lights by their angle to the normal that it was made by."""
+    """The map as a bundle holds it, of `_CURVES` curves at most, and the levels of lights by their angle to the normal
+    that it was made by."""
     with tempfile.TemporaryDirectory() as folder:
-        settings = ArcSettings(azimuths="all", storage=Storage.HALF)
-        result = bake_stack(split.fitted, Path(folder) / "swatch", settings)
-        record = ShadingMapRecord.read(read_bundle(result.path))
-        basis, told = record.load_azimuth(), result.facts["map"]
-    curve = told["level_curve"]
+        for rank in (None, _CURVES):
+            settings = ArcSettings(azimuths="all", azimuth_rank=rank, storage=Storage.HALF)
+            result = bake_stack(split.fitted, Path(folder) / f"swatch_{rank}", settings)
+            basis = ShadingMapRecord.read(read_bundle(result.path)).load_azimuth()
+            if basis.rank <= _CURVES:
+                break
+    curve = result.facts["map"]["level_curve"]
     return basis, LevelCurve(np.array(curve["cosines"]), np.array(curve["levels"]), curve["a_max"])
 
 

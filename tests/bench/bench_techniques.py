@@ -19,6 +19,7 @@ from typing import Any
 
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
+import gantry_frames
 import numpy as np
 from csv_rows import write_rows
 from measured_materials.addon.gantry import techniques
@@ -53,6 +54,7 @@ OBLIQUE = ("view 30 degrees", "view 60 degrees")
 OWN_LEVEL = "own level"
 EVERY_SIDE = "every side"
 ASIDE = ("azimuth 90", "azimuth 180")
+BETWEEN = ("between azimuths",)
 COLUMNS = (*IN_ORDER, OWN_LEVEL, EVERY_SIDE)
 LABELS = {**techniques.LABELS, OWN_LEVEL: "r as it is", EVERY_SIDE: "over azimuth"}
 
@@ -65,8 +67,9 @@ class Material:
         "auto" the lobe that fits them best; "suggested" the named lobe with its parameters as they stand
     slices : number of slices to the same map as "family"
     around : the map over azimuth of more photographs, lit as `lit`
-    bytes : of its texels, in parts of those of the usual map of one arc
+    bytes : of the textures of the usual map of one arc, and of the map over azimuth, per texel of the swatch
     noise : of a frame, in parts of its RMS
+    seconds : of photographs and bakes
     """
 
     name: str
@@ -74,7 +77,7 @@ class Material:
     lit: dict[str, MappedSwatch]
     slices: dict[int, MappedSwatch]
     around: dict[str, MappedSwatch]
-    bytes: float
+    bytes: tuple[float, float]
     noise: float
     seconds: float
 
@@ -86,11 +89,13 @@ def run(out: Path, quick: bool) -> None:
     rows: list[dict[str, Any]] = []
     shown = []
     for name in names:
-        material = make(name, size, samples)
+        material = make(name, size, samples, out / "gantry")
         shown.append(material)
+        started = time.perf_counter()
         rows += list(compare(material, size))
-        _print_material(material, rows)
+        _print_material(material, rows, time.perf_counter() - started)
     _print_summary(rows)
+    _print_sides(rows, shown)
     _print_slices(shown, size)
     _print_verdict(rows, shown)
     write_sheet(out / "techniques.png", [cell for m in shown for cell in _cells(m, size)], 1 + len(IN_ORDER), _TITLE)
@@ -101,13 +106,21 @@ def run(out: Path, quick: bool) -> None:
 # --- photograph and bake --------------------------------------------------------------------------------
 
 
-def make(name: str, size: int, samples: int) -> Material:
+def make(name: str, size: int, samples: int, frames_folder: Path) -> Material:
     """One swatch on the gantry, baked and lit."""
     started = time.perf_counter()
     swatch = SWATCHES[name](0)
-    with gantry_scene(swatch, size=size, samples=samples) as gantry:
-        frames = techniques.photograph(gantry, (*AROUND_CASES, *CASES))
-        ((key, other),) = techniques.photograph(gantry, CASES[1:2], seed=1).items()
+
+    def photographed(cases: tuple[Case, ...], seed: int) -> Frames:
+        def make_them() -> Frames:
+            with gantry_scene(swatch, size=size, samples=samples) as gantry:
+                return techniques.photograph(gantry, cases, seed)
+
+        told = f"{size} {samples} {seed}"
+        return gantry_frames.kept(frames_folder, f"{name}-seed{seed}", told, cases, make_them)
+
+    frames = photographed((*AROUND_CASES, *CASES), 0)
+    ((key, other),) = photographed(CASES[1:2], 1).items()
     noise = float(np.sqrt(np.square(frames[key] - other).mean() / 2 / np.square(other).mean()))
     arc, all_around = (stack_of(cases, frames) for cases in (ARC_CASES, AROUND_CASES))
     renders, renders_around = (renders_of(swatch, stack) for stack in (arc, all_around))
@@ -124,8 +137,8 @@ def make(name: str, size: int, samples: int) -> Material:
         }
         slices = {count: techniques.mapped_swatch(bundle, renders["family"]) for count, bundle in made.items()}
         around = {key: techniques.mapped_swatch(over_azimuth, render) for key, render in renders_around.items()}
-        share = bytes_of(over_azimuth) / bytes_of(made[SLICES[0]])
-    return Material(name, frames, lit, slices, around, share, noise, time.perf_counter() - started)
+        size_of = bytes_of(made[SLICES[0]]) / size**2, bytes_of(over_azimuth) / size**2
+    return Material(name, frames, lit, slices, around, size_of, noise, time.perf_counter() - started)
 
 
 # --- compare --------------------------------------------------------------------------------------------
@@ -220,15 +233,17 @@ def _median(rows: list[dict[str, Any]], key: str) -> float:
     return float(np.sqrt(np.median(each)))
 
 
-def _print_material(material: Material, rows: list[dict[str, Any]]) -> None:
+def _print_material(material: Material, rows: list[dict[str, Any]], seconds: float) -> None:
     swatch = material.lit[CHOSEN]
     slices = len(swatch.map.slices)
     own = [row for row in rows if row["material"] == material.name and row["chosen"]]
     words = f"{slices} slices, f_r {_lobe_words(swatch)}, sigma {swatch.sigma:.3f}"
     basis = material.around[CHOSEN].around
     assert basis is not None
-    words += f"; over azimuth rank {basis.rank}, {material.bytes:.2f} of the bytes"
-    _heading(f"{material.name}: {words}; noise of the truth {material.noise:.1%}; {material.seconds:.0f} s")
+    words += f"; over azimuth rank {basis.rank}, {material.bytes[1] / material.bytes[0]:.2f} of the bytes"
+    _heading(
+        f"{material.name}: {words}; noise of the truth {material.noise:.1%}; {material.seconds:.0f} + {seconds:.0f} s"
+    )
     for group in _groups():
         _line(group, [row for row in own if row["case"] == group], "rms")
 
@@ -269,6 +284,28 @@ def _print_slices(materials: list[Material], size: int) -> None:
         print()
 
 
+def _print_sides(rows: list[dict[str, Any]], materials: list[Material]) -> None:
+    """The map of one arc beside the map over azimuth, swatch by swatch, and what of it the texts state."""
+    groups = {"along the arc": (_groups()[0],), "aside": ASIDE[:1], "behind": ASIDE[1:], "between azimuths": BETWEEN}
+    print("\nlight from every side: RMS of the map of one arc (lookup) and of the map over azimuth; bytes of a texel")
+    print(f"{'':20s}" + "".join(f"{name:>22s}" for name in (*groups, "bytes")))
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in groups}
+    for material in materials:
+        print(f"  {material.name:18s}", end="")
+        own = [row for row in rows if row["material"] == material.name and row["chosen"]]
+        for name, cases in groups.items():
+            both = [
+                _median([row for row in own if row["case"] in cases and row["technique"] == technique], "rms")
+                for technique in ("lookup", EVERY_SIDE)
+            ]
+            found[name].append((both[0], both[1]))
+            print(f"{both[0]:13.1%} {both[1]:8.1%}", end="")
+        print(f"{material.bytes[0]:14.1f} {material.bytes[1]:7.1f}")
+    for name, pairs in found.items():
+        put_range(f"every side less lookup, {name}", [every - arc for arc, every in pairs])
+    put_range("bytes, every side over arc", [every / arc for arc, every in (m.bytes for m in materials)])
+
+
 def _print_verdict(rows: list[dict[str, Any]], materials: list[Material]) -> None:
     """What the lookup can do and where it fails, in words with this run's medians."""
 
@@ -287,7 +324,6 @@ def _print_verdict(rows: list[dict[str, Any]], materials: list[Material]) -> Non
         by_case = [[r for r in aside if (r["material"], r["case"]) == (n, c)] for n in _names(rows) for c in ASIDE]
         put_range(f"RMS, {technique}, aside or behind", [_median(own, "rms") for own in by_case])
         put(f"RMS, {technique}, aside or behind, median", float(np.median([_median(own, "rms") for own in by_case])))
-    put_range("bytes, every side over arc", [material.bytes for material in materials])
     put("swatches", len(_names(rows)))
     lookup, texture = partial(median, "lookup"), partial(median, "lit_texture")
     between, across, behind, grazing, tilted, oblique, low, high, askew = _groups()

@@ -8,7 +8,7 @@ import numpy as np
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle, write_bundle
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.shading_maps.albedo import map_albedo_facts
-from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, mean_over_azimuth
+from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, levels_of, mean_over_azimuth
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.shading_maps.shading_map import ShadingMap, averages_of, level_by_cosine
 from measured_materials.bake.shading_maps.slice_atlas import GUTTER
@@ -26,9 +26,9 @@ def lambert_basis(height: int = 4, width: int = 4, azimuths: int = 16, levels: i
     slope = rng.uniform(-1, 1, (2, height, width, 3))
     slope -= slope.mean((1, 2), keepdims=True)
     slope /= np.abs(slope).max()
-    phi, x = 2 * np.pi * np.arange(azimuths) / azimuths, np.linspace(0, 1, levels)
-    lean = x * np.sqrt(1 - x**2)
-    curves = np.stack([np.broadcast_to(x, (azimuths, levels)), *(f(phi)[:, None] * lean for f in (np.cos, np.sin))])
+    phi, x = 2 * np.pi * np.arange(azimuths) / azimuths, levels_of(levels)
+    lean = np.sqrt(1 - x**2)
+    curves = np.stack([np.ones((azimuths, levels)), *(f(phi)[:, None] * lean for f in (np.cos, np.sin))])
     coefficients = np.stack([np.ones((height, width, 3)), *(0.5 * slope)], -1)
     return AzimuthBasis(coefficients.astype(np.float32), curves.astype(np.float32))
 
@@ -36,10 +36,10 @@ def lambert_basis(height: int = 4, width: int = 4, azimuths: int = 16, levels: i
 def clamped_basis(height: int = 4, width: int = 4, azimuths: int = 16, levels: int = 8, rank: int = 5) -> AzimuthBasis:
     """Curves and coefficients of either sign whose sum is held at 0 over large parts of level and azimuth."""
     rng = np.random.default_rng(rank)
-    phi, x = 2 * np.pi * np.arange(azimuths) / azimuths, np.linspace(0, 1, levels)
-    curves = [np.broadcast_to(x, (azimuths, levels))]
+    phi, x = 2 * np.pi * np.arange(azimuths) / azimuths, levels_of(levels)
+    curves = [np.ones((azimuths, levels))]
     for k in range(1, rank):
-        curves.append(np.cos(((k + 1) // 2) * phi - 0.7 * k)[:, None] * x * (1 - x) * 2)
+        curves.append(np.cos(((k + 1) // 2) * phi - 0.7 * k)[:, None] * (1 - x) * 2)
     coefficients = rng.uniform(-2, 2, (height, width, 3, rank))
     coefficients[..., 0] = rng.uniform(0.2, 1.5, (height, width, 3))
     return AzimuthBasis(coefficients.astype(np.float32), np.stack(curves).astype(np.float32))

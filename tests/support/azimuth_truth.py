@@ -61,9 +61,11 @@ class Texels:
         return np.maximum(sums, self.envelope * np.minimum(x, 1)) * (np.maximum(x, 1) if above == "scale" else 1)
 
     def still(self, x: float) -> np.ndarray:
-        """Lit from all around at one level: the curves' mean over azimuth in place of the curves."""
-        count = self.basis.curves.shape[1]
-        mean = self.basis.weights(x, 2 * np.pi * np.arange(count) / count).mean(0)
+        """Lit from all around at one level: the curves' mean over azimuth, linear between even levels."""
+        _, azimuths, levels = self.basis.curves.shape
+        even, turns = np.linspace(0, 1, levels), np.arange(azimuths) / azimuths
+        means = self.basis.weights(even[:, None], 2 * np.pi * turns).mean(1)
+        mean = np.array([np.interp(x, even, one) for one in means.T])
         return np.maximum(self.coefficients @ mean, self.envelope * min(x, 1))
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.storage import Storage, round_down, scale_for
-from .azimuth_basis import BLOCK, AzimuthBasis
+from .azimuth_basis import BLOCK, AzimuthBasis, levels_of
 
-# What a shader's float32 sum of 16 products may be off by, in parts of the sum of their magnitudes.
+# What a shader's float32 sum of 23 products may be off by, in parts of the sum of their magnitudes.
 _ROUNDING = np.float32(2e-6)
 
 
@@ -35,22 +35,19 @@ class AzimuthEnvelope:
 def azimuth_envelope(basis: AzimuthBasis, storage: Storage = Storage.FLOAT32) -> AzimuthEnvelope:
     """m, rounded down to what `storage` holds.
 
-    Between the nodes S is linear in x at constant phi, hence S / x monotone there, and linear in phi at constant x: its
-    minimum lies on a node. Below 0 S is held at 0, and m with it.
+    Between the nodes S / x is linear in the position of x at constant phi, and in phi at constant x: its minimum lies
+    on a node. Below 0 S is held at 0, and m with it.
     """
-    nodes = basis.nodes()
-    levels = np.tile(np.arange(1, basis.curves.shape[2], dtype=np.float32), basis.curves.shape[1])
-    levels /= np.float32(basis.curves.shape[2] - 1)
-    # Trapezoids over x from 0 to 1; x = 0 adds nothing.
-    trapezoid = np.where(levels < 1, 1, 0.5).astype(np.float32)
-    trapezoid /= np.float32(basis.curves.shape[1] * (basis.curves.shape[2] - 1))
+    nodes, azimuths = basis.nodes(), basis.curves.shape[1]
+    light = np.tile(_light_of_nodes(basis.curves.shape[2]) / azimuths, azimuths).astype(np.float32)
     flat = basis.coefficients.reshape(-1, basis.rank)
     least, mean = np.empty(len(flat), np.float32), np.empty(len(flat), np.float32)
-    slope, bound = nodes / levels, np.abs(nodes / levels).max(axis=1)
+    bound = np.abs(nodes).max(axis=1)
     for start in range(0, len(flat), BLOCK):
         here = slice(start, start + BLOCK)
-        least[here] = (flat[here] @ slope).min(axis=1)
-        mean[here] = np.maximum(flat[here] @ nodes, 0) @ trapezoid
+        slope = flat[here] @ nodes
+        least[here] = slope.min(axis=1)
+        mean[here] = np.maximum(slope, 0, out=slope) @ light
     least -= _ROUNDING * (np.abs(flat) @ bound)
     shape = basis.coefficients.shape[:3]
     least = np.maximum(least, 0).reshape(shape)
@@ -61,3 +58,17 @@ def azimuth_envelope(basis: AzimuthBasis, storage: Storage = Storage.FLOAT32) ->
     share = np.divide(np.maximum(whole - carried, 0), whole, out=np.zeros_like(whole), where=whole > 0)
     total = float(whole.sum(dtype=np.float64))
     return AzimuthEnvelope(envelope, share, scale, float(carried.sum(dtype=np.float64)) / total if total > 0 else 0.0)
+
+
+def _light_of_nodes(count: int) -> NDArray[np.float64]:
+    """Weights of S / x at all nodes but the first, (count - 1,), whose sum is the mean of S over x from 0 to 1.
+
+    Trapezoids in x of S / x, times x: light near black, where the first node lies, is next to none.
+    """
+    x = levels_of(count)
+    middle, step = 0.5 * (x[1:] + x[:-1]), np.diff(x)
+    each = np.zeros(count)
+    each[1:] += 0.5 * middle * step
+    each[:-1] += 0.5 * middle * step
+    each[1] += each[0]
+    return each[1:]

@@ -13,26 +13,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .azimuth_basis import BLOCK, MAX_RANK, AzimuthBasis, curve_weights, node_means
+from .azimuth_basis import BLOCK, MAX_RANK, AzimuthBasis, curve_weights, levels_of, node_means
 from .level_curve import LevelCurve
 from .light_stack import LightStack, relative_error
-from .light_weights import LightWeights
+from .light_weights import PLATES, LightWeights, Plate
 
 Array = NDArray[np.float64]
 
-AZIMUTHS, LEVELS, MOST_LEVELS = 32, 32, 64
-# Median of photographs' averages, in parts of the brightest, below which levels crowd near black.
-_DIM = 0.1
+AZIMUTHS, LEVELS = 32, 40
 SMOOTHINGS = (1e-4, 1e-3, 1e-2, 1e-1)
 # Radiance in parts of a_max that counts as none.
 _DARK = 1e-4
+# A level is brought back to its mean by this factor at most: where nothing is left there is nothing to scale up.
+_MOST = 2.0
+_TINY = 1e-300
 _CURVE_STEPS = 64
-# The rank is spent on errors in parts of the level: dim light counts as the eye counts it.
-POWER = 1.0
-# Smoothing that lowers the error of photographs left out by less than this part of it is not worth its blur.
+# Singular values of photographs below this part of the largest are rounding.
+_SAME = 1e-7
+# Smoothing that lowers the error of photographs left out by less than this part of it is not worth its blur, nor are
+# lamps then uneven.
 _AS_GOOD = 0.02
-# A higher rank must lower the error of photographs left out by this part of it.
-_WORTH = 0.002
+# Another plate than the plain one must lower that error by this part of it.
+_CLEAR = 0.07
+# A higher rank must lower the error of photographs left out by this part of it, or that of those that are there by more
+# than this part of their own RMS: between neighbours that stand close, it is theirs.
+_WORTH, _LOST = 0.002, 0.02
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,12 @@ class AzimuthChoice:
     smoothing : of `LightWeights`
     even : whether the mean over the texels is the level at every azimuth, as where only lamps differ; else its mean
         over all azimuths is, as where the swatch itself reflects more to some sides
+    plate : of `LightWeights`
     """
 
     smoothing: float
     even: bool
+    plate: Plate = "plain"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +77,8 @@ class AzimuthFit:
     Attributes
     ----------
     curve : levels of lights by their angle
-    error : `relative_error` of photographs left out, predicted from the others at the level of their elevation
+    error : `relative_error` of photographs left out, predicted from the others at the level of their elevation; the
+        interpolation was chosen by the same photographs, so that it is the least of some trials
     held_out : the same of each photograph: index, level, "rms" in parts of a_max, and "relative" to its own RMS
     lost : RMS over the nodes that the rank loses, and of the nodes themselves, in parts of a_max
     """
@@ -91,12 +99,13 @@ class Nodes:
     ----------
     curve : levels of lights by their angle
     weights : (P (N - 1), n) at azimuth p and level i, levels of an azimuth together, in parts of a_max
+    x : (N - 1,) the levels, without 0
     """
 
     curve: LevelCurve
     weights: Array
+    x: Array
     azimuths: int = AZIMUTHS
-    levels: int = LEVELS
 
     @classmethod
     def of(cls, stack: LightStack, choice: AzimuthChoice, azimuths: int = AZIMUTHS, levels: int = LEVELS) -> Nodes:
@@ -107,10 +116,10 @@ class Nodes:
         """
         curve = LevelCurve.of(stack.directions[:, 2], stack.averages)
         phi = 2 * np.pi * np.arange(azimuths) / azimuths
-        interpolate = LightWeights(stack.directions, choice.smoothing)
+        interpolate = LightWeights(stack.directions, choice.smoothing, curve, choice.plate)
         if not choice.even:
             curve = _mean_curve(stack, interpolate, curve, phi)
-        x = np.arange(1, levels) / (levels - 1)
+        x = levels_of(levels)[1:]
         weights, fading = _around(interpolate, curve, curve.cosine(x), phi)
         seen = weights @ stack.averages
         wanted = np.tile(x * curve.a_max, azimuths)
@@ -119,29 +128,40 @@ class Nodes:
             wanted *= np.ravel(faded / np.maximum(faded.mean(0), _DARK * curve.a_max))
         # Where extrapolation leaves next to nothing there is nothing to scale up.
         weights *= (wanted / np.maximum(seen, _DARK * curve.a_max) / curve.a_max)[:, None]
-        return cls(curve, weights, azimuths, levels)
+        return cls(curve, weights, x, azimuths)
 
     def reduced(self, stack: LightStack, rank: int) -> tuple[Array, Array, float]:
         """Curves (rank, P, N), photographs' weights (rank, n) of their coefficients, and the RMS that is lost.
 
-        The leading left singular vectors of weights times photographs, all in parts of the level; nothing of this rank
-        loses less by that measure.
+        Coefficients are the leading singular vectors of nodes and photographs together, all in parts of their level:
+        dim light counts as the eye counts it. A node counts by the lights that it stands for, of which equally many
+        have every cosine to the normal; the photographs together count as much as all nodes, which spread evenly where
+        photographs may stand in a row. Nothing of this rank loses less by that measure.
         """
         values, vectors = np.linalg.eigh(stack.products)
         root = vectors * np.sqrt(np.maximum(values, 0))
-        share = 1 / np.tile(np.arange(1, self.levels) / (self.levels - 1), self.azimuths)[:, None] ** POWER
-        seen = share * self.weights @ root
-        left = seen @ np.linalg.eigh(seen.T @ seen)[1][:, ::-1][:, :rank]
-        left, _ = np.linalg.qr(left)
-        mixed = left.T @ (share * self.weights)
-        left = left / share
+        level = np.tile(self.x, self.azimuths)[:, None]
+        seen = self.weights @ root
+        lights = np.tile(np.gradient(np.insert(self.curve.cosine(self.x), 0, 0.0))[1:], self.azimuths)[:, None]
+        of_nodes = seen / level * np.sqrt(lights / lights.sum())
+        own = np.maximum(stack.averages / self.curve.a_max, _DARK)[:, None]
+        of_photographs = root / self.curve.a_max / own / np.sqrt(len(own))
+        rows = np.concatenate([of_nodes, of_photographs])
+        chosen = np.linalg.eigh(rows.T @ rows)[1][:, ::-1][:, :rank]
+        left = seen @ chosen / level
+        # Directions of no light, as of photographs that are sums of others, have no weights.
+        mixed = chosen.T @ np.linalg.pinv(root, rcond=_SAME)
         peak = np.abs(left).max(0)
         peak = np.where(peak > 0, peak, 1) * np.where(left.sum(0) < 0, -1, 1)
         left, mixed = left / peak, mixed * peak[:, None]
-        curves = np.zeros((left.shape[1], self.azimuths, self.levels))
-        curves[:, :, 1:] = left.T.reshape(-1, self.azimuths, self.levels - 1)
-        off = (left @ mixed - self.weights) @ root
-        return curves, mixed, float(np.sqrt(np.square(off).sum(1).mean()))
+        curves = left.T.reshape(left.shape[1], self.azimuths, len(self.x))
+        off = (level * left @ mixed - self.weights) @ root
+        return np.concatenate([curves[:, :, :1], curves], -1), mixed, float(np.sqrt(np.square(off).sum(1).mean()))
+
+    def unreduced(self) -> tuple[Array, Array]:
+        """Curves (n, P, N) and weights (n, n), of one curve for each photograph."""
+        curves = (self.weights / np.tile(self.x, self.azimuths)[:, None]).T.reshape(-1, self.azimuths, len(self.x))
+        return np.concatenate([curves[:, :, :1], curves], -1), np.eye(len(curves))
 
     def predicted(self, curves: Array, mixed: Array, directions: Array) -> Array:
         """Weights of photographs (m, n) for lights, each at the level of its elevation, in their own unit."""
@@ -178,20 +198,17 @@ def fit_azimuth(
 
     Parameters
     ----------
-    rank : by default the lowest that predicts photographs left out as well as any, at most `most`
+    rank : by default that which is `called_for`, at most `most`
     prepared : these photographs, where they have been tried
     """
     say = progress or (lambda share: None)
     prepared = prepared or Prepared.of(LightStack.of(images, directions))
     say(0.2)
     stack, choice = prepared.products, prepared.choice
-    errors = left_out_by_rank(stack, choice, most)
-    ranks = range(1, len(errors) + 1)
+    errors, nodes = left_out_by_rank(stack, choice, most), Nodes.of(stack, choice)
     if rank is None:
-        least = min(found.sum() for found in errors)
-        rank = next(r for r in ranks if errors[r - 1].sum() <= (1 + _WORTH) ** 2 * least)
+        rank = called_for(stack, nodes, errors)
     rank = min(rank, len(errors))
-    nodes = Nodes.of(stack, choice, levels=level_count(stack))
     curves, mixed, lost = nodes.reduced(stack, rank)
     say(0.3)
     flat = images.reshape(len(images), -1)
@@ -207,7 +224,7 @@ def fit_azimuth(
             "index": k,
             "level": float(stack.averages[k] / nodes.curve.a_max),
             "rms": float(np.sqrt(held_out[k])) / nodes.curve.a_max,
-            "relative": float(np.sqrt(held_out[k] / max(own[k], 1e-300))),
+            "relative": float(np.sqrt(held_out[k] / max(own[k], _TINY))),
         }
         for k in np.argsort(stack.averages, kind="stable").tolist()
     ]
@@ -216,19 +233,46 @@ def fit_azimuth(
     return AzimuthFit(levelled(basis), nodes.curve, choice, error, rows, (lost, signal))
 
 
-def level_count(stack: LightStack) -> int:
-    """Levels of the curves: more where a highlight leaves most photographs near black."""
-    return LEVELS if np.median(stack.averages) > _DIM * stack.averages.max() else MOST_LEVELS
+def called_for(stack: LightStack, nodes: Nodes, errors: list[Array]) -> int:
+    """The lowest rank that predicts photographs left out as well as any does, by their errors of each rank from 1 on,
+    and that loses next to nothing of those that are there."""
+    least = min(found.sum() for found in errors)
+    foretold = next(r for r, found in enumerate(errors, 1) if found.sum() <= (1 + _WORTH) ** 2 * least)
+    _, mixed, _ = nodes.reduced(stack, len(errors))
+    own = np.diag(stack.products)
+    # Coefficients are orthogonal over the texels.
+    crossed = mixed @ stack.products
+    shares = np.square(crossed) / np.maximum(np.einsum("ij,ij->i", crossed, mixed), _TINY)[:, None]
+    for rank, kept in enumerate(np.cumsum(shares, axis=0), 1):
+        if rank >= foretold and relative_error(stack, np.maximum(own - kept, 0)) < _LOST:
+            return rank
+    return len(errors)
 
 
 def chosen(stack: LightStack) -> AzimuthChoice:
-    """The interpolation of least smoothing that predicts photographs left out about as well as any."""
-    trials = [AzimuthChoice(smoothing, even) for smoothing in SMOOTHINGS for even in (False, True)]
-    errors = [relative_error(stack, left_out(stack, choice)) for choice in trials]
-    best = trials[int(np.argmin(errors))]
+    """The interpolation of least smoothing that predicts photographs left out about as well as any.
+
+    It is by the plain plate, which holds Lambertian texels exactly, unless another is clearly better.
+    """
+    errors = {
+        AzimuthChoice(smoothing, even, plate): 0.0
+        for plate in PLATES
+        for smoothing in SMOOTHINGS
+        for even in (False, True)
+    }
+    for trial in errors:
+        errors[trial] = relative_error(stack, left_out(stack, trial))
+
+    def least(plate: Plate, *even: bool) -> float:
+        return min(error for t, error in errors.items() if t.plate == plate and t.even in even)
+
+    plate = min(PLATES, key=lambda one: least(one, False, True))
+    if least(plate, False, True) > (1 - _CLEAR) * least(PLATES[0], False, True):
+        plate = PLATES[0]
+    even = least(plate, True) < (1 - _AS_GOOD) * least(plate, False)
     # What is left out has its neighbours farther away than any light between those that are there.
-    good = [e <= (1 + _AS_GOOD) * min(errors) and t.even == best.even for t, e in zip(trials, errors, strict=True)]
-    return trials[good.index(True)]
+    good = (1 + _AS_GOOD) * least(plate, even)
+    return next(t for t, error in errors.items() if (t.plate, t.even) == (plate, even) and error <= good)
 
 
 def left_out(stack: LightStack, choice: AzimuthChoice) -> Array:
@@ -236,9 +280,7 @@ def left_out(stack: LightStack, choice: AzimuthChoice) -> Array:
     found = np.zeros(len(stack))
     for kept, left in stack.folds():
         nodes = Nodes.of(stack.part(kept), choice)
-        curves = np.zeros((len(kept), nodes.azimuths, nodes.levels))
-        curves[:, :, 1:] = nodes.weights.T.reshape(len(kept), nodes.azimuths, -1)
-        weights = nodes.predicted(curves, np.eye(len(kept)), stack.directions[left])
+        weights = nodes.predicted(*nodes.unreduced(), stack.directions[left])
         found[left] = stack.errors(weights, left, kept)
     return found
 
@@ -267,7 +309,6 @@ def levelled(basis: AzimuthBasis) -> AzimuthBasis:
     curves = basis.curves.copy()
     curves[:, :, -1] = curves[:, :, -1].mean(1, keepdims=True)
     again = replace(basis, curves=curves)
-    means = np.insert(node_means(again).mean(0), 0, 0.0)
-    levels = np.linspace(0, 1, len(means))
-    factor = np.divide(levels, means, out=np.zeros_like(levels), where=means > 0)
-    return replace(again, curves=(curves * factor).astype(np.float32))
+    means = node_means(again).mean(0)
+    factor = 1 / np.clip(means, 1 / _MOST, _MOST)
+    return replace(again, curves=(curves * np.insert(factor, 0, factor[0])).astype(np.float32))

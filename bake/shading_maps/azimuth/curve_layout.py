@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .azimuth_basis import position
+
 PER_TEXEL = 4
 
 
@@ -72,6 +74,6 @@ def curve_uv(xp: Any, layout: CurveLayout, group: int, x: Any, turns: Any) -> tu
     x : r / a_max; beyond 1 it stays there
     turns : phi / (2 pi), in [0, 1]
     """
-    u = (xp.minimum(x, 1.0) * (layout.levels - 1) + 0.5) * (1 / layout.width)
+    u = (position(xp, x) * (layout.levels - 1) + 0.5) * (1 / layout.width)
     v = 1 - (turns * layout.azimuths + (group * layout.pitch + 0.5)) * (1 / layout.rows)
     return u, v

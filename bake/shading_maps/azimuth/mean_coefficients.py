@@ -1,6 +1,6 @@
 """Coefficients of a map over azimuth whose means are means of light, for a swatch seen from far away.
 
-S = max(sum_j c_j B_j, 0) is linear in the coefficients but where it is held at 0: there the sum of mean coefficients
+S = x max(sum_j c_j B_j, 0) is linear in the coefficients but where it is held at 0: there the sum of mean coefficients
 lies below the mean of S, for light that one place reflects is then taken off by another's that would be below black.
 What is held back, d = max(-sum_j c_j B_j, 0), is put into the coefficients as far as the curves can hold it: by those
 of least squares over levels and azimuths, which are linear in d, so that they are averaged like the others.
@@ -23,7 +23,7 @@ def light_coefficients(basis: AzimuthBasis) -> NDArray[np.float32]:
     Between texels coefficients are interpolated before they are held at 0, as the shader does it: a fourth of what is
     held back is that at a texel, a fourth each that halfway to the next across, down, and both.
     """
-    # From x = 1 down; at x = 0 the curves are 0.
+    # From x = 1 down, in parts of the level; at x = 0 there is no light.
     nodes = basis.curves[:, ::_EVERY, :0:-_EVERY].reshape(basis.rank, -1)
     # B^T (B B^T)^-1; curves that hardly differ on the nodes share what is held back.
     inverse = np.linalg.pinv((nodes @ nodes.T).astype(np.float64), hermitian=True)
