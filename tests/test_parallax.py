@@ -20,6 +20,7 @@ from measured_materials.addon.material.adjust.parallax import (
     keeps_textures,
     parallax_node,
     remove_parallax,
+    without_unfit_parallax,
 )
 from measured_materials.addon.material.adjust.swatch import random_tiling_node, set_random_tiling
 from measured_materials.addon.material.facts import keep_facts
@@ -41,6 +42,7 @@ from measured_materials.nodes.surface_inputs import coordinates_before_tiling, f
 from measured_materials.nodes.swatch_frame_group import ALONG_U, is_swatch_frame, swatch_frame_group
 from support.azimuth_truth import LAYOUTS
 from support.known_maps import N, relief, write_folder
+from support.stacks import write_stack
 from support.swatches import identity_map, map_bundle, rough_map
 from test_addon import registered  # noqa: F401
 
@@ -178,6 +180,47 @@ def test_parallax_goes_in_and_out(swatch: Any, tmp_path: Path) -> None:
     remove_parallax(material)
     assert parallax_node(material) is None and source_of(node.inputs["UV"]) == before and len(tree.nodes) == count
     remove_parallax(material)
+
+
+@pytest.mark.parametrize(
+    ("changed", "others", "why"),
+    [
+        ({}, False, ""),
+        ({}, True, "its heights are those of other photographs"),
+        ({"tiling": object()}, False, "the swatch was made to tile"),
+        ({"width": 11}, False, "its heights are of another part of the photographs"),
+    ],
+)
+def test_relief_that_no_longer_fits_is_switched_off(
+    swatch: Any, tmp_path: Path, changed: dict[str, Any], others: bool, why: str
+) -> None:
+    material, record = swatch
+    assert without_unfit_parallax(material, record, others=others) == ""
+    add_parallax(material, record, read_maps_folder(write_folder(tmp_path / "maps")))
+    if "width" in changed:
+        layout = replace(record.map.layout, width=changed["width"])
+        baked = replace(record, map=replace(record.map, layout=layout))
+    else:
+        baked = replace(record, **changed)
+    found = without_unfit_parallax(material, baked, others=others)
+    assert why in found and bool(found) == bool(why)
+    assert (parallax_node(material) is None) == bool(why)
+
+
+def test_a_bake_of_other_photographs_switches_it_off(swatch: Any, tmp_path: Path, registered: None) -> None:
+    material, record = swatch
+    keep_facts(material, record.document)
+    mesh = bpy.data.meshes.new("tile")
+    mesh.materials.append(material)
+    obj = bpy.data.objects.new("tile", mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    add_parallax(material, record, read_maps_folder(write_folder(tmp_path / "maps")))
+    folder = str(write_stack(tmp_path / "others"))
+    material.measured_arc.align = "off"
+    with bpy.context.temp_override(object=obj, active_object=obj, material=material):
+        assert bpy.ops.measured_materials.bake_again(filepath=folder) == {"FINISHED"}
+    assert parallax_node(material) is None
+    bpy.data.batch_remove([obj, mesh])
 
 
 @pytest.mark.parametrize("first", ["tiling", "parallax"])

@@ -9,9 +9,11 @@ from typing import Any
 import bpy
 
 from ...bake.errors import BakeError
+from ...bake.shading_maps.record import ShadingMapRecord
 from ..assets.mark import known_rights, refresh
 from ..assets.words import Rights
 from ..baking.request import BakeRequest
+from ..material.adjust.parallax import without_unfit_parallax
 from ..material.facts import record_of, source_file
 from ..material.kinds import Source, kind_of
 from ..summary.text import one_line
@@ -88,39 +90,51 @@ class MEASURED_MATERIALS_OT_bake_again(OfMeasured, bpy.types.Operator):
     def _bake_beside(self, material: bpy.types.Material) -> None:
         """Put the bake into the queue."""
         kind = kind_of(material)
-        settings, pack, source, before = self._asked_for(material)
+        settings, pack, source, own, before = self._asked_for(material)
         if source is None:
             source = kind.bakeable_source(material)
         request = with_source(BakeRequest(Path(), settings), source)
-        queue.add([AgainTask(request, material, pack, partial(_settle, before=before))])
+        queue.add([AgainTask(request, material, pack, partial(_settle, own=own, before=before))])
 
     def _bake(self, context: bpy.types.Context, material: bpy.types.Material) -> str:
         kind = kind_of(material)
         error = kind.error(material)
-        settings, pack, source, before = self._asked_for(material)
+        settings, pack, source, own, before = self._asked_for(material)
         with window_progress(context, settings) as progress_of:
             kind.bake_again(material, settings, pack=pack, source=source, progress=progress_of(0))
         tell_warnings(self, material)
+        if lost := _lost(material, own):
+            self.report({"WARNING"}, one_line(lost))
         _state(material, before)
         return kind.words(material) + (f", was {error}" if error else "")
 
-    def _asked_for(self, material: bpy.types.Material) -> tuple[Any, bool, Source, Rights | None]:
-        """Settings, whether textures are packed, the chosen source, and what its asset states of another one before."""
+    def _asked_for(self, material: bpy.types.Material) -> tuple[Any, bool, Source, bool, Rights | None]:
+        """Settings, whether textures are packed, the chosen source, whether it is the material's own, and what its
+        asset states of another one before."""
         form = form_of(kind_of(material))
         source = form.chosen(self)
         own = source is None or is_own(material, source)
         # A loaded bundle does not know its photographs: those that are chosen are taken for them.
         settings, pack = form.settings(material, own=own or source_file(material) is None)
         if own:
-            return settings, pack, source, None
+            return settings, pack, source, own, None
         settings = replace(settings, rights=rights_beside(material, settings.rights))
-        return settings, pack, source, known_rights(material)
+        return settings, pack, source, own, known_rights(material)
 
 
-def _settle(material: bpy.types.Material, before: Rights | None) -> None:
+def _settle(material: bpy.types.Material, own: bool, before: Rights | None) -> None:
     """After a bake beside the window."""
     say_warnings(material)
+    if lost := _lost(material, own):
+        bpy.ops.measured_materials.tell(words=one_line(lost), kind="WARNING")
     _state(material, before)
+
+
+def _lost(material: bpy.types.Material, own: bool) -> str:
+    """What does not belong to the material any more, in words, and is gone; empty for nothing."""
+    record = record_of(material)
+    why = without_unfit_parallax(material, record, others=not own) if isinstance(record, ShadingMapRecord) else ""
+    return f"{material.name}: {why}" if why else ""
 
 
 def _state(material: bpy.types.Material, before: Rights | None) -> None:

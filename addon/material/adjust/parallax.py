@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 import numpy as np
 
@@ -83,6 +85,36 @@ def remove_parallax(material: bpy.types.Material) -> None:
         tree.nodes.remove(frame.node)
 
 
+def without_unfit_parallax(material: bpy.types.Material, record: ShadingMapRecord, *, others: bool) -> str:
+    """Switch parallax off where its relief is not that of the swatch any more; why, or empty.
+
+    Parameters
+    ----------
+    record : of what the material was baked of by now
+    others : these are other photographs than before
+    """
+    node = parallax_node(material)
+    if node is None:
+        return ""
+    layout = record.map.layout
+    images = [part.image for part in node.node_tree.nodes if part.bl_idname == "ShaderNodeTexImage" and part.image]
+    if others:
+        why = "its heights are those of other photographs"
+    elif record.tiling is not None:
+        why = "the swatch was made to tile, which its heights were not"
+    elif images and _differ(images[0].size, layout):
+        why = "its heights are of another part of the photographs"
+    else:
+        return ""
+    remove_parallax(material)
+    return f"parallax is off now: {why}"
+
+
+def _differ(size: Sequence[int], layout: SliceLayout) -> bool:
+    """Whether heights of so many texels are of another shape than a swatch."""
+    return abs(size[0] / max(size[1], 1) / (layout.width / layout.height) - 1) > _SAME_SHAPE
+
+
 def keeps_textures(material: bpy.types.Material) -> bool:
     """Whether the measured group's textures are packed into the .blend."""
     trees, images = [node.node_tree for _, node in measured_nodes(material.node_tree)], []
@@ -101,7 +133,7 @@ def _relief(maps: MapsFolder, layout: SliceLayout, pack: bool) -> Relief:
     zero, scale = file.number("midlevel"), file.number("scale")
     image = map_image(file, f"{maps.name} height", pack)
     width, height = image.size
-    if abs(width / height / (layout.width / layout.height) - 1) > _SAME_SHAPE:
+    if _differ((width, height), layout):
         cause = f"is of {width} x {height} texels, and the swatch of {layout.width} x {layout.height}"
         raise BakeError(file.path, cause, "give the maps of the same photographs")
     values = np.empty(width * height * image.channels, np.float32)
