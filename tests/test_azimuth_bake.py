@@ -45,7 +45,7 @@ def settings(**more: object) -> ArcSettings:
 def test_a_folder_of_lights_all_around_becomes_a_map_over_azimuth(tmp_path: Path) -> None:
     images = write_dome(tmp_path / "felt")
     record = record_at(bake_arc(tmp_path / "felt", tmp_path / "felt.mmat", settings()).path)
-    assert record.map.model == "azimuth" and record.document["schema"] == 6
+    assert record.map.model == "azimuth" and record.document["schema"] == 7
     basis = record.load_azimuth()
     k = 11  # 50 degrees high, from 135 degrees
     curve = record.document["map"]["level_curve"]

@@ -201,7 +201,7 @@ def table(**changes: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     "change, word",
     [
-        (lambda d: d.update(schema=7), "newer version .schema 7, known here: 6.*update"),
+        (lambda d: d.update(schema=8), "newer version .schema 8, known here: 7.*update"),
         (lambda d: d.update(schema=0), "'schema' is 0, below 1"),
         (lambda d: d.update(schema=True), "'schema' is not a whole number"),
         (lambda d: d.update(schema=1.0), "'schema' is not a whole number"),

@@ -54,8 +54,8 @@ KINDS: tuple[str, ...] = get_args(Kind)
 # 4: samplers may be warps, which readers of 3 would take for alias tables.
 # 5: what lets light through, of which readers of 4 would show reflection alone, and isotropic tables stored times
 #    cosines, which they would take for the BRDF itself; everything else is still written as 4.
-# 6: shading maps over azimuth.
-SCHEMA = 6
+# 6, 7: shading maps over azimuth, in 7 of curves that are parts of a level.
+SCHEMA = 7
 _SCHEMA_OF_NEW = 5
 _SCHEMA_OF_OTHERS = 4
 _LETS_THROUGH = {"sheet", "through"}

@@ -88,7 +88,11 @@ class MapRecord(StoredMap):
         name, ranks = ("mean_curves", (rank, rank)) if all_around else ("curves", (1, 3))
         curves = fields.rows(name, ranks, slices, -1e6, 1e6) if model in ("basis", "azimuth") else ()
         azimuths = fields.whole("azimuths", MIN_AZIMUTHS, MAX_AZIMUTHS) if all_around else 0
-        if all_around:  # what early bakes had at even levels were no parts of a level
+        if all_around and not fields.has("crowding"):
+            # Of schema 6: curves of S itself, at even levels.
+            cause = "is a map over azimuth of an early version, which is not read any more"
+            raise BakeError(fields.where, cause, "bake its photographs again")
+        if all_around:
             fields.number("crowding", CROWDING, CROWDING)
         tiles = {"slices": slices - 1, "power": 2, "basis": len(curves), "azimuth": rank}[model]
         return cls(
