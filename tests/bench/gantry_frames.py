@@ -1,4 +1,4 @@
-"""The gantry's frames of a swatch, kept beside the bench: they take most of its time, and no map changes them.
+"""The gantry's frames of a swatch, kept beside the bench: they take most of its time, and no bake changes them.
 
 They are made again where anything differs that they may depend on: swatch, frames, size, samples, Blender, or a line of
 what builds and renders the scene.
@@ -32,13 +32,14 @@ def kept(folder: Path, name: str, told: str, cases: tuple[Case, ...], make: Call
         place = _ROOT / source
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             key.update(file.read_bytes())
-    path = folder / f"{name}-{key.hexdigest()[:16]}.npz"
+    kind = f"{name}-{hashlib.sha256(told.encode()).hexdigest()[:8]}"  # a quick run leaves those of a whole one
+    path = folder / f"{kind}-{key.hexdigest()[:16]}.npz"
     if path.is_file():
         with np.load(path) as held:
             return dict(zip(wanted, held["images"], strict=True))
     frames = make()
     folder.mkdir(parents=True, exist_ok=True)
-    for older in folder.glob(f"{name}-*.npz"):
+    for older in folder.glob(f"{kind}-*.npz"):
         older.unlink()
     half_written = path.with_suffix(".part")
     with open(half_written, "wb") as stream:
