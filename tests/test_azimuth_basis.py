@@ -134,9 +134,7 @@ def test_curves_at_even_levels_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BakeError, match="crowding"):
         ShadingMapRecord.parse({**bundle.material, "map": {**told, "crowding": 1.0}}, bundle.path)
     told.pop("crowding")
-    with pytest.raises(
-        BakeError, match="of an early version, which is not read any more; bake its photographs again"
-    ):
+    with pytest.raises(BakeError, match="of an early version, which is not read any more; bake its photographs again"):
         ShadingMapRecord.parse({**bundle.material, "map": told}, bundle.path)
 
 
