@@ -159,7 +159,7 @@ def test_a_world_that_is_not_known_is_not_sampled(paint: Bundle, in_room: TestSc
     assert now() == 0  # while the older material is there
     for material in [m for m in bpy.data.materials if not m.users]:
         bpy.data.materials.remove(material)
-    bpy.data.orphans_purge()
+    # Their groups are still in the file, and one is used by another.
     assert now() == 2.5
 
 

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ...bake.source import Array
+from ...nodes.group import trees_below
 from ...nodes.light_images import WORLD_LIGHT_TEXELS, new_table
 from ...nodes.world_picture import PICTURE, Surroundings
 from .lamp_survey import LampReport
@@ -49,8 +50,18 @@ def world_light_table(report: LampReport) -> Array:
 
 
 def all_show(picture: WorldPicture) -> bool:
-    """Whether all materials that sample a picture were built for this one."""
-    groups = (tree for tree in bpy.data.node_groups if tree.users and tree.name.startswith(PICTURE))
-    nodes = (node for tree in groups for node in tree.nodes if node.bl_idname == "ShaderNodeTexEnvironment")
-    shown = {(node.image.session_uid if node.image else 0, node.interpolation) for node in nodes}
-    return shown <= {(picture.image, picture.interpolation)}
+    """Whether all materials that sample a picture were built for this one.
+
+    Groups that removed materials have left in the file are of no matter.
+    """
+    wanted = picture.image, picture.interpolation
+    other = {tree for tree in bpy.data.node_groups if tree.name.startswith(PICTURE) and _shown_by(tree) - {wanted}}
+    return not other or other.isdisjoint(
+        tree for material in bpy.data.materials if material.node_tree for tree in trees_below(material.node_tree)
+    )
+
+
+def _shown_by(tree: bpy.types.NodeTree) -> set[tuple[int, str]]:
+    """Pictures of a group, and how they are interpolated."""
+    nodes = (node for node in tree.nodes if node.bl_idname == "ShaderNodeTexEnvironment")
+    return {(node.image.session_uid if node.image else 0, node.interpolation) for node in nodes}

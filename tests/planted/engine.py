@@ -330,4 +330,12 @@ MISTAKES = (
         ("tests/test_osl_world.py::test_a_world_that_is_not_known_is_not_sampled",),
         "materials built under another picture go on to emit its light",
     ),
+    Mistake(
+        "groups-of-removed-materials-keep-the-world-from-being-sampled",
+        "addon/lights/seen_world.py",
+        "return not other or other.isdisjoint(",
+        "return not other or set().issuperset(",
+        ("tests/test_osl_world.py::test_a_world_that_is_not_known_is_not_sampled",),
+        "twice the noise under a world's picture, until the file is purged",
+    ),
 )
