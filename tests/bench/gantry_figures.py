@@ -1,4 +1,4 @@
-"""Rows of pages that benches fig4 and parallax fill: the text of each, as of `readme_figures.Stated`."""
+"""Texts that benches fig4, parallax and techniques fill, as of `readme_figures.Stated`."""
 
 _GROUPS = (
     "directions of the BTF",
@@ -29,3 +29,11 @@ FIG4 = (
     _rival("shading map over azimuth", "map over azimuth"),
 )
 PARALLAX = tuple(map(_swatch, ("plastic_5", "plastic_60", "suede", "cloth", "jeans", "wool", "stone")))
+EVERY_SIDE = (
+    "of the map over azimuth from the geometry is {RMS, every side, aside or behind, least|0%} to "
+    "{RMS, every side, aside or behind, most|0%} % of the picture's with light from the side or from behind, "
+    "{RMS, every side, aside or behind, median|0%} % in the median; along the arc it is at most "
+    "{every side less lookup, along the arc, most|1%} points more than that of one arc's map, and between photographed "
+    "azimuths {RMS, every side, between azimuths, least|0%} to {RMS, every side, between azimuths, most|0%} %, the most "
+    "on glossy plastic. It takes at most {bytes, every side over arc, most|1} times the bytes."
+)

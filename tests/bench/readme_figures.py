@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from detail_rows import ROWS, SAME, SAME_CLAIMS
-from gantry_figures import FIG4, PARALLAX
+from gantry_figures import EVERY_SIDE, FIG4, PARALLAX
 from no_figures import NO_FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -293,6 +293,7 @@ STATED = (
         "or from behind {RMS, lookup, aside or behind, least|0%} to "
         "{RMS, lookup, aside or behind, most|0%} %",
     ),
+    Stated("techniques", EVERY_SIDE),
     *(_azimuth(*row.split("; ")) for row in _STACKS),
     *(Stated("fig4", row, "addon/docs/method.md") for row in FIG4),
     *(Stated("parallax", row, "addon/docs/maps.md") for row in PARALLAX),
