@@ -35,5 +35,6 @@ EVERY_SIDE = (
     "{RMS, every side, aside or behind, median|0%} % in the median; along the arc it is at most "
     "{every side less lookup, along the arc, most|1%} points more than that of one arc's map, and between "
     "photographed azimuths {RMS, every side, between azimuths, least|0%} to "
-    "{RMS, every side, between azimuths, most|0%} %, the most on glossy plastic. It takes at most {bytes, every side over arc, most|1} times the bytes."
+    "{RMS, every side, between azimuths, most|0%} %, the most on glossy plastic. It takes "
+    "at most {bytes, every side over arc, most|1} times the bytes."
 )
