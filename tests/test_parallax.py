@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -207,20 +209,27 @@ def test_relief_that_no_longer_fits_is_switched_off(
     assert (parallax_node(material) is None) == bool(why)
 
 
-def test_a_bake_of_other_photographs_switches_it_off(swatch: Any, tmp_path: Path, registered: None) -> None:
-    material, record = swatch
+@contextmanager
+def shown(material: bpy.types.Material, record: ShadingMapRecord) -> Iterator[None]:
+    """The material on the object that operators are for."""
     keep_facts(material, record.document)
     mesh = bpy.data.meshes.new("tile")
     mesh.materials.append(material)
     obj = bpy.data.objects.new("tile", mesh)
     bpy.context.scene.collection.objects.link(obj)
+    with bpy.context.temp_override(object=obj, active_object=obj, material=material):
+        yield
+    bpy.data.batch_remove([obj, mesh])
+
+
+def test_a_bake_of_other_photographs_switches_it_off(swatch: Any, tmp_path: Path, registered: None) -> None:
+    material, record = swatch
     add_parallax(material, record, read_maps_folder(write_folder(tmp_path / "maps")))
     folder = str(write_stack(tmp_path / "others"))
     material.measured_arc.align = "off"
-    with bpy.context.temp_override(object=obj, active_object=obj, material=material):
+    with shown(material, record):
         assert bpy.ops.measured_materials.bake_again(filepath=folder) == {"FINISHED"}
     assert parallax_node(material) is None
-    bpy.data.batch_remove([obj, mesh])
 
 
 @pytest.mark.parametrize("first", ["tiling", "parallax"])
@@ -284,20 +293,14 @@ def test_the_command_line_renders_it(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_a_click_in_the_panel_moves_it_and_another_does_not(swatch: Any, tmp_path: Path, registered: None) -> None:
     material, record = swatch
-    keep_facts(material, record.document)
-    mesh = bpy.data.meshes.new("tile")
-    mesh.materials.append(material)
-    obj = bpy.data.objects.new("tile", mesh)
-    bpy.context.scene.collection.objects.link(obj)
     folder = str(write_folder(tmp_path / "maps"))
-    with bpy.context.temp_override(object=obj, active_object=obj, material=material):
+    with shown(material, record):
         assert bpy.ops.measured_materials.parallax(directory=folder) == {"FINISHED"}
         assert parallax_node(material) is not None
         assert bpy.ops.measured_materials.parallax() == {"FINISHED"}
         assert parallax_node(material) is None
         with pytest.raises(RuntimeError, match="holds no maps"):
             bpy.ops.measured_materials.parallax(directory=str(tmp_path))
-    bpy.data.batch_remove([obj, mesh])
 
 
 def test_heights_are_packed_where_the_textures_are(swatch: Any, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from ....bake.maps.folder import MapsFolder
 from ....bake.shading_maps.record import ShadingMapRecord
 from ....bake.shading_maps.slice_atlas import SliceLayout
 from ....nodes.data_image import PART_KEY
+from ....nodes.group import trees_below
 from ....nodes.material_tree import measured_nodes
 from ....nodes.parallax_group import Relief, is_parallax, parallax_group
 from ....nodes.principled_maps import map_image
@@ -117,14 +118,12 @@ def _differ(size: Sequence[int], layout: SliceLayout) -> bool:
 
 def keeps_textures(material: bpy.types.Material) -> bool:
     """Whether the measured group's textures are packed into the .blend."""
-    trees, images = [node.node_tree for _, node in measured_nodes(material.node_tree)], []
-    while trees:
-        for node in trees.pop().nodes:
-            if node.bl_idname == "ShaderNodeTexImage" and node.image is not None:
-                images.append(node.image)
-            elif getattr(node, "node_tree", None) is not None:
-                trees.append(node.node_tree)
-    return any(image.get(PART_KEY) and image.packed_file is not None for image in images)
+    return any(
+        part.bl_idname == "ShaderNodeTexImage" and part.image and part.image.get(PART_KEY) and part.image.packed_file
+        for _, node in measured_nodes(material.node_tree)
+        for tree in trees_below(node.node_tree)
+        for part in tree.nodes
+    )
 
 
 def _relief(maps: MapsFolder, layout: SliceLayout, pack: bool) -> Relief:
