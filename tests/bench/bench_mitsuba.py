@@ -5,6 +5,9 @@ differently. RGL's tables are of incident light and outgoing view; Mitsuba, whic
 up with the two exchanged, and the measurements are not reciprocal. That both have the same scene and light is shown by
 a material that is exchanged before it is baked: its picture is Mitsuba's.
 
+Beside them stands a Principled BSDF of about the look, which is one of Cycles' own closures: error and time that Cycles
+itself takes in these scenes, whatever a measured material costs on top.
+
 Our truth is Reference, which shares no closures and no lamp sampling with what is judged, and Exact as OSL, weighted by
 how little noise each has; how far apart their means are is shown. Errors are in parts of the truth's mean. Times are of
 one thread, set-up taken off.
@@ -28,8 +31,10 @@ from materials import SHARED
 from measured_materials.addon.lights.light_tables import update_scene
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.report.principled_match import fit_principled
 from measured_materials.bake.bundle.bundle import Bundle, read_bundle
 from measured_materials.bake.source import Array
+from measured_materials.bake.sources import read_source
 from mitsuba_environment import mitsuba_python, render
 from peer_bakes import bake_all, bundle_path
 from peer_scenes import SCENES, environment, facts, lit, on_sphere, timed
@@ -38,7 +43,8 @@ from rich.console import Console
 from rich.table import Table
 
 NODES, OSL, REFERENCE = "exact", "exact, OSL", "reference"
-OURS, THEIRS = (NODES, OSL, REFERENCE), ("scalar_rgb", "llvm_ad_rgb")
+STAND_IN = "Principled"
+OURS, THEIRS = (NODES, OSL, REFERENCE, STAND_IN), ("scalar_rgb", "llvm_ad_rgb")
 QUICK = ("paper_white_rgb", "satin_rosaline_rgb", "chm_orange_rgb")
 MOST_APART, LEAST_MEDIAN = 0.005, 3.0
 # Seeds from here on are those of truths.
@@ -139,9 +145,10 @@ class _Pair:
 
     def rows(self) -> Iterator[Row]:
         """Of all renderers that run here; then `apart` is how far the exchanged material is from Mitsuba."""
-        judged, truth, exchanged, reference = self._ours()
+        judged, truth, exchanged, reference, of_stand_in = self._ours()
         words = [f"Reference {reference.mean / truth.mean - 1:+.2%} (+- {reference.error:.2%}) from our truth"]
-        yield from (self._row(name, pictures, seconds, truth) for name, (pictures, seconds) in judged.items())
+        for name, (pictures, seconds) in judged.items():
+            yield self._row(name, pictures, seconds, of_stand_in if name == STAND_IN else truth)
         pictures, seconds, theirs = self._theirs(self.variants[0], with_truth=True)
         self.apart, sure = exchanged.mean / theirs.mean - 1, math.hypot(exchanged.error, theirs.error)
         words.append(
@@ -159,8 +166,8 @@ class _Pair:
 
     # --- ours --------------------------------------------------------------------------------------------
 
-    def _ours(self) -> tuple[dict[str, tuple[Array, float]], Truth, Truth, Truth]:
-        """Pictures and seconds of `OURS`; the truth, that of the exchanged material, and Reference's alone."""
+    def _ours(self) -> tuple[dict[str, tuple[Array, float]], Truth, Truth, Truth, Truth]:
+        """Pictures and seconds of `OURS`; the truth, the exchanged material's, Reference's alone, the stand-in's."""
         bundle = read_bundle(bundle_path(self.file, self.folder))
         with lit(self.scene) as scene:
             update_scene(scene)
@@ -168,9 +175,10 @@ class _Pair:
                 NODES: build_brdf(bundle, choices=Choices(mode="exact"), scene=scene)[0],
                 OSL: _sampled(bundle, scene),
                 REFERENCE: build_brdf(bundle, choices=Choices(mode="reference"), scene=scene)[0],
+                STAND_IN: fit_principled(read_source(self.file)).material(),
             }
             judged = {name: self._judge(scene, material) for name, material in materials.items()}
-            by_mirror, by_lamp = (self._truth(scene, materials[name]) for name in (REFERENCE, OSL))
+            by_mirror, by_lamp, native = (self._truth(scene, materials[name]) for name in (REFERENCE, OSL, STAND_IN))
             other = _sampled(read_bundle(bundle_path(self.file, self.folder, exchanged=True)), scene)
             exchanged = self._truth(scene, other)
         for material in (*materials.values(), other):
@@ -178,7 +186,7 @@ class _Pair:
         for blocks in (bpy.data.node_groups, bpy.data.images, bpy.data.meshes, bpy.data.lights, bpy.data.worlds):
             for block in [block for block in blocks if not block.users]:
                 blocks.remove(block)
-        return judged, _together(by_mirror, by_lamp), exchanged, by_mirror
+        return judged, _together(by_mirror, by_lamp), exchanged, by_mirror, native
 
     def _judge(self, scene: bpy.types.Scene, material: bpy.types.Material) -> tuple[Array, float]:
         sizes = self.sizes
@@ -274,8 +282,13 @@ def _report(rows: list[Row], sizes: Sizes) -> None:
                 gains[name].append(peer / max(of[name].cost, 1e-30))
             cells = [f"{math.sqrt(max(of[name].error, 0)):.2%} {of[name].seconds:.2f}" for name in (*OURS, *theirs)]
             table.add_row(material.removesuffix("_rgb"), *cells, *(f"{gains[name][-1]:.2f}" for name in OURS))
-        Console(width=170).print(table)
+        Console(width=190).print(table)
         for name, values in gains.items():
+            for what in ("error", "seconds"):
+                pairs = (
+                    (getattr(of[name], what), min(getattr(of[peer], what) for peer in theirs)) for of in found.values()
+                )
+                put(f"{scene}, {name}, median {what}", statistics.median(ours / peer for ours, peer in pairs))
             middle, ahead = statistics.median(values), sum(value > 1 for value in values)
             goal = f"median {middle:.2f} (goal {LEAST_MEDIAN:g}), least {min(values):.2f} (goal 1)"
             print(f"{scene}, {name}: ahead on {ahead} of {len(values)}, {goal}")
