@@ -20,6 +20,7 @@ from measured_materials.addon.ui.properties.bake import settings_of, show_settin
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.settings import BakeSettings
 from measured_materials.bake.bundle.bundle import read_bundle
+from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.photographs.photograph import IMAGE_SUFFIXES
@@ -27,7 +28,7 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sources import READERS
 from measured_materials.bake.sources.analytic import by_name
 from measured_materials.nodes.material_tree import BUNDLE_KEY, SOURCE_KEY
-from support.coarse_bakes import coarse  # noqa: F401
+from support.coarse_bakes import baked_once, coarse  # noqa: F401
 
 QUICK: dict[str, Any] = {
     "resolution": 8,
@@ -45,10 +46,17 @@ def registered() -> Iterator[None]:
     measured_materials.unregister()
 
 
+@pytest.fixture(scope="module")
+def known_bakes() -> dict[str, BakeResult]:
+    """What `lacquer` has baked before."""
+    return {}
+
+
 @pytest.fixture
-def lacquer(measurement: Path, plate: Any, tmp_path: Path) -> Any:
+def lacquer(measurement: Path, plate: Any, tmp_path: Path, known_bakes: dict[str, BakeResult]) -> Any:
     """A measured material on the active object."""
-    bpy.ops.measured_materials.import_brdf(filepath=str(measurement), bundles=str(tmp_path), **QUICK)
+    with baked_once(known_bakes, measurement.parent):
+        bpy.ops.measured_materials.import_brdf(filepath=str(measurement), bundles=str(tmp_path), **QUICK)
     return plate.active_material
 
 

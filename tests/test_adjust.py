@@ -33,7 +33,7 @@ from measured_materials.nodes.exchanged_group import exchange_group
 from measured_materials.nodes.group import node_group
 from measured_materials.nodes.material_tree import measured_nodes
 from support.coarse_bakes import coarse  # noqa: F401
-from test_addon import Stage, lacquer, registered  # noqa: F401
+from test_addon import Stage, known_bakes, lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 
 

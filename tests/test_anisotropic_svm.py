@@ -33,7 +33,10 @@ def clean_blend() -> Iterator[None]:
         bpy.data.materials.remove(material)
 
 
-@pytest.fixture(scope="module", params=["half auto", "normal bezier", "normal fitted"])
+@pytest.fixture(
+    scope="module",
+    params=["half auto", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("normal bezier", "normal fitted"))],
+)
 def satin(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     basis, kind = request.param.split()
     settings = BakeSettings(

@@ -36,7 +36,7 @@ from support.gloss import link_socket
 from support.monte_carlo import assert_agree
 from support.osl import skip_without_osl
 from support.scenes import TestScene, add_lamp, lit_sphere
-from test_addon import Stage, lacquer, registered  # noqa: F401
+from test_addon import Stage, known_bakes, lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 from test_unbiased import FINDS, stage
 

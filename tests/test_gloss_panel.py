@@ -17,7 +17,7 @@ from measured_materials.bake.sampling.gloss import LEAST, MOST
 from measured_materials.nodes.compat import curves_of
 from measured_materials.nodes.material_tree import measured_nodes
 from support.coarse_bakes import coarse  # noqa: F401
-from test_addon import lacquer, registered  # noqa: F401
+from test_addon import known_bakes, lacquer, registered  # noqa: F401
 from test_addon_arc import felt, stack  # noqa: F401
 
 

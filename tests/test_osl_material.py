@@ -92,10 +92,8 @@ def test_grey_lambert_equals_diffuse(grey: Bundle, mode: str, samples: int, aime
         assert_same(reference, scene.render(samples, range(30, 38)), scene.mask(), tolerance, EFFECT)
 
 
-SLOW_MODES = [pytest.param(mode, marks=pytest.mark.slow) for mode in ("reference", "balanced")]
-
-
-@pytest.mark.parametrize("mode", ["exact", *SLOW_MODES])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["exact", "reference", "balanced"])
 def test_osl_is_the_material_of_nodes(paint: Bundle, mode: str) -> None:
     """Gloss, tinted, under sky and a small lamp that both aim at, with bounce light; a planted 2 % is found."""
     nodes = tinted(build_material(paint, mode=mode, lamps=lamp_image()))

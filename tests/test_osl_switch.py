@@ -112,10 +112,10 @@ def test_one_switch_builds_materials_and_sets_the_scene(scene: TestScene, bundle
     assert BRDF.cost(material).startswith("Error ")  # how long nodes with a script take was not measured
     files = [node.image for node in image_nodes(material.node_tree) if node.image.source == "FILE"]
     assert not is_one_script(material) and files and all(image.packed_file for image in files)
-    scripted = scene.render(16, 3)
+    scripted = scene.render(4, 2)
     twin = build_material(bundle, lamps=lamp_image(), lights=lamp_light_image(), scripted=True, pack=True)
     scene.show(twin)
-    assert np.array_equal(scene.render(16, 3), scripted), "the material of the switch is another than the builder's"
+    assert np.array_equal(scene.render(4, 2), scripted), "the material of the switch is another than the builder's"
     scene.show(material)
     bpy.data.materials.remove(twin)
     switch(scene, nodes=True)

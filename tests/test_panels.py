@@ -13,7 +13,7 @@ from measured_materials.addon.ui.panels import live_check
 from measured_materials.addon.ui.panels.check_scene import draw_status
 from measured_materials.addon.ui.panels.places import in_both_places
 from measured_materials.addon.ui.panels.wrapped_text import Lines, wrapped
-from test_addon import Recorder, Stage, lacquer, registered  # noqa: F401
+from test_addon import Recorder, Stage, known_bakes, lacquer, registered  # noqa: F401
 
 
 @given(st.text(st.characters(blacklist_categories=["Cs"]), max_size=80), st.integers(3, 30))

@@ -124,9 +124,9 @@ SMALL = {"resolution": 8, "sampler": SamplerLayout(8, 8, 8)}
         ("thin-cloth", {}, {}),
         ("thin-cloth", {}, {"envelope": False}),
         ("lambert", {}, {"envelope": False, "parameterization": "uniform", "basis": "normal"}),
-        ("ggx", BRUSHED, {}),
+        pytest.param("ggx", BRUSHED, {}, marks=pytest.mark.slow),
         ("ggx", BRUSHED, {"envelope": False, "basis": "normal", "filter": "bspline"}),
-        ("ggx", BRUSHED, {"envelope": False, "basis": "half", "storage": "log"}),
+        pytest.param("ggx", BRUSHED, {"envelope": False, "basis": "half", "storage": "log"}, marks=pytest.mark.slow),
     ],
 )
 def test_progress_of_a_bake(model: str, parameters: dict[str, float], options: dict[str, Any], tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def decisions(walk: Walk) -> list[str]:
     return found
 
 
-SLOW = {"anisotropic exact"}  # its bake alone takes a quarter of a minute
+SLOW = {"anisotropic exact", "anisotropic warp"}  # whose bakes alone take a quarter of a minute
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in MATERIALS])
