@@ -25,7 +25,8 @@ Plate = Literal["plain", "scaled", "shadows"]
 PLATES: tuple[Plate, ...] = get_args(Plate)
 # Level below which lights count as equally dark, and angle from the normal beyond which as equally low.
 _DARKEST, _LOWEST = 1e-3, 1.55
-# Singular values of the polynomial below this part of the largest say nothing: lights all of one elevation.
+# Singular values of the polynomial below this part of the largest say nothing: lights all of one elevation. A highlight
+# a thousand times as bright as all else makes terms as small, which few lights hardly tell: nothing is worse for it.
 _DEPENDENT = 1e-3
 
 
