@@ -1,9 +1,10 @@
 """Parallax under shading maps: lookups moved by the relief, beside those that are not, against oblique views.
 
-Every swatch of the gantry is photographed all around, and baked to a map over azimuth and, by photometric stereo, to
-heights. Seen from 30, 50 and 70 degrees, as no photograph shows it, under a light that is among those of the
-photographs and one that is not, what the map shows is compared with the geometry: as it is, moved by those heights, and
-moved by the geometry's own.
+Every swatch of the gantry is photographed all around, and baked to a map over azimuth and, as by `bake maps --repeats`,
+to heights. Seen from 30, 50 and 70 degrees, as no photograph shows it, under two lights that no photograph has, what
+the map shows is compared with the geometry: as it is, moved by those heights, and moved by the geometry's own. How high
+the relief lies as a whole no photograph tells, and one places an object where one wants it: all of these lie in the
+plane of the geometry's mean height, and some, "unplaced", in that of its height 0.
 """
 
 from __future__ import annotations
@@ -31,30 +32,48 @@ from rich.table import Table
 from support.btf.figure_4 import AROUND_MAP, Radiance, of_stack
 from support.gantry_maps import AROUND_CASES, renders_of, stack_of
 
-VIEWS, LIGHTS = (30.0, 50.0, 70.0), ((46.5, 0.0), (30.0, 135.0))
+# Between two photographs' elevations, and between their elevations and azimuths.
+VIEWS, LIGHTS = (30.0, 50.0, 70.0), ((46.5, 0.0), (40.0, 112.5))
 _SIDES = (82.0, 230.0)
 CASES = tuple(
     Case(f"{theta:g} degrees", ((*light, 1.0),), (theta, phi)) for theta in VIEWS for phi in _SIDES for light in LIGHTS
 )
 GROUPS = tuple(dict.fromkeys(case.group for case in CASES))
 _OVER = 4
-# How heights are used: by name the share of them, which heights, and in how many layers.
+
+
+@dataclass(frozen=True)
+class Way:
+    """How heights are used: the share of them, which of them, in how many layers, and whether in the right plane."""
+
+    share: float
+    heights: str = "photographs"
+    layers: int = LAYERS
+    placed: bool = True
+
+
 WAYS = {
-    "as it is": (0.0, "photographs", LAYERS),
-    "moved": (1.0, "photographs", LAYERS),
-    "moved by half": (0.5, "photographs", LAYERS),
-    "moved, 32 layers": (1.0, "photographs", 32),
-    "moved, true heights": (1.0, "geometry", LAYERS),
+    "as it is": Way(0.0),
+    "moved": Way(1.0),
+    "moved by half": Way(0.5),
+    "moved, 32 layers": Way(1.0, layers=32),
+    "moved, true heights": Way(1.0, "geometry"),
+    "as it is, unplaced": Way(0.0, placed=False),
+    "moved, unplaced": Way(1.0, placed=False),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Swatch:
-    """Frames of a swatch, its map over azimuth, and its heights (H, W) in tiles by where they come from."""
+    """Frames of a swatch, its map over azimuth, and its heights (H, W) in tiles by where they come from.
+
+    mean : of the geometry's heights; the others are about 0, as those of `bake maps` are
+    """
 
     frames: Frames
     mapped: Radiance
     heights: dict[str, Array]
+    mean: float
 
 
 def run(out: Path, quick: bool) -> None:
@@ -81,22 +100,24 @@ def make(name: str, size: int, samples: int) -> Swatch:
         frames = techniques.photograph(gantry, (*AROUND_CASES, *CASES))
         true = truth_of(gantry).height
     stack = stack_of(AROUND_CASES, frames)
-    found = maps_of(stack, MapSettings(level=False, repeats=True), name)[0].height.astype(np.float64)
+    found = maps_of(stack, MapSettings(repeats=True), name)[0].height.astype(np.float64)
     mapped = of_stack(AROUND_MAP, stack, "all", renders_of(swatch, stack)["family"]).radiance
-    # Photographs tell no height of the whole, by which all of a picture would only be moved.
-    return Swatch(frames, mapped, {"photographs": found - found.mean() + true.mean(), "geometry": true})
+    mean = float(true.mean())
+    return Swatch(frames, mapped, {"photographs": found, "geometry": true - mean}, mean)
 
 
 def errors_of(swatch: Swatch, way: str, size: int) -> dict[str, float]:
     """RMS by angle of the view."""
-    share, which, layers = WAYS[way]
+    how = WAYS[way]
     rows: dict[str, list[dict[str, float]]] = {group: [] for group in GROUPS}
     for case in CASES:
         uv = techniques.frame_uv(size, case.view_radians, _OVER)
         (light,), (theta, phi) = case.lights, case.view
         wi, wo = np.array(techniques.direction(*light[:2])), np.array(techniques.direction(90 - theta, phi))
-        if share:
-            uv = moved(uv, wo, share * swatch.heights[which], layers)
+        if how.placed:
+            uv = uv + swatch.mean * wo[:2] / wo[2]
+        if how.share:
+            uv = moved(uv, wo, how.share * swatch.heights[how.heights], how.layers)
         shown = techniques.pixels(swatch.mapped(uv, wi, wo), _OVER)
         rows[case.group].append(techniques.errors(shown, techniques.truth(case, swatch.frames)))
     return {group: techniques.mean_errors(each)["rms"] for group, each in rows.items()}
