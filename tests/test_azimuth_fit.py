@@ -7,9 +7,9 @@ import pytest
 from measured_materials.bake.shading_maps.azimuth import azimuth_fit
 from measured_materials.bake.shading_maps.azimuth.against_arc import arc_error, foretells, surround
 from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, node_means
-from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, chosen, fit_azimuth
+from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoice, Nodes, Prepared, fit_azimuth
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
-from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack
+from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack, relative_error
 from measured_materials.bake.shading_maps.azimuth.light_weights import (
     PLATES,
     LightWeights,
@@ -62,7 +62,7 @@ def test_shadows_that_a_relief_casts_turn_with_the_light() -> None:
     stack = LightStack.of(photographs(heights, DOME), DOME)
     assert max(found) < 0.35 and np.median(found) < 0.2
     assert fit.error < 0.5 * arc_error(stack, 20)
-    assert foretells(stack, chosen(stack), 20)
+    assert foretells(Prepared.of(stack), 20)
     turned = [fit.basis.evaluate(0.4, phi) for phi in (0.0, np.pi)]
     assert relative(turned[0], turned[1]) > 0.4
 
@@ -107,8 +107,8 @@ def test_a_highlight_is_interpolated_in_parts_of_the_level_and_a_matte_relief_as
     half = DOME + np.array([0.0, 0.0, 1.0])
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
     stack = LightStack.of(lambertian(half) ** 30 + np.float32(0.01) * lambertian(DOME), DOME)
-    assert chosen(stack).plate != "plain"
-    assert chosen(LightStack.of(lambertian(DOME), DOME)).plate == "plain"
+    assert Prepared.of(stack).choice.plate != "plain"
+    assert Prepared.of(LightStack.of(lambertian(DOME), DOME)).choice.plate == "plain"
 
 
 def test_every_photograph_is_left_out_once_and_predicted_without_itself() -> None:
@@ -123,6 +123,28 @@ def test_every_photograph_is_left_out_once_and_predicted_without_itself() -> Non
     doubtful = LightStack.of(strange, DOME)
     shares = np.sqrt(azimuth_fit.left_out(doubtful, AzimuthChoice(1e-3, False)) / np.diag(doubtful.products))
     assert shares[5] > 2 * np.median(shares)
+
+
+def test_the_error_told_is_of_photographs_that_had_no_part_in_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of trials that differ by chance alone, the least is a lucky one, and as good as any other at what is new."""
+    stack, rng = LightStack.of(lambertian(DOME), DOME), np.random.default_rng(0)
+    own = np.diag(stack.products)
+
+    def by_chance(*_: object) -> np.ndarray:
+        return own * np.square(rng.exponential(1.0, len(own)))
+
+    monkeypatch.setattr(azimuth_fit, "left_out", by_chance)
+    tried = azimuth_fit.trials(stack)
+    lucky, told = [], []
+    for _ in range(20):
+        found = {trial: by_chance() for trial in tried}
+        monkeypatch.setattr(azimuth_fit, "trials", lambda _, found=found: found)
+        prepared = Prepared.of(stack)
+        lucky.append(relative_error(stack, found[prepared.choice]))
+        told.append(relative_error(stack, prepared.errors))
+        ranks = {trial: [each, by_chance()] for trial, each in found.items()}
+        assert np.array_equal(azimuth_fit.foretold(prepared, ranks, 1), prepared.errors)
+    assert np.mean(lucky) < 0.85 and abs(np.mean(told) - 1) < 0.1
 
 
 def test_errors_by_products_are_those_of_the_pixels() -> None:
@@ -169,9 +191,9 @@ def test_levels_of_next_to_no_light_are_not_scaled_up() -> None:
 def test_brightness_that_goes_with_azimuth_is_kept_and_uneven_lamps_are_not() -> None:
     images = lambertian(DOME)
     leaning = images * (1 + 0.4 * DOME[:, 0])[:, None, None, None].astype(np.float32)
-    assert not azimuth_fit.chosen(LightStack.of(leaning, DOME)).even
+    assert not Prepared.of(LightStack.of(leaning, DOME)).choice.even
     lamps = np.exp(np.random.default_rng(0).normal(0, 0.4, len(DOME)))[:, None, None, None].astype(np.float32)
-    assert azimuth_fit.chosen(LightStack.of(images * lamps, DOME)).even
+    assert Prepared.of(LightStack.of(images * lamps, DOME)).choice.even
 
 
 def test_lights_of_one_elevation_and_beyond_the_outermost() -> None:

@@ -82,9 +82,9 @@ def counted(monkeypatch: pytest.MonkeyPatch, place: Any, name: str) -> list[str]
 def test_lights_are_found_once_and_the_interpolation_is_chosen_once(
     felt: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found, chosen = counted(monkeypatch, stack, "find_lights"), counted(monkeypatch, azimuth_fit, "chosen")
+    found, tried = counted(monkeypatch, stack, "find_lights"), counted(monkeypatch, azimuth_fit, "trials")
     assert record_at(bake_arc(felt, felt.with_suffix(".mmat"), settings()).path).map.model == "azimuth"
-    assert len(found) == len(chosen) == 1
+    assert len(found) == len(tried) == 1
 
 
 def test_where_one_arc_foretells_better_it_is_what_it_is_by_itself(felt: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -223,7 +223,7 @@ def _tried(stack: PhotoStack, settings: ArcSettings, name: str) -> Prepared | Li
     count, height, width, _ = stack.images.shape
     check_size_around(count, height, width, settings.azimuth_rank, settings.tileable != "off")
     prepared = prepare(stack, name)
-    better = settings.azimuths == "all" or foretells(prepared.products, prepared.choice, settings.stack.spread)
+    better = settings.azimuths == "all" or foretells(prepared, settings.stack.spread)
     return prepared if better else "arc"
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...errors import BakeError
 from ...photographs.lights import arc_of
-from .azimuth_fit import AzimuthChoice, left_out
+from .azimuth_fit import Prepared
 from .level_curve import LevelCurve
 from .light_stack import LightStack, relative_error
 from .light_weights import convex_hull, widest_gap
@@ -34,9 +34,9 @@ def check_lights(directions: NDArray[np.float64] | None) -> None:
         raise BakeError("azimuths all", cause, "photograph from more sides, or choose azimuths arc")
 
 
-def foretells(stack: LightStack, choice: AzimuthChoice, spread: float) -> bool:
+def foretells(prepared: Prepared, spread: float) -> bool:
     """Whether a map over azimuth foretells photographs that are left out better than one arc of the others does."""
-    return relative_error(stack, left_out(stack, choice)) < arc_error(stack, spread)
+    return relative_error(prepared.products, prepared.errors) < arc_error(prepared.products, spread)
 
 
 def arc_error(stack: LightStack, spread: float) -> float:

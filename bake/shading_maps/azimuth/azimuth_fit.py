@@ -59,15 +59,31 @@ class AzimuthChoice:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Photographs lit from every side, and how they are to be interpolated, which takes trials to find."""
+    """Photographs lit from every side, and how they are to be interpolated, which takes trials to find.
+
+    Attributes
+    ----------
+    choice : of all photographs, by which the map is made
+    by_fold : of each fold of `LightStack.folds` what the photographs of the other folds choose; the error that this
+        has at its own is that of photographs which had no part in the choice
+    errors : (n,) squared ones of that, of a map that is not reduced
+    """
 
     products: LightStack
     choice: AzimuthChoice
+    by_fold: tuple[AzimuthChoice, ...]
+    errors: Array
 
     @classmethod
     def of(cls, products: LightStack) -> Prepared:
-        """With the interpolation that is `chosen`."""
-        return cls(products, chosen(products))
+        """With the interpolations that are `chosen`."""
+        tried = trials(products)
+        folds = products.folds()
+        by_fold = tuple(chosen(products.part(kept), {t: e[kept] for t, e in tried.items()}) for kept, _ in folds)
+        errors = np.zeros(len(products))
+        for (_, left), choice in zip(folds, by_fold, strict=True):
+            errors[left] = tried[choice][left]
+        return cls(products, chosen(products, tried), by_fold, errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +93,8 @@ class AzimuthFit:
     Attributes
     ----------
     curve : levels of lights by their angle
-    error : `relative_error` of photographs left out, predicted from the others at the level of their elevation; the
-        interpolation was chosen by the same photographs, so that it is the least of some trials
+    error : `relative_error` of photographs left out, predicted from the others at the level of their elevation, with
+        the interpolation and the rank that photographs of other folds choose (`Prepared.by_fold`)
     held_out : the same of each photograph: index, level, "rms" in parts of a_max, and "relative" to its own RMS
     lost : RMS over the nodes that the rank loses, and of the nodes themselves, in parts of a_max
     """
@@ -205,7 +221,9 @@ def fit_azimuth(
     prepared = prepared or Prepared.of(LightStack.of(images, directions))
     say(0.2)
     stack, choice = prepared.products, prepared.choice
-    errors, nodes = left_out_by_rank(stack, choice, most), Nodes.of(stack, choice)
+    by_rank = {trial: left_out_by_rank(stack, trial, most) for trial in {choice, *prepared.by_fold}}
+    nodes, held_out = Nodes.of(stack, choice), foretold(prepared, by_rank, rank)
+    errors = by_rank[choice]
     if rank is None:
         rank = called_for(stack, nodes, errors)
     rank = min(rank, len(errors))
@@ -218,7 +236,7 @@ def fit_azimuth(
         coefficients[here] = flat[:, here].T @ mixed.T.astype(np.float32)
         say(0.3 + 0.4 * start / len(coefficients))
     basis = AzimuthBasis(coefficients.reshape(*images.shape[1:], rank), curves.astype(np.float32))
-    held_out, own = errors[rank - 1], np.diag(stack.products)
+    own = np.diag(stack.products)
     rows = [
         {
             "index": k,
@@ -236,32 +254,58 @@ def fit_azimuth(
 def called_for(stack: LightStack, nodes: Nodes, errors: list[Array]) -> int:
     """The lowest rank that predicts photographs left out as well as any does, by their errors of each rank from 1 on,
     and that loses next to nothing of those that are there."""
+    return max(_predicting(errors), _keeping(stack, nodes, len(errors)))
+
+
+def _predicting(errors: list[Array]) -> int:
     least = min(found.sum() for found in errors)
-    foretold = next(r for r, found in enumerate(errors, 1) if found.sum() <= (1 + _WORTH) ** 2 * least)
-    _, mixed, _ = nodes.reduced(stack, len(errors))
+    return next(r for r, found in enumerate(errors, 1) if found.sum() <= (1 + _WORTH) ** 2 * least)
+
+
+def _keeping(stack: LightStack, nodes: Nodes, most: int) -> int:
+    _, mixed, _ = nodes.reduced(stack, most)
     own = np.diag(stack.products)
     # Coefficients are orthogonal over the texels.
     crossed = mixed @ stack.products
     shares = np.square(crossed) / np.maximum(np.einsum("ij,ij->i", crossed, mixed), _TINY)[:, None]
     for rank, kept in enumerate(np.cumsum(shares, axis=0), 1):
-        if rank >= foretold and relative_error(stack, np.maximum(own - kept, 0)) < _LOST:
+        if relative_error(stack, np.maximum(own - kept, 0)) < _LOST:
             return rank
-    return len(errors)
+    return most
 
 
-def chosen(stack: LightStack) -> AzimuthChoice:
-    """The interpolation of least smoothing that predicts photographs left out about as well as any.
+def foretold(prepared: Prepared, by_rank: dict[AzimuthChoice, list[Array]], rank: int | None) -> Array:
+    """Squared errors (n,) of photographs left out, with the interpolation, and the rank where none is given, that the
+    photographs of the other folds choose.
+
+    The least of many trials is too good an error at the photographs by which it is the least.
+    """
+    stack, found = prepared.products, np.zeros(len(prepared.products))
+    keeping: dict[AzimuthChoice, int] = {}
+    for (kept, left), choice in zip(stack.folds(), prepared.by_fold, strict=True):
+        errors = by_rank[choice]
+        if rank is None:
+            if choice not in keeping:
+                keeping[choice] = _keeping(stack, Nodes.of(stack, choice), len(errors))
+            used = max(_predicting([each[kept] for each in errors]), keeping[choice])
+        else:
+            used = min(rank, len(errors))
+        found[left] = errors[used - 1][left]
+    return found
+
+
+def trials(stack: LightStack) -> dict[AzimuthChoice, Array]:
+    """`left_out` of every interpolation that is tried."""
+    choices = (AzimuthChoice(s, even, plate) for plate in PLATES for s in SMOOTHINGS for even in (False, True))
+    return {choice: left_out(stack, choice) for choice in choices}
+
+
+def chosen(stack: LightStack, tried: dict[AzimuthChoice, Array]) -> AzimuthChoice:
+    """The interpolation of least smoothing that predicts photographs left out about as well as any, by errors (n,).
 
     It is by the plain plate, which holds Lambertian texels exactly, unless another is clearly better.
     """
-    errors = {
-        AzimuthChoice(smoothing, even, plate): 0.0
-        for plate in PLATES
-        for smoothing in SMOOTHINGS
-        for even in (False, True)
-    }
-    for trial in errors:
-        errors[trial] = relative_error(stack, left_out(stack, trial))
+    errors = {trial: relative_error(stack, found) for trial, found in tried.items()}
 
     def least(plate: Plate, *even: bool) -> float:
         return min(error for t, error in errors.items() if t.plate == plate and t.even in even)
