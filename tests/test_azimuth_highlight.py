@@ -9,7 +9,7 @@ from measured_materials.bake.shading_maps.azimuth.azimuth_fit import AzimuthChoi
 from measured_materials.bake.shading_maps.azimuth.level_curve import LevelCurve
 from measured_materials.bake.shading_maps.azimuth.light_stack import LightStack, relative_error
 from measured_materials.bake.shading_maps.azimuth.light_weights import PLATES, LightWeights, Plate
-from support.relief import bumps, lights
+from support.relief import glossy, lights
 
 ELSEWHERE = lights((12, 22, 33, 45, 57, 68, 80), 7, zenith=False)
 # Lights, exponent of the highlight and albedo of what lies below it. In each of the first four a plate loses terms.
@@ -21,20 +21,6 @@ CASES = {
     "twelve and the zenith": (lights((20, 50), 6), 200.0, 0.3),
 }
 _SMALL = 1e-9
-
-
-def glossy(directions: np.ndarray, exponent: float, albedo: float) -> np.ndarray:
-    """(n, H, W, 3) of a relief with a Blinn-Phong highlight, seen from above."""
-    heights = bumps(24, 1.0, 3)
-    p, q = ((np.roll(heights, -1, k) - np.roll(heights, 1, k)) / 2 for k in (1, 0))
-    steep = 0.1 / np.sqrt((p**2 + q**2).mean())
-    normals = np.stack([-p * steep, q * steep, np.ones_like(p)], -1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    half = directions + np.array([0.0, 0.0, 1.0])
-    half /= np.linalg.norm(half, axis=-1, keepdims=True)
-    lit, shine = (np.maximum(np.einsum("hwk,nk->nhw", normals, d), 0) for d in (directions, half))
-    total = albedo * lit + 0.005 * (exponent + 8) * shine**exponent * directions[:, 2, None, None]
-    return np.repeat(total[..., None], 3, -1).astype(np.float32)
 
 
 def error_and_terms(directions: np.ndarray, exponent: float, albedo: float, plate: Plate) -> tuple[float, int]:

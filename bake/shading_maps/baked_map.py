@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..bundle.bundle import StoredImage
 from ..errors import BakeError
@@ -14,7 +15,7 @@ from ..images.storage import Storage
 from ..photographs.stack import PhotoStack
 from ..source import Facts, Json
 from ..tiling.tileable import TileSettings, check_tileable, make_tileable
-from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK, AzimuthBasis, mean_over_azimuth
+from .azimuth.azimuth_basis import MAX_RANK, MIN_RANK, AzimuthBasis, levels_of, mean_over_azimuth
 from .azimuth.azimuth_fit import LEVELS, Prepared, fit_azimuth
 from .azimuth.light_stack import LightStack
 from .azimuth.light_weights import spacing
@@ -33,9 +34,12 @@ from .slice_atlas import GUTTER, MAX_EXTENT, SliceLayout
 from .store import Compression, Stored, store_azimuth, store_map
 
 Say = Callable[[str, float], None]
+Array = NDArray[np.float64]
 MAX_MAP_BYTES = 4 << 30
 # Lights farther apart than this (rad) leave gaps that a shadow does not cross in one piece.
 _SPARSE = np.radians(32)
+# Cosines of lights that are spread evenly over the hemisphere.
+_LIGHTS = (np.arange(256) + 0.5) / 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,20 +159,23 @@ def _baked(
     stack: PhotoStack, made: Linearised, swatch: _Swatch, held_out: list[dict[str, float]], kept: Stored
 ) -> BakedMap:
     images, facts, stored = kept
-    difference = stored.slices[1:] - swatch.map.slices[1:]
+    seen = level_by_cosine(stack.directions, made.averages / made.a_max)
+    levels = np.interp(_LIGHTS, np.linspace(0, 1, ANGLE_KNOTS), seen)
+    squares = [_squares(values) for values in (stored.slices - swatch.map.slices, swatch.map.slices)]
+    storage, signal = (seen_rms(each, swatch.map.levels, levels) for each in squares)
     told: dict[str, Json] = {
         "map": {
             **facts,
             **_size_facts(swatch.map, images),
             "a_max": swatch.a_max if stack.calibrated else None,
-            "level_by_cosine": level_by_cosine(stack.directions, made.averages / made.a_max),
+            "level_by_cosine": seen,
         },
         # For the plot of the linearisation (Kautz et al. 2004).
         "averages": {
             **stack.in_order(made.averages, made.order),
             "after": averages_of(swatch.map.slices).tolist(),
         },
-        "errors": _error_facts(_rms(difference), _rms(swatch.map.slices[1:]), held_out),
+        "errors": _error_facts(storage, signal, held_out),
     }
     return BakedMap(told, images, stored, made.averages, swatch.a_max, _slice_warnings(made))
 
@@ -200,7 +207,9 @@ def over_azimuth(
     images, facts, stored = store_azimuth(fit.basis, storage)
     say("measuring", 0.0)
     mean = ShadingMap(mean_over_azimuth(stored))
-    lost, signal = fit.lost
+    lost, whole = fit.lost
+    x, seen = levels_of(len(whole) + 1), fit.curve.level(_LIGHTS)
+    loss, signal = (seen_rms(np.insert(each, 0, 0.0), x, seen) for each in (lost + _rounding(fit.basis, stored), whole))
     order = np.argsort(products.averages, kind="stable")
     azimuths = np.degrees(np.arctan2(directions[order, 1], directions[order, 0])) % 360
     told: dict[str, Json] = {
@@ -222,7 +231,7 @@ def over_azimuth(
             "azimuths_deg": [round(float(azimuth), 3) for azimuth in azimuths],
             "after": averages_of(mean.slices).tolist(),
         },
-        "errors": _error_facts(float(np.hypot(lost, _rounding(fit.basis, stored))), signal, fit.held_out),
+        "errors": _error_facts(loss, signal, fit.held_out),
     }
     warnings = _sparse(directions)
     if rank is not None and fit.basis.rank < rank:
@@ -230,8 +239,8 @@ def over_azimuth(
     return BakedMap(told, images, mean, products.averages, fit.curve.a_max, warnings), tiling
 
 
-def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:
-    """RMS over the nodes that the storage of coefficients and curves loses."""
+def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> Array:
+    """Mean squares (N - 1,) at each level but 0 of what the storage of coefficients and curves loses."""
     # c' B' - c B = c' (B' - B) + (c' - c) B: small numbers, whose squares rounding does not drown.
     off = np.concatenate([stored.coefficients, stored.coefficients - basis.coefficients], -1).reshape(
         -1, 2 * basis.rank
@@ -239,7 +248,23 @@ def _rounding(basis: AzimuthBasis, stored: AzimuthBasis) -> float:
     kept, before = stored.lit_nodes().astype(np.float64), basis.lit_nodes().astype(np.float64)
     nodes = np.concatenate([kept - before, before])
     products = (off.T @ off).astype(np.float64) / len(off)
-    return float(np.sqrt(max(np.einsum("ij,ij->", products, nodes @ nodes.T) / nodes.shape[1], 0.0)))
+    squares = np.maximum(np.einsum("ij,ij->j", products @ nodes, nodes), 0)
+    means: Array = squares.reshape(basis.curves.shape[1], -1).mean(0)
+    return means
+
+
+def seen_rms(squares: Array, levels: Array, seen: Array) -> float:
+    """RMS over lights of all directions, as many at every cosine to the normal, of an error at levels of a map.
+
+    Where a highlight is, most of the levels are those of a few lights near the zenith, and others' fall between two of
+    them. Between levels a map is linear, where its squared error is at most what is interpolated here.
+
+    Parameters
+    ----------
+    squares, levels : (N,) mean squared error at rising levels x
+    seen : (k,) levels at even cosines
+    """
+    return float(np.sqrt(np.interp(seen, levels, squares).mean()))
 
 
 def _sparse(directions: Any) -> list[str]:
@@ -274,8 +299,10 @@ def _slice_warnings(made: Linearised) -> list[str]:
     return [f"{below} of {len(made.averages)} photographs are darker than the first of {slices} slices; try {wanted}"]
 
 
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.square(values).mean(dtype=np.float64)))
+def _squares(values: Any) -> Array:
+    """Mean squares (N,) of slices."""
+    means: Array = np.array([np.square(one).mean(dtype=np.float64) for one in values])
+    return means
 
 
 def _error_facts(storage: float, signal: float, held_out: list[dict[str, float]]) -> Facts:

@@ -213,7 +213,8 @@ class MapErrorsRecord:
 
     Attributes
     ----------
-    storage_rms, signal_rms : RMS that storage and compression cost, and of the slices themselves
+    storage_rms, signal_rms : RMS that storage and compression cost, and of the map itself, over lights of all
+        directions
     held_out_relative, held_out_rms : of photographs that were left out; None where there were too few
     held_out : how many were
     """

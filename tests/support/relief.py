@@ -1,4 +1,4 @@
-"""A modelled relief under distant light: Lambertian, with attached and cast shadows, photographed from above."""
+"""A modelled relief under distant light, photographed from above: Lambertian with all its shadows, or glossy."""
 
 from __future__ import annotations
 
@@ -45,3 +45,17 @@ def photographs(heights: np.ndarray, directions: np.ndarray, shadows: bool = Tru
                 lit = np.where(there - heights > t * light[2] / aside, 0.0, lit)
         found.append(lit[..., None] * albedo)
     return np.stack(found).astype(np.float32)
+
+
+def glossy(directions: np.ndarray, exponent: float, albedo: float) -> np.ndarray:
+    """(n, H, W, 3) of a relief with a Blinn-Phong highlight, seen from above."""
+    heights = bumps(24, 1.0, 3)
+    p, q = ((np.roll(heights, -1, k) - np.roll(heights, 1, k)) / 2 for k in (1, 0))
+    steep = 0.1 / np.sqrt((p**2 + q**2).mean())
+    normals = np.stack([-p * steep, q * steep, np.ones_like(p)], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    half = directions + np.array([0.0, 0.0, 1.0])
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    lit, shine = (np.maximum(np.einsum("hwk,nk->nhw", normals, d), 0) for d in (directions, half))
+    total = albedo * lit + 0.005 * (exponent + 8) * shine**exponent * directions[:, 2, None, None]
+    return np.repeat(total[..., None], 3, -1).astype(np.float32)

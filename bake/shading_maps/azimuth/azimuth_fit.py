@@ -96,7 +96,8 @@ class AzimuthFit:
     error : `relative_error` of photographs left out, predicted from the others at the level of their elevation, with
         the interpolation and the rank that photographs of other folds choose (`Prepared.by_fold`)
     held_out : the same of each photograph: index, level, "rms" in parts of a_max, and "relative" to its own RMS
-    lost : RMS over the nodes that the rank loses, and of the nodes themselves, in parts of a_max
+    lost : mean squares (N - 1,) over texels and azimuths at each level but 0 of what the rank loses, and of the map
+        itself, in parts of a_max
     """
 
     basis: AzimuthBasis
@@ -104,7 +105,7 @@ class AzimuthFit:
     choice: AzimuthChoice
     error: float
     held_out: list[dict[str, float]]
-    lost: tuple[float, float]
+    lost: tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +147,9 @@ class Nodes:
         weights *= (wanted / np.maximum(seen, _DARK * curve.a_max) / curve.a_max)[:, None]
         return cls(curve, weights, x, azimuths)
 
-    def reduced(self, stack: LightStack, rank: int) -> tuple[Array, Array, float]:
-        """Curves (rank, P, N), photographs' weights (rank, n) of their coefficients, and the RMS that is lost.
+    def reduced(self, stack: LightStack, rank: int) -> tuple[Array, Array, Array]:
+        """Curves (rank, P, N), photographs' weights (rank, n) of their coefficients, and the mean square that is lost
+        at each level, (N - 1,).
 
         Coefficients are the leading singular vectors of nodes and photographs together, all in parts of their level:
         dim light counts as the eye counts it. A node counts by the lights that it stands for, of which equally many
@@ -172,7 +174,12 @@ class Nodes:
         left, mixed = left / peak, mixed * peak[:, None]
         curves = left.T.reshape(left.shape[1], self.azimuths, len(self.x))
         off = (level * left @ mixed - self.weights) @ root
-        return np.concatenate([curves[:, :, :1], curves], -1), mixed, float(np.sqrt(np.square(off).sum(1).mean()))
+        return np.concatenate([curves[:, :, :1], curves], -1), mixed, self.by_level(np.square(off).sum(1))
+
+    def by_level(self, squares: Array) -> Array:
+        """Means over azimuths (N - 1,) of a number at each node."""
+        means: Array = squares.reshape(self.azimuths, len(self.x)).mean(0)
+        return means
 
     def unreduced(self) -> tuple[Array, Array]:
         """Curves (n, P, N) and weights (n, n), of one curve for each photograph."""
@@ -246,7 +253,7 @@ def fit_azimuth(
         }
         for k in np.argsort(stack.averages, kind="stable").tolist()
     ]
-    signal = float(np.sqrt(np.einsum("ij,ij->i", nodes.weights @ stack.products, nodes.weights).mean()))
+    signal = nodes.by_level(np.einsum("ij,ij->i", nodes.weights @ stack.products, nodes.weights))
     error = relative_error(stack, held_out)
     return AzimuthFit(levelled(basis), nodes.curve, choice, error, rows, (lost, signal))
 
