@@ -16,13 +16,12 @@ from ..bake.images.storage import HALF_LARGEST
 from ..bake.lobes.lobes import lobe_peak
 from ..bake.shading_maps.albedo import resolved_scale
 from ..bake.shading_maps.azimuth.azimuth_basis import AzimuthBasis, mean_curves
-from ..bake.shading_maps.azimuth.curve_layout import unpack_curves
 from ..bake.shading_maps.azimuth.mean_coefficients import light_coefficients
 from ..bake.shading_maps.record import ShadingMapRecord
 from ..bake.shading_maps.record_parts import StoredMap
 from ..bake.shading_maps.reduced_map import detail_layout, mean_tiles, pack_levels, reduced_size, reduced_slices
 from ..bake.shading_maps.render_settings import RenderSettings
-from ..bake.shading_maps.slice_atlas import SliceLayout, unpack_slices
+from ..bake.shading_maps.slice_atlas import SliceLayout
 from ..bake.source import luminance
 from .azimuth_group import AzimuthImages, azimuth_group, mean_group
 from .checked_pixels import check_image
@@ -165,7 +164,7 @@ def _map_groups(
     shown = map_group(f"MM Slices Viewport {name}", facts, images, viewport)
     if facts.model != "azimuth":
         return MapGroups(traced, shown, traced)
-    curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
+    curves = record.load_curves()
     around = mean_group(f"MM Slices Around {name}", far, mean_curves(curves), lighting.options(stochastic=False))
     return MapGroups(traced, shown, around, turned=True)
 
@@ -227,7 +226,7 @@ def _detailed(record: ShadingMapRecord, images: SliceImages, name: str, texels: 
     made = {part: made_image(told[part], half=half) for part, half in halves.items()}
     if None in made.values():
         # A bundle's colours may have an alpha, which nothing reads.
-        tiles = unpack_slices(record.files().load(facts.image), facts.layout)[..., :3]
+        tiles = record.load_tiles()
         parts = {
             facts.image: (tiles, _to_be_averaged(record, tiles)),
             "envelope": (texel := record.files().load("envelope")[None], texel),
@@ -243,11 +242,9 @@ def _detailed(record: ShadingMapRecord, images: SliceImages, name: str, texels: 
 
 def _to_be_averaged(record: ShadingMapRecord, tiles: NDArray[np.float32]) -> NDArray[np.float32]:
     """Tiles whose means are means of light."""
-    facts = record.map
-    if facts.model != "azimuth":
+    if record.map.model != "azimuth":
         return tiles
-    curves = unpack_curves(record.files().load("curves"), facts.curve_layout)
-    found = light_coefficients(AzimuthBasis(np.moveaxis(tiles, 0, -1), curves))
+    found = light_coefficients(AzimuthBasis(np.moveaxis(tiles, 0, -1), record.load_curves()))
     return np.clip(np.moveaxis(found, -1, 0), -HALF_LARGEST, HALF_LARGEST)
 
 

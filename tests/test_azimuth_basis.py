@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +22,8 @@ from measured_materials.bake.shading_maps.azimuth.curve_layout import (
 )
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.store import store_azimuth
+from measured_materials.nodes.shading_map_material import build_shading_map
+from support import azimuth
 from support.azimuth import clamped_basis, lambert_basis, write_azimuth_bundle
 
 
@@ -126,6 +131,61 @@ def test_a_bundle_gives_the_map_back(tmp_path: Path) -> None:
     assert np.abs(again.coefficients - basis.coefficients).max() < 1e-6
     mean = np.mean([basis.evaluate(3 / 7, 2 * np.pi * p / 16) for p in range(16)], axis=0)
     assert np.abs(record.load_map().slices[3] - mean).max() < 1e-5
+
+
+def _grown(image: np.ndarray, told: dict[str, Any]) -> None:
+    image[2, 3] = 2e6
+
+
+def _open(image: np.ndarray, told: dict[str, Any]) -> None:
+    image[16] += 0.01  # the row that repeats the first, which numpy does not read
+
+
+def _surplus(image: np.ndarray, told: dict[str, Any]) -> None:
+    image[20, 2, 3] = 0.5  # an eighth curve of five
+
+
+def _black(image: np.ndarray, told: dict[str, Any]) -> None:
+    image[:17, 0] += 0.5
+
+
+def _others(image: np.ndarray, told: dict[str, Any]) -> None:
+    told["mean_curves"][1][4] += 0.01
+
+
+def _from_light(image: np.ndarray, told: dict[str, Any]) -> None:
+    told["mean_curves"][0][0] = 0.01  # S of no light
+
+
+@pytest.mark.parametrize(
+    ("damage", "cause"),
+    [
+        (_grown, r"holds curves above 1e\+06"),
+        (_open, "does not go on at a whole turn as it begins"),
+        (_surplus, "holds more curves than the map has"),
+        (_black, "has curves at black that are not those of the level after it"),
+        (_others, "holds other curves than those whose means material.json gives"),
+        (_from_light, "holds other curves than those whose means material.json gives"),
+    ],
+)
+def test_damaged_curves_are_one_line_wherever_they_are_read(
+    damage: Callable[[np.ndarray, dict[str, Any]], None],
+    cause: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def damaged(basis: AzimuthBasis, storage: Storage) -> tuple[Any, dict[str, Any], AzimuthBasis]:
+        images, told, stored = store_azimuth(basis, storage)
+        pixels = images["curves"].pixels.copy()
+        damage(pixels, told)
+        return {**images, "curves": replace(images["curves"], pixels=pixels)}, told, stored
+
+    monkeypatch.setattr(azimuth, "store_azimuth", damaged)
+    record = ShadingMapRecord.read(write_azimuth_bundle(tmp_path / "cloth.mmat", clamped_basis()))
+    line = rf"_curves\.exr: .*{cause}.*; bake the photographs again"
+    for load in (record.load_azimuth, record.load_map, lambda: build_shading_map(record.files())):
+        with pytest.raises(BakeError, match=line):
+            load()
 
 
 def test_curves_at_even_levels_are_refused(tmp_path: Path) -> None:

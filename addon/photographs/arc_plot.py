@@ -10,7 +10,6 @@ import numpy as np
 from ...bake.bundle.bundle import read_bundle
 from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.record_parts import PhotographsRecord
-from ...bake.shading_maps.slice_atlas import unpack_slices
 from ...bake.source import Array
 from ..plots.figure import need_matplotlib, new_figure, save_png
 
@@ -86,6 +85,6 @@ def _envelope(record: ShadingMapRecord) -> Array:
     """m (H, W, 3) as the material uses it within the levels of the photographs."""
     bundle, stored = record.files(), record.map
     if stored.model == "power":
-        k, exponent = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3]
+        k, exponent = record.load_tiles()
         return np.where(exponent <= 1, k, 0)
     return bundle.load("envelope")[..., :3] / stored.envelope_scale

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..brdf.baked_table import BakedTable
 from ..brdf.common import AlbedoRecord, BundleRecord, ImageRecord, check_size, kind_of, rights_of
@@ -23,8 +24,8 @@ from ..photographs.settings import StackSettings
 from ..tables.atlas import AtlasLayout
 from . import power_law, slice_basis
 from .against_light import ThroughSettings
-from .azimuth.azimuth_basis import AzimuthBasis, mean_over_azimuth
-from .azimuth.curve_layout import unpack_curves
+from .azimuth.azimuth_basis import AzimuthBasis, mean_curves, mean_over_azimuth
+from .azimuth.curve_layout import pack_curves, unpack_curves
 from .bake import ArcSettings
 from .record_parts import (
     LitAlbedoRecord,
@@ -130,22 +131,41 @@ class ShadingMapRecord(BundleRecord):
 
     def load_azimuth(self) -> AzimuthBasis:
         """The map over azimuth as stored. Raises BakeError where the swatch was lit along an arc alone."""
-        bundle, stored = self.files(), self.map
+        stored = self.map
         if stored.model != "azimuth":
             raise BakeError(self.where, "holds no map over azimuth", "bake photographs with lights all around")
-        tiles = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3] * np.float32(1 / stored.scale)
-        curves = unpack_curves(bundle.load("curves"), stored.curve_layout)
-        if np.abs(curves).max() > _LARGEST_CURVE:
-            cause = f"has curves above {_LARGEST_CURVE:g}"
-            raise BakeError(self.where, cause, "bake it again")
-        return AzimuthBasis(np.ascontiguousarray(np.moveaxis(tiles, 0, -1)), curves)
+        tiles = self.load_tiles() * np.float32(1 / stored.scale)
+        return AzimuthBasis(np.ascontiguousarray(np.moveaxis(tiles, 0, -1)), self.load_curves())
+
+    def load_tiles(self) -> NDArray[np.float32]:
+        """Slices, or coefficients, as stored: times `map.scale`, (n, H, W, 3). Raises BakeError."""
+        return unpack_slices(self.files().load(self.map.image), self.map.layout)[..., :3]
+
+    def load_curves(self) -> NDArray[np.float32]:
+        """Curves (rank, P, N) of a map over azimuth, held against what the record says of them. Raises BakeError."""
+        bundle, stored = self.files(), self.map
+        image, remedy = bundle.load("curves"), "bake the photographs again"
+        curves = unpack_curves(image, stored.curve_layout)
+        if np.abs(image).max() > _LARGEST_CURVE:
+            cause = f"holds curves above {_LARGEST_CURVE:g}"
+        elif not np.array_equal(image, pack_curves(curves)):
+            # A shader reads the row that repeats azimuth 0, and all four channels.
+            cause = "does not go on at a whole turn as it begins, or holds more curves than the map has"
+        elif not np.array_equal(curves[:, :, 0], curves[:, :, 1]):
+            # Means are of light, of which there is none at black.
+            cause = "has curves at black that are not those of the level after it"
+        elif not np.allclose(mean_curves(curves), stored.curves, rtol=1e-5, atol=1e-5 * np.abs(curves).max()):
+            cause = f"holds other curves than those whose means {MATERIAL} gives"
+        else:
+            return curves
+        raise BakeError(bundle.image_path("curves"), cause, remedy)
 
     def load_map(self) -> ShadingMap:
         """The map as stored, for numpy; of one over azimuth its mean over that. Raises BakeError."""
         bundle, stored = self.files(), self.map
         if stored.model == "azimuth":
             return ShadingMap(mean_over_azimuth(self.load_azimuth()))
-        tiles = unpack_slices(bundle.load(stored.image), stored.layout)[..., :3] * np.float32(1 / stored.scale)
+        tiles = self.load_tiles() * np.float32(1 / stored.scale)
         levels = np.linspace(0, 1, stored.slices)
         if stored.model == "slices":
             m = bundle.load("envelope")[..., :3] * np.float32(1 / stored.envelope_scale)

@@ -17,7 +17,7 @@ from measured_materials.bake.shading_maps.swatch_preview import preview_swatch
 
 
 def lambert_basis(height: int = 4, width: int = 4, azimuths: int = 16, levels: int = 8, seed: int = 0) -> AzimuthBasis:
-    """S = x + 0.5 x sqrt(1 - x^2) (a cos phi + b sin phi), exact at the nodes; a and b of each texel sum up to 0.
+    """S = x + 0.5 x sqrt(1 - x^2) (a cos phi + b sin phi), exact at nodes above x = 0; a and b sum up to 0.
 
     Rank 3: x, and its product with the projected direction of the light in both axes. A texel whose a is above its
     level faces the light of phi = 0; all stay above 0. The channels differ.
@@ -29,6 +29,7 @@ def lambert_basis(height: int = 4, width: int = 4, azimuths: int = 16, levels: i
     phi, x = 2 * np.pi * np.arange(azimuths) / azimuths, levels_of(levels)
     lean = np.sqrt(1 - x**2)
     curves = np.stack([np.ones((azimuths, levels)), *(f(phi)[:, None] * lean for f in (np.cos, np.sin))])
+    curves[:, :, 0] = curves[:, :, 1]
     coefficients = np.stack([np.ones((height, width, 3)), *(0.5 * slope)], -1)
     return AzimuthBasis(coefficients.astype(np.float32), curves.astype(np.float32))
 
@@ -40,6 +41,7 @@ def clamped_basis(height: int = 4, width: int = 4, azimuths: int = 16, levels: i
     curves = [np.ones((azimuths, levels))]
     for k in range(1, rank):
         curves.append(np.cos(((k + 1) // 2) * phi - 0.7 * k)[:, None] * (1 - x) * 2)
+        curves[-1][:, 0] = curves[-1][:, 1]
     coefficients = rng.uniform(-2, 2, (height, width, 3, rank))
     coefficients[..., 0] = rng.uniform(0.2, 1.5, (height, width, 3))
     return AzimuthBasis(coefficients.astype(np.float32), np.stack(curves).astype(np.float32))

@@ -42,8 +42,8 @@ class AzimuthBasis:
     ----------
     coefficients : (H, W, 3, rank) float32, of either sign; row 0 on top
     curves : (rank, P, N) float32 at phi = 2 pi p / P, periodic, and `levels_of(N)`; straight lines between in phi and
-        in `position(x)`. At x = 1, light from the zenith, the same at every azimuth; of a bake at x = 0 as at the level
-        after it
+        in `position(x)`. At x = 1, light from the zenith, the same at every azimuth; stored ones are at x = 0 as at the
+        level after it
     """
 
     coefficients: _F32
