@@ -9,7 +9,7 @@ import bpy
 
 from ...bake.bundle.bundle import Bundle
 from ...bake.shading_maps.record import ShadingMapRecord
-from ...bake.shading_maps.reduced_map import reduced_size
+from ...bake.shading_maps.reduced_map import UNSEEN, reduced_size
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...nodes.data_image import Images
@@ -98,6 +98,9 @@ def build_map(
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(chosen, name) for name in OF_MAP}
     scale = {"pixels": texel_scale(scene, per_uv)} if levels.kept else {}
+    if reduce > 1:
+        at_most = UNSEEN / (footprint.pixels * reduce)
+        scale["closest"] = texel_footprint(material, scene, per_uv, meshes=False).pixels * at_most
     return {"choices": kept, "effects": [effect.facts() for effect in effects], **scale}
 
 

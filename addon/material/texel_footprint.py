@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,18 +46,24 @@ class _Seen:
     farthest: float
 
 
+# Extent of an object's largest texel in the world, given its axes there and texels of a unit of its UV map.
+Extent = Callable[[Any, np.ndarray, tuple[float, float]], float | None]
+
+
 class _UnknownError(Exception):
     """Why something cannot be known."""
 
 
 def texel_footprint(
-    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float] | None
+    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float] | None, *, meshes: bool = True
 ) -> Footprint:
     """The largest texel of a material in pixels of the scene's camera, at the point of its objects nearest to it.
 
     Parameters
     ----------
     texels : along u and v in a unit of the UV map; None where an artist has changed how it is mapped
+    meshes : whether to look at them; else a unit of the UV map counts as one of the object's, which tells by how much
+        texels have grown as long as meshes stay
     """
     camera = scene.camera
     if texels is None:
@@ -75,7 +81,7 @@ def texel_footprint(
     if not material.users:
         return _unknown(_NOT_WORN)
     try:
-        return _footprint(material, scene, texels, moves)
+        return _footprint(material, scene, texels, moves, _largest_texel if meshes else _unit_texel)
     except _UnknownError as error:
         return _unknown(str(error))
 
@@ -94,7 +100,7 @@ def texel_scale(scene: bpy.types.Scene, texels: tuple[float, float] | None) -> f
 
 
 def _footprint(
-    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str
+    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str, extent: Extent
 ) -> Footprint:
     """See `texel_footprint`; `unknown` is why the nearest cannot be known, if so. Raises _UnknownError."""
     pixels, by_distance, shown = 0.0, 0.0, set()
@@ -103,7 +109,7 @@ def _footprint(
     for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
         layer.update()
         pixels_per_unit, perspective, aside = _projection(scene.camera, scene, layer.depsgraph)
-        for seen in _seen_in(layer.depsgraph, material, scene, texels, shown):
+        for seen in _seen_in(layer.depsgraph, material, scene, texels, shown, extent):
             size = seen.texel * pixels_per_unit
             if perspective and seen.nearest <= 0:
                 unknown = unknown or f"the camera is at {seen.name}"
@@ -126,6 +132,7 @@ def _seen_in(
     scene: bpy.types.Scene,
     texels: tuple[float, float],
     shown: set[bpy.types.Object],
+    extent: Extent,
 ) -> Iterator[_Seen]:
     """What wears the material in one view layer; these objects are added to `shown`. Raises _UnknownError."""
     eye = scene.camera.evaluated_get(graph).matrix_world.translation
@@ -137,7 +144,7 @@ def _seen_in(
         for moved in (obj.original, *_instancers(instance)):
             if changes(moved):
                 raise _UnknownError(f"{moved.name} moves or changes its shape")
-        size = _largest_texel(obj, np.array(instance.matrix_world)[:3, :3], texels)
+        size = extent(obj, np.array(instance.matrix_world)[:3, :3], texels)
         if size is None:
             raise _UnknownError(f"{obj.original.name} has no UV map")
         yield _Seen(obj.original.name, size, *_distances(obj, instance.matrix_world, eye))
@@ -191,6 +198,11 @@ def _largest_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) ->
     """Extent in the world of the texel that is stretched most; None without UVs."""
     triangles = uv_triangles(obj, linear)
     return None if triangles is None else _largest_stretch(triangles[0], triangles[1] * texels)
+
+
+def _unit_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) -> float:
+    """The same of an object whose UV map is its own axes."""
+    return float(np.linalg.norm(linear, 2)) / min(texels)
 
 
 def uv_triangles(obj: Any, linear: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

@@ -53,6 +53,7 @@ def _found(subject: Subject) -> list[Finding] | None:
             material_rules.texture_limit,
             material_rules.changed_groups,
             swatch_rules.swatch_levels,
+            swatch_rules.swatch_texels,
             energy_rules.too_bright,
         )
     found = [finding for rule in rules for finding in rule(subject)]

@@ -16,7 +16,7 @@ from ..material.build_shading_map import texels_per_uv
 from ..material.facts import record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import rendering_of
-from ..material.texel_footprint import texel_scale
+from ..material.texel_footprint import texel_footprint, texel_scale
 from .findings import WRONG, Finding, Subject, editable
 
 # By so much texels may have grown in the picture since their material was fitted: a zoom, or a larger picture.
@@ -79,4 +79,21 @@ def swatch_levels(subject: Subject) -> Iterator[Finding]:
             yield Finding("swatch_levels", WRONG, f"material {material.name}", found, "fitted to the scene", why, again)
 
 
-RULES = (swatch_frames, swatch_levels)
+def swatch_texels(subject: Subject) -> Iterator[Finding]:
+    """Texels were joined where this camera sees them smaller than a pixel, which has come nearer since, or moves."""
+    for material in subject.wearers:
+        kind = kind_of(material)
+        if kind is not SHADING_MAP or not (closest := rendering_of(material).closest):
+            continue
+        layout = record_of(material).map.layout
+        per_uv = texels_per_uv(material, layout.width, layout.height)
+        now = texel_footprint(material, subject.scene, per_uv, meshes=False)
+        if now.pixels > closest * _CLOSER:
+            larger = f"texels are {now.pixels / closest:.2g} times as large as may be joined"
+            found = f"its texels were joined, and {now.why_unknown}" if now.why_unknown else larger
+            why = "several of its texels became one where they were too small to be seen: it is blurred"
+            again = editable(material, partial(kind.refit, material, subject.scene))
+            yield Finding("swatch_texels", WRONG, f"material {material.name}", found, "fitted to the scene", why, again)
+
+
+RULES = (swatch_frames, swatch_levels, swatch_texels)

@@ -158,6 +158,8 @@ class RenderingRecord:
     brightened_behind : the same of the back of a sheet whose sides differ
     pixels : of a swatch whose texels are averaged by distance: pixels of a texel that is a unit of its UV map over the
         texels of that, at a distance of 1; 0 of all others
+    closest : of a swatch whose texels were joined for good: pixels across a texel, in the measure of
+        `texel_footprint` without meshes, from which on that is seen; 0 of all others
     """
 
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -165,6 +167,7 @@ class RenderingRecord:
     brightened: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
     brightened_behind: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
     pixels: float = field(default=0.0, kw_only=True)
+    closest: float = field(default=0.0, kw_only=True)
 
     @classmethod
     def parse(cls, found: object) -> RenderingRecord:
@@ -180,7 +183,7 @@ class RenderingRecord:
             ),
             _brightened_of(given.get("brightened")),
             _brightened_of(given.get("brightened_behind")),
-            pixels=float(pixels) if isinstance(pixels := given.get("pixels"), int | float) else 0.0,
+            **{name: float(n) for name in ("pixels", "closest") if isinstance(n := given.get(name), int | float)},
         )
 
 

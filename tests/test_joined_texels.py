@@ -1,0 +1,73 @@
+"""Texels of a swatch that were joined for good, where the camera has come nearer since: the scene check tells of it."""
+
+# ruff: noqa: F811  (fixtures of another module, asked for by their names)
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from measured_materials.addon.material.bake_photographs import swatch_from
+from measured_materials.addon.material.kinds import SHADING_MAP
+from measured_materials.addon.material.rebuild import rendering_of
+from measured_materials.addon.scene_check.check import check_scene, mend
+from measured_materials.addon.scene_check.findings import WRONG, Finding
+from measured_materials.bake.bundle.result import BakeResult
+from support.scenes import TestScene
+from test_addon import registered  # noqa: F401
+from test_detail_levels import from_afar, rough_bundle
+
+
+def of_texels(scene: TestScene) -> list[Finding]:
+    return [finding for finding in check_scene(scene.scene) or () if finding.rule == "swatch_texels"]
+
+
+def test_a_camera_that_comes_nearer_is_told_of_where_texels_were_joined(tmp_path: Path, registered: None) -> None:
+    material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
+    with from_afar(material, 400.0, 1.0) as scene:
+        camera, render = scene.scene.camera, scene.scene.render
+
+        def fitted() -> float:
+            camera.location.z, scene.sphere.scale = 400, (1, 1, 1)
+            render.resolution_x = render.resolution_y = 16
+            SHADING_MAP.refit(material, scene.scene)
+            return rendering_of(material).closest
+
+        assert fitted() > 0 and not of_texels(scene)
+        # A texel of eighths of a pixel was joined by twos or more, up to half a pixel: nearer than that it is seen.
+        camera.location.z = 800
+        assert not of_texels(scene)
+        for nearer in ("distance", "size", "picture"):
+            if nearer == "distance":
+                camera.location.z = 40
+            elif nearer == "size":
+                scene.sphere.scale = (10, 1, 1)
+            else:
+                render.resolution_x = render.resolution_y = 160
+            (found,) = of_texels(scene)
+            assert found.severity == WRONG and "times as large as may be joined" in found.found
+            assert mend([found]) and not of_texels(scene), nearer
+            fitted()
+        camera.keyframe_insert("location", frame=1)
+        (found,) = of_texels(scene)
+        assert "joined, and the camera moves" in found.found
+        assert mend([found]) and not rendering_of(material).closest and not of_texels(scene)
+
+
+def test_it_is_told_at_the_distance_at_which_it_is_seen(tmp_path: Path, registered: None) -> None:
+    """Between the last distance that asks for the same texels and one a fifth nearer than the nearest of it."""
+    material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
+    with from_afar(material, 400.0, 1.0) as scene:
+        SHADING_MAP.refit(material, scene.scene)
+        told = []
+        for distance in (400 / 1.15**k for k in range(12)):
+            scene.scene.camera.location.z = distance
+            told.append((distance, bool(of_texels(scene))))
+        first = next(distance for distance, yes in told if yes)
+        scene.scene.camera.location.z = first * 1.15 * 1.1
+        before = rendering_of(material).closest
+        SHADING_MAP.refit(material, scene.scene)
+        again = rendering_of(material).closest
+        assert abs(again / before - 1) < 0.02
+        scene.scene.camera.location.z = first / 1.05
+        SHADING_MAP.refit(material, scene.scene)
+        assert rendering_of(material).closest > 1.5 * before
