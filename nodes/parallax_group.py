@@ -13,6 +13,8 @@ from .group import HASH_KEY, node_group
 from .swatch_frame_group import ALONG_U, ALONG_V
 
 PARALLAX = "MM Parallax"
+# On a node of the group, the numbers of its `Relief`.
+_RELIEF_KEY = "measured_materials_relief"
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,13 @@ class Relief:
     scale: float
 
 
-def parallax_group(relief: Relief) -> bpy.types.ShaderNodeTree:
-    """(UV, Along U, Along V, Depth) to UV; Depth is a factor of the heights, 0 for none."""
+def parallax_group(relief: Relief, tiling: str = "repeat") -> bpy.types.ShaderNodeTree:
+    """(UV, Along U, Along V, Depth) to UV; Depth is a factor of the heights, 0 for none.
+
+    Parameters
+    ----------
+    tiling : of the swatch, "repeat" or "extend": what relief there is beyond its border
+    """
     aspect = relief.image.size[0] / relief.image.size[1]
 
     def moved(uv: Any, along_u: Any, along_v: Any, depth: Any) -> Any:
@@ -47,13 +54,27 @@ def parallax_group(relief: Relief) -> bpy.types.ShaderNodeTree:
 
         def height(place: Any) -> Any:
             u, v, _ = expr.components(place)
-            colour, _ = expr.image_tap(relief.image, u, v, "Linear", "REPEAT")
+            colour, _ = expr.image_tap(relief.image, u, v, "Linear", tiling.upper())
             return expr.components(colour)[0]
 
         return seen_at(expr, height, uv + expr.scale(step, -relief.zero), step, relief.low, relief.high)
 
     inputs = {"UV": "vector", ALONG_U: "vector", ALONG_V: "vector", "Depth": "float"}
     return node_group(PARALLAX, inputs, {"UV": "vector"}, moved, {"Depth": 1.0}, limits={"Depth": (0.0, 2.0)})
+
+
+def set_relief(node: bpy.types.Node, relief: Relief, tiling: str) -> None:
+    """Make a node the group of this relief, or of another; what is linked to it stays."""
+    node.node_tree = parallax_group(relief, tiling)
+    node[_RELIEF_KEY] = [relief.low, relief.high, relief.zero, relief.scale]
+
+
+def follow_tiling(node: bpy.types.Node, tiling: str) -> None:
+    """Have the relief go on beyond its border as the swatch now does."""
+    taps = [part for part in node.node_tree.nodes if part.bl_idname == "ShaderNodeTexImage" and part.image]
+    numbers = node.get(_RELIEF_KEY)
+    if taps and numbers is not None and any(part.extension != tiling.upper() for part in taps):
+        set_relief(node, Relief(taps[0].image, *numbers), tiling)
 
 
 def is_parallax(node: bpy.types.Node) -> bool:

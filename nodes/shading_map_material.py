@@ -29,10 +29,12 @@ from .data_image import Images, bundle_images, made_image, new_data_image, of_pa
 from .lamp_light_groups import LightTables
 from .map_lighting import Lighting, MapGroups, MeasuredLobe
 from .map_models import basis_group, power_group
-from .material_tree import build_from, lit_by_emission
+from .material_tree import build_from, lit_by_emission, measured_nodes
 from .osl_script import require_osl
+from .parallax_group import follow_tiling, is_parallax
 from .shading_map_group import Transmitted, shading_map_group
 from .slices_group import Detail, SliceImages, SliceOptions, slices_group
+from .surface_inputs import source_of
 from .table_groups import table_groups
 from .world_picture import Surroundings
 
@@ -103,6 +105,10 @@ def build_shading_map(
 
     built = build_from(record, material, make)
     lit_by_emission(built, lighting.sampled)
+    for _, node in measured_nodes(built.node_tree):
+        moves = source_of(node.inputs["UV"]) if "UV" in node.inputs else None
+        if moves is not None and is_parallax(moves.node):
+            follow_tiling(moves.node, settings.tiling)
     return built
 
 

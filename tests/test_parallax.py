@@ -14,6 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from measured_materials.addon.cli import render
 from measured_materials.addon.cli.main import main
 from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.techniques import direction, frame_uv
@@ -43,11 +44,13 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from measured_materials.nodes.surface_inputs import coordinates_before_tiling, frame_before, source_of
 from measured_materials.nodes.swatch_frame_group import ALONG_U, is_swatch_frame, swatch_frame_group
 from support.azimuth_truth import LAYOUTS
+from support.cards import card
 from support.known_maps import N, relief, write_folder
 from support.stacks import write_stack
 from support.swatches import identity_map, map_bundle, rough_map
 from test_addon import registered  # noqa: F401
 
+STEP = np.array([0.9, -0.6, 0.0])
 PLACES = np.random.default_rng(2).uniform(-1, 2, (500, 3)) * np.array([1.0, 1.0, 0.0])
 
 
@@ -156,6 +159,33 @@ def test_the_group_is_the_formula(swatch: Any, tmp_path: Path, layout: str, kind
     inside = ((frame_uv(size, view) > 0.06) & (frame_uv(size, view) < 0.94)).all(-1)
     off, moved = np.abs(seen - mean)[inside], np.abs(flat - mean)[inside]
     assert off.max() < 0.012 and off.mean() < 0.1 * moved.mean() and moved.max() > 0.03
+
+
+def test_relief_goes_on_beyond_the_border_as_the_swatch_does(tmp_path: Path) -> None:
+    """Also in a material that is set to the other way: what is linked, the depth and the heights stay."""
+    bundle = map_bundle(tmp_path / "felt.mmat", identity_map(size=8), RenderSettings(Lobe("lambert"), 0.5))
+    record = ShadingMapRecord.read(bundle)
+    material, maps = build_shading_map(bundle), read_maps_folder(write_folder(tmp_path / "maps", kind="exr"))
+    made = add_parallax(material, record, maps, tiling="extend")
+    made.inputs["Depth"].default_value = 0.7
+    sources = [source_of(socket) for socket in made.inputs if socket.is_linked]
+    height = relief()[0] / N
+    for tiling in ("extend", "repeat", "extend"):
+        build_shading_map(bundle, material, settings=replace(record.render, tiling=tiling))
+        assert parallax_node(material) == made and made.inputs["Depth"].default_value == pytest.approx(0.7)
+        assert [source_of(socket) for socket in made.inputs if socket.is_linked] == sources
+
+        def tapped(place: np.ndarray, tiling: str = tiling) -> np.ndarray:
+            half = 0.5 / N
+            uv = place[..., :2] % 1 if tiling == "repeat" else np.clip(place[..., :2], half, 1 - half)
+            return np.sum([w * height[index] for index, w in texels_around((N, N), uv)], axis=0)
+
+        u, v = np.meshgrid(*(np.linspace(-0.45, 1.45, 16),) * 2)
+        place = np.stack([u, v, np.zeros_like(u)], -1).reshape(-1, 3).astype(np.float32)
+        wanted = seen_at(xp_numpy, tapped, place, STEP, float(height.min()), float(height.max()))
+        # On a card the viewer looks along z: what counts of the frame's axes is theirs.
+        (found,) = card(lambda uv: call(made.node_tree, uv, *((0.0, 0.0, float(x)) for x in STEP[:2]), 1.0), place)
+        assert np.abs(found - wanted)[:, :2].max() < 2e-4
 
 
 # --- materials ----------------------------------------------------------------------------------------------
@@ -274,7 +304,11 @@ def test_what_cannot_be_moved_is_said(swatch: Any, tmp_path: Path) -> None:
         add_parallax(material, record, maps)
 
 
-def test_the_command_line_renders_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_renders_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[Path] = []
+    monkeypatch.setattr(render, "read_maps_folder", lambda folder: read.append(folder) or read_maps_folder(folder))
     bundle = map_bundle(tmp_path / "felt.mmat", rough_map(), RenderSettings(Lobe("lambert"), 0.5))
     maps = write_folder(tmp_path / "maps")
     size = ["--resolution", "32", "--samples", "4", "--denoise", "never", "--exr", "--repeat", "1"]
@@ -283,6 +317,7 @@ def test_the_command_line_renders_it(tmp_path: Path, capsys: pytest.CaptureFixtu
         out = tmp_path / f"{name}.png"
         assert main(["render", str(bundle.path), "--out", str(out), *size, *options]) == 0
         pictures.append(read_image(out.with_suffix(".exr")))
+    assert read == [maps]
     flat, again, moved = pictures
     assert np.array_equal(flat, again)
     assert (np.abs(moved - flat).max(-1) > 1e-3).mean() > 0.05 and moved.mean() == pytest.approx(flat.mean(), rel=0.02)

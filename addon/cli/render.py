@@ -123,7 +123,7 @@ def run(options: argparse.Namespace) -> Result:
     record = read_record(bundle)
     settings = _settings(record, options)
     if options.parallax is not None:
-        read_maps_folder(options.parallax)
+        options.parallax = read_maps_folder(options.parallax)
     out = options.out or Path(bundle.path.resolve().stem + ".png")
     if out.suffix.lower() != ".png":
         raise argparse.ArgumentTypeError(f"--out {out} is not a FILE.png; --exr adds a linear .exr beside it")
@@ -157,7 +157,7 @@ def run(options: argparse.Namespace) -> Result:
         "denoised_why": denoised.why,
     }
     if settings is not None:
-        parallax = None if options.parallax is None else str(options.parallax)
+        parallax = None if options.parallax is None else str(options.parallax.path)
         document |= {"render": settings.facts(), "repeat": options.repeat or USUAL_REPEAT, "parallax": parallax}
     without = [] if osl is None or osl.kept else [f"--osl changes nothing: {osl.why}"]
     return Result(document, [*files, *without, denoised.words(options.exr)])
@@ -291,16 +291,16 @@ def _build(record: Any, settings: RenderSettings | None, options: argparse.Names
     given |= {} if options.filter is None else {"filter": options.filter}
     choices = usual_choices(record, options.mode) if settings is None else Choices()
     osl = build_for(scene, record, material, replace(choices, **given), settings, options.repeat or USUAL_REPEAT)
-    _add_parallax(material, record, options)
+    _add_parallax(material, record, settings, options)
     return osl
 
 
-def _add_parallax(material: Any, record: Any, options: argparse.Namespace) -> None:
-    """By the maps that are named; once, for a material that is built twice. Raises BakeError."""
+def _add_parallax(material: Any, record: Any, settings: RenderSettings | None, options: argparse.Namespace) -> None:
+    """By the maps that were read; once, for a material that is built twice. Raises BakeError."""
     from ..material.adjust.parallax import add_parallax, parallax_node
 
-    if options.parallax is not None and parallax_node(material) is None:
-        add_parallax(material, record, read_maps_folder(options.parallax))
+    if settings is not None and options.parallax is not None and parallax_node(material) is None:
+        add_parallax(material, record, options.parallax, tiling=settings.tiling)
 
 
 def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argparse.Namespace) -> Any:
@@ -310,7 +310,7 @@ def _map_twin(record: ShadingMapRecord, settings: RenderSettings, options: argpa
 
     twin = build_shading_map(record, settings=settings, features=True)
     set_repeat(twin, options.repeat or USUAL_REPEAT, record.map.layout)
-    _add_parallax(twin, record, options)
+    _add_parallax(twin, record, settings, options)
     return twin
 
 

@@ -14,7 +14,7 @@ from ....bake.shading_maps.slice_atlas import SliceLayout
 from ....nodes.data_image import PART_KEY
 from ....nodes.group import trees_below
 from ....nodes.material_tree import measured_nodes
-from ....nodes.parallax_group import Relief, is_parallax, parallax_group
+from ....nodes.parallax_group import Relief, is_parallax, set_relief
 from ....nodes.principled_maps import map_image
 from ....nodes.surface_inputs import connect_frame, source_of
 from ....nodes.swatch_frame_group import ALONG_U, is_swatch_frame
@@ -32,7 +32,12 @@ def parallax_node(material: bpy.types.Material) -> bpy.types.Node | None:
 
 
 def add_parallax(
-    material: bpy.types.Material, record: ShadingMapRecord, maps: MapsFolder, *, pack: bool = False
+    material: bpy.types.Material,
+    record: ShadingMapRecord,
+    maps: MapsFolder,
+    *,
+    pack: bool = False,
+    tiling: str | None = None,
 ) -> bpy.types.Node:
     """Move the swatch's coordinates by the heights of these maps, of the same photographs. Nothing else of it changes.
 
@@ -40,6 +45,7 @@ def add_parallax(
     ----------
     record : of the material
     pack : keep the heights inside the .blend
+    tiling : that the material was built by, by default the record's
 
     Raises
     ------
@@ -58,13 +64,13 @@ def add_parallax(
         raise BakeError(material.name, cause, "bake the photographs without --tileable")
     before = set(bpy.data.images)
     try:
-        group = parallax_group(_relief(maps, record.map.layout, pack))
+        relief = _relief(maps, record.map.layout, pack)
     except BaseException:
         bpy.data.batch_remove(set(bpy.data.images) - before)
         raise
     tree, source = socket.id_data, socket.links[0].from_socket
     made = tree.nodes.new("ShaderNodeGroup")
-    made.node_tree = group
+    set_relief(made, relief, tiling or record.render.tiling)
     made.location, made.parent = (socket.node.location.x - 220, socket.node.location.y - 860), socket.node.parent
     tree.links.new(source, made.inputs["UV"])
     tree.links.new(made.outputs["UV"], socket)
