@@ -67,6 +67,7 @@ BENCHES = (
     "azimuth",
     "fig4",
     "parallax",
+    "normals",
     "engine",
     "arc",
     "techniques",

@@ -44,6 +44,7 @@ BENCHES = {
     "behind": "Klems fabrics lit from behind beside a quadrature of the files by itself: RMS, light, pictures",
     "detail": "a swatch on a plane to the horizon, with and without levels of detail: noise, shimmer, mean; EEVEE",
     "maps": "bake maps beside plain least squares, on renders of known normals and on the gantry's swatches",
+    "normals": "what keeps bake maps from the normals of cloth: beside known shadows, none, and white threads",
     "readings": "what each reading of light and viewer predicts of directions that were left out, on the RGL files",
     "formats": "files of every format, written by its layout from a known BRDF and read again",
     "reported": "the report's pictures: Exact beside Preview at 16, 64 and 256 samples, denoised or not",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from detail_rows import ROWS, SAME, SAME_CLAIMS
-from gantry_figures import EVERY_SIDE, FIG4, PARALLAX
+from gantry_figures import EVERY_SIDE, GANTRY
 from no_figures import NO_FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -295,8 +295,7 @@ STATED = (
     ),
     Stated("techniques", EVERY_SIDE),
     *(_azimuth(*row.split("; ")) for row in _STACKS),
-    *(Stated("fig4", row, "addon/docs/method.md") for row in FIG4),
-    *(Stated("parallax", row, "addon/docs/maps.md") for row in PARALLAX),
+    *(Stated(*row) for row in GANTRY),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
