@@ -67,7 +67,6 @@ BENCHES = (
     "azimuth",
     "fig4",
     "parallax",
-    "normals",
     "engine",
     "arc",
     "techniques",

@@ -1,4 +1,4 @@
-"""Texts that benches fig4, parallax, normals and techniques fill, as of `readme_figures.Stated`."""
+"""Texts that benches fig4, parallax and techniques fill, as of `readme_figures.Stated`."""
 
 _GROUPS = (
     "directions of the BTF",
@@ -29,15 +29,10 @@ FIG4 = (
     _rival("shading map over azimuth", "map over azimuth"),
 )
 PARALLAX = tuple(map(_swatch, ("plastic_5", "plastic_60", "suede", "cloth", "jeans", "wool", "stone")))
-_NORMALS = ("bake maps", "known shadows", "no shadows", "white, known shadows")
-NORMALS = tuple(
-    f"| {name} | " + " | ".join(f"{{{name}, {way}|1}}°" for way in _NORMALS) + " |"
-    for name in ("suede", "cloth", "jeans", "wool", "stone")
-)
 # Bench, text and page of every row.
 GANTRY = tuple(
     (bench, row, f"addon/docs/{page}.md")
-    for bench, rows, page in (("fig4", FIG4, "method"), ("parallax", PARALLAX, "maps"), ("normals", NORMALS, "maps"))
+    for bench, rows, page in (("fig4", FIG4, "method"), ("parallax", PARALLAX, "maps"))
     for row in rows
 )
 EVERY_SIDE = (
