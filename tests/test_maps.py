@@ -14,9 +14,9 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.images.image_io import read_image, write_image
 from measured_materials.bake.images.storage import Storage
-from measured_materials.bake.maps.bake import MapSettings, _levelled, bake_maps, maps_of
+from measured_materials.bake.maps.bake import MapSettings, bake_maps, maps_of
 from measured_materials.bake.maps.gloss import Gloss, fit_gloss, ggx_lobe
-from measured_materials.bake.maps.height import height_of, slopes, unfollowed
+from measured_materials.bake.maps.height import height_of, unfollowed
 from measured_materials.bake.maps.normals import Surface, check_directions, photometric_stereo
 from measured_materials.bake.maps.surface import surface_of
 from measured_materials.bake.maps.write import Maps, write_maps
@@ -203,23 +203,6 @@ def test_a_near_lamp_makes_no_bowl(folder: Path) -> None:
         < degrees(maps_of(bowl, MapSettings(level=False), "bowl")[0].normal, normals).mean()
     )
     assert degrees(plain.normal, normals).mean() < 1
-
-
-@pytest.mark.parametrize("bowl", [0.0, 0.3])
-def test_a_bowl_is_no_part_of_a_thread_that_fills_the_frame(bowl: float) -> None:
-    """In a frame that repeats: least squares would take half of a single wave's slopes for a bowl."""
-    turn = 2 * np.pi * (np.arange(48) + 0.5) / 48
-    steep = 0.5 * np.sin(turn)[None] + 0.3 * np.cos(turn + 1)[:, None]
-    place = bowl * (turn / (2 * np.pi) - 0.5)
-    rng = np.random.default_rng(0)
-    p, q = (steep + shift + rng.normal(0, 0.05, steep.shape) for shift in (place[None], -place[:, None]))
-    bent = np.dstack([-p, -q, np.ones_like(p)])
-    bent = (bent / np.linalg.norm(bent, axis=-1, keepdims=True)).astype(np.float32)
-    found = slopes(_levelled(bent, repeats=True)[0])
-    off = [np.sqrt(np.square(part - steep).mean()) for part in found]
-    assert max(off) < 0.06
-    flattened = slopes(_levelled(bent, repeats=False)[0])
-    assert min(np.sqrt(np.square(part - steep).mean()) for part in flattened) > 0.2
 
 
 def test_a_folder_of_other_things_is_left_alone(folder: Path, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from .detail import MOST as MOST_REDUCED
 from .detail import reduced_maps
 from .height import height_of, slopes, unfollowed
 from .materialx import materialx_document
-from .normals import check_directions
+from .normals import Surface, check_directions
 from .surface import surface_of
 from .write import (
     DOCUMENT,
@@ -181,7 +181,7 @@ def maps_of(
             f"{strong:.0%} of the texels reflect more than PNG's specular holds, an F0 of {FULL_SPECULAR:g}: give "
             "--files exr"
         )
-    normal, tilt = _levelled(surface.normals, settings.repeats) if settings.level else (surface.normals, 0.0)
+    normal, tilt = _levelled(surface) if settings.level else (surface.normals, 0.0)
     height = height_of(normal, repeats=settings.repeats)
     albedo = surface.albedo * np.float32(scale)
     beyond = float((albedo > 1).mean())
@@ -210,38 +210,20 @@ def maps_of(
     return reduced_maps(maps, settings.reduce), facts, tuple(warnings)
 
 
-def _levelled(normals: NDArray[np.float32], repeats: bool) -> tuple[NDArray[np.float32], float]:
+def _levelled(surface: Surface) -> tuple[NDArray[np.float32], float]:
     """Normals without the part of their slopes that is linear across the frame, and its RMS in degrees.
 
     A lamp that is near lights the sides of the frame from other directions than its middle, as if the swatch were a
     bowl: slopes that grow evenly across it.
     """
-    p, q = slopes(normals)
-    bowl = np.stack([_even_part(part, repeats) for part in (p, q)], -1)
+    p, q = slopes(surface.normals)
+    rows, columns = np.indices(p.shape)
+    place = np.stack([np.ones(p.size), rows.ravel() / p.shape[0], columns.ravel() / p.shape[1]], -1)
+    found, *_ = np.linalg.lstsq(place, np.stack([p.ravel(), q.ravel()], -1), rcond=None)
+    bowl = (place @ found).reshape(*p.shape, 2)
     normal = np.dstack([bowl[..., 0] - p, bowl[..., 1] - q, np.ones_like(p)])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return normal.astype(np.float32), float(np.degrees(np.arctan(np.sqrt((bowl**2).sum(-1).mean()))))
-
-
-def _even_part(slope: NDArray[np.float64], repeats: bool) -> NDArray[np.float64]:
-    """The part of slopes (H, W) that is linear across the frame.
-
-    By least squares; but a frame that repeats may be one thread, half of which that would take away. There what grows
-    across the frame shows at its opposite edges, from one to the other of which nothing else changes more than from
-    texel to texel beside them.
-    """
-    rows, columns = (np.linspace(-0.5, 0.5, n, endpoint=False) + 0.5 / n for n in slope.shape)
-    if repeats and min(slope.shape) > 2:
-        growth = []
-        for axis in (0, 1):
-            means = slope.mean(1 - axis)
-            beside = (means[1] - means[0] + means[-1] - means[-2]) / 2
-            growth.append(beside - (means[0] - means[-1]))
-        return slope.mean() + growth[0] * rows[:, None] + growth[1] * columns[None]
-    place = np.stack(np.broadcast_arrays(1.0, rows[:, None], columns[None]), -1).reshape(-1, 3)
-    found, *_ = np.linalg.lstsq(place, slope.ravel(), rcond=None)
-    part: NDArray[np.float64] = (place @ found).reshape(slope.shape)
-    return part
 
 
 def _check(directions: NDArray[np.float64] | None, origin: str) -> None:
