@@ -67,6 +67,8 @@ BENCHES = (
     "azimuth",
     "fig4",
     "parallax",
+    "normals",
+    "mitsuba",
     "engine",
     "arc",
     "techniques",

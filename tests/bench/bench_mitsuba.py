@@ -49,6 +49,8 @@ QUICK = ("paper_white_rgb", "satin_rosaline_rgb", "chm_orange_rgb")
 MOST_APART, LEAST_MEDIAN = 0.005, 3.0
 # Seeds from here on are those of truths.
 _TRUTH = 1000
+# A picture that takes less than this part of its set-up beyond it is timed by one of so many times the samples.
+_MOST_OF_SETUP, _MORE = 0.5, 8
 
 
 @dataclass(frozen=True)
@@ -194,12 +196,16 @@ class _Pair:
         timed(scene, sizes.edge, 1, 0)  # also compiles the graph
         short = min(timed(scene, sizes.edge, sizes.few, seed)[1] for seed in range(sizes.seeds))
         found = [timed(scene, sizes.edge, sizes.samples, seed) for seed in range(sizes.seeds)]
-        return np.stack([picture[self.mask] for picture, _ in found]), self._seconds(short, [s for _, s in found])
+        pictures, seconds = np.stack([picture[self.mask] for picture, _ in found]), min(s for _, s in found)
+        if seconds - short > _MOST_OF_SETUP * short:
+            return pictures, self._seconds(short, seconds, sizes.samples)
+        # Where setting up takes longest, as in OSL, a busy machine makes the difference vanish.
+        many = _MORE * sizes.samples
+        return pictures, self._seconds(short, timed(scene, sizes.edge, many, 0)[1], many)
 
-    def _seconds(self, short: float, long: list[float]) -> float:
-        """Of all samples of a picture, set-up taken off."""
-        # Where setting up takes longest, as in OSL, a busy machine may make the difference vanish.
-        return max(min(long) - short, 1e-3) * self.sizes.samples / (self.sizes.samples - self.sizes.few)
+    def _seconds(self, short: float, long: float, samples: int) -> float:
+        """Of all samples of a picture, set-up taken off, of a longer one of so many."""
+        return max(long - short, 1e-3) * self.sizes.samples / (samples - self.sizes.few)
 
     def _truth(self, scene: bpy.types.Scene, material: bpy.types.Material) -> Truth:
         sizes = self.sizes
@@ -222,7 +228,7 @@ class _Pair:
         seconds = render(self.python, {**told, "world": world, "jobs": jobs, "out": str(pictures)})
         found = np.load(pictures)[:, self.mask].astype(np.float64)
         few, many, rest = (found[k : k + len(seeds)] for k in (0, len(seeds), 2 * len(seeds)))
-        taken = self._seconds(min(seconds[: len(few)]), seconds[len(few) : 2 * len(few)])
+        taken = self._seconds(min(seconds[: len(few)]), min(seconds[len(few) : 2 * len(few)]), sizes.samples)
         return many, taken, _truth_of(rest if with_truth else many)
 
 

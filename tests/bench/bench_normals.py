@@ -2,7 +2,7 @@
 
 Swatches of the gantry under the twenty lights of `bench maps`, smaller. Beside the fit stand one that is told the
 shadows, by the geometry's own, and fits of photographs that no camera takes: without shadows and light between texels,
-and, of geometry that is white and matte, with known shadows. The truth is the geometry's mean normal in a texel.
+and of geometry that is white and matte too. The truth is the geometry's mean normal in a texel.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rich.table import Table
 from support.known_shadows import normals_of
 
 NAMES = ("suede", "cloth", "jeans", "wool", "stone")
-WAYS = ("bake maps", "known shadows", "no shadows", "white, known shadows")
+WAYS = ("bake maps", "known shadows", "no shadows", "white, no shadows")
 _SIZE, _SAMPLES = 48, 16
 
 

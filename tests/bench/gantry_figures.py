@@ -1,4 +1,4 @@
-"""Texts that benches fig4, parallax and techniques fill, as of `readme_figures.Stated`."""
+"""Texts that benches fig4, parallax, normals, techniques and mitsuba fill, as of `readme_figures.Stated`."""
 
 _GROUPS = (
     "directions of the BTF",
@@ -28,12 +28,36 @@ FIG4 = (
     _rival("shading map of one arc", "map of one arc"),
     _rival("shading map over azimuth", "map over azimuth"),
 )
+
+
+def _normals(name: str) -> str:
+    ways = ("bake maps", "known shadows", "no shadows", "white, no shadows")
+    return f"| {name} | " + " | ".join(f"{{{name}, {way}|1}}°" for way in ways) + " |"
+
+
 PARALLAX = tuple(map(_swatch, ("plastic_5", "plastic_60", "suede", "cloth", "jeans", "wool", "stone")))
+NORMALS = tuple(map(_normals, ("suede", "cloth", "jeans", "wool", "stone")))
+MITSUBA = (
+    "Exact as one script has {lamp and sky, exact, OSL, median error|1} times the mean squared error of Mitsuba 3's "
+    "`measured` under a lamp and an even sky, and {HDR world, exact, OSL, median error|1} times under a picture of the "
+    "world, at {lamp and sky, exact, OSL, median seconds|1} and {HDR world, exact, OSL, median seconds|1} times the "
+    "time; of nodes, aimed, {lamp and sky, exact, median error|1} and {HDR world, exact, median error|1} times the "
+    "error at {lamp and sky, exact, median seconds|1} and {HDR world, exact, median seconds|1} times the time. A "
+    "Principled BSDF of about the look takes {lamp and sky, Principled, median seconds|1} and "
+    "{HDR world, Principled, median seconds|1} times Mitsuba's time"
+)
 # Bench, text and page of every row.
-GANTRY = tuple(
-    (bench, row, f"addon/docs/{page}.md")
-    for bench, rows, page in (("fig4", FIG4, "method"), ("parallax", PARALLAX, "maps"))
-    for row in rows
+GANTRY = (
+    *(
+        (bench, row, f"addon/docs/{page}.md")
+        for bench, rows, page in (
+            ("fig4", FIG4, "method"),
+            ("parallax", PARALLAX, "maps"),
+            ("normals", NORMALS, "maps"),
+        )
+        for row in rows
+    ),
+    ("mitsuba", MITSUBA),
 )
 EVERY_SIDE = (
     "of the map over azimuth from the geometry is {RMS, every side, aside or behind, least|0%} to "
