@@ -23,6 +23,7 @@ NO_FIGURES = (
     "3 GB of disk",
     "at most 0.1 % of the light is too much",
     "medians over 12 materials",
+    "scenes, samples (64) and one thread",
     "median of 8 measured materials",
     "Exit codes: 0 done, 1 bad input (one line naming file, cause and remedy), 2 usage",
     "The exit code is 1 where",
