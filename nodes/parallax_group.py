@@ -9,12 +9,10 @@ import bpy
 
 from ..bake.maps.parallax import LEAST_COSINE, seen_at
 from . import expr
-from .group import HASH_KEY, node_group
+from .group import HASH_KEY, RECIPE_KEY, SHAPE_KEY, content_hash, node_group
 from .swatch_frame_group import ALONG_U, ALONG_V
 
 PARALLAX = "MM Parallax"
-# On a node of the group, the numbers of its `Relief`.
-_RELIEF_KEY = "measured_materials_relief"
 
 
 @dataclass(frozen=True)
@@ -63,18 +61,31 @@ def parallax_group(relief: Relief, tiling: str = "repeat") -> bpy.types.ShaderNo
     return node_group(PARALLAX, inputs, {"UV": "vector"}, moved, {"Depth": 1.0}, limits={"Depth": (0.0, 2.0)})
 
 
-def set_relief(node: bpy.types.Node, relief: Relief, tiling: str) -> None:
-    """Make a node the group of this relief, or of another; what is linked to it stays."""
-    node.node_tree = parallax_group(relief, tiling)
-    node[_RELIEF_KEY] = [relief.low, relief.high, relief.zero, relief.scale]
-
-
 def follow_tiling(node: bpy.types.Node, tiling: str) -> None:
-    """Have the relief go on beyond its border as the swatch now does."""
-    taps = [part for part in node.node_tree.nodes if part.bl_idname == "ShaderNodeTexImage" and part.image]
-    numbers = node.get(_RELIEF_KEY)
-    if taps and numbers is not None and any(part.extension != tiling.upper() for part in taps):
-        set_relief(node, Relief(taps[0].image, *numbers), tiling)
+    """Have the relief go on beyond its border as the swatch now does, whatever has become of the file of its heights.
+
+    The group is copied and not built again: that takes no numbers of the relief, and cannot fail where the rest of the
+    material has been exchanged already.
+    """
+    before = node.node_tree
+    if all(tap.extension == tiling.upper() for tap in _taps(before)):
+        return
+    changed = before.copy()
+    changed.use_fake_user = False
+    for tap in _taps(changed):
+        tap.extension = tiling.upper()
+    for key in {RECIPE_KEY, SHAPE_KEY} & set(changed.keys()):
+        del changed[key]
+    # That an artist has worked in it stays to be seen.
+    if before[HASH_KEY] == content_hash(before):
+        changed[HASH_KEY] = content_hash(changed)
+    node.node_tree = changed
+    if not before.users:
+        bpy.data.node_groups.remove(before)
+
+
+def _taps(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    return [node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
 
 
 def is_parallax(node: bpy.types.Node) -> bool:

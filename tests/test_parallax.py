@@ -38,8 +38,9 @@ from measured_materials.bake.maps.parallax import LAYERS, LEAST_COSINE, seen_at
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.nodes import compat, expr
-from measured_materials.nodes.group import call
+from measured_materials.nodes.group import HASH_KEY, call, content_hash
 from measured_materials.nodes.material_tree import measured_nodes
+from measured_materials.nodes.parallax_group import PARALLAX
 from measured_materials.nodes.shading_map_material import build_shading_map
 from measured_materials.nodes.surface_inputs import coordinates_before_tiling, frame_before, source_of
 from measured_materials.nodes.swatch_frame_group import ALONG_U, is_swatch_frame, swatch_frame_group
@@ -186,6 +187,24 @@ def test_relief_goes_on_beyond_the_border_as_the_swatch_does(tmp_path: Path) -> 
         # On a card the viewer looks along z: what counts of the frame's axes is theirs.
         (found,) = card(lambda uv: call(made.node_tree, uv, *((0.0, 0.0, float(x)) for x in STEP[:2]), 1.0), place)
         assert np.abs(found - wanted)[:, :2].max() < 2e-4
+        assert made.node_tree[HASH_KEY] == content_hash(made.node_tree)
+
+
+def test_relief_follows_the_border_whose_heights_are_lost(swatch: Any, tmp_path: Path) -> None:
+    """A change of the tiling succeeds, and leaves behind no group that nothing uses."""
+    material, record = swatch
+    folder = write_folder(tmp_path / "maps", kind="exr")
+    made = add_parallax(material, record, read_maps_folder(folder))
+    (image,) = {node.image for node in made.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"}
+    (folder / Path(image.filepath).name).unlink()
+    image.reload()
+    assert tuple(image.size) == (0, 0)
+    groups = sum(tree.name.startswith(PARALLAX) for tree in bpy.data.node_groups)
+    for tiling in ("extend", "repeat", "extend"):
+        build_shading_map(record, material, settings=replace(record.render, tiling=tiling))
+        taps = [node for node in made.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
+        assert taps and {tap.extension for tap in taps} == {tiling.upper()} and {tap.image for tap in taps} == {image}
+        assert sum(tree.name.startswith(PARALLAX) for tree in bpy.data.node_groups) == groups
 
 
 # --- materials ----------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from ....bake.shading_maps.slice_atlas import SliceLayout
 from ....nodes.data_image import PART_KEY
 from ....nodes.group import trees_below
 from ....nodes.material_tree import measured_nodes
-from ....nodes.parallax_group import Relief, is_parallax, set_relief
+from ....nodes.parallax_group import Relief, is_parallax, parallax_group
 from ....nodes.principled_maps import map_image
 from ....nodes.surface_inputs import connect_frame, source_of
 from ....nodes.swatch_frame_group import ALONG_U, is_swatch_frame
@@ -70,7 +70,7 @@ def add_parallax(
         raise
     tree, source = socket.id_data, socket.links[0].from_socket
     made = tree.nodes.new("ShaderNodeGroup")
-    set_relief(made, relief, tiling or record.render.tiling)
+    made.node_tree = parallax_group(relief, tiling or record.render.tiling)
     made.location, made.parent = (socket.node.location.x - 220, socket.node.location.y - 860), socket.node.parent
     tree.links.new(source, made.inputs["UV"])
     tree.links.new(made.outputs["UV"], socket)
