@@ -12,6 +12,7 @@ from measured_materials.addon.material.rebuild import rendering_of
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import WRONG, Finding
 from measured_materials.bake.bundle.result import BakeResult
+from measured_materials.nodes.surface_inputs import SWATCH_MAPPING
 from support.scenes import TestScene
 from test_addon import registered  # noqa: F401
 from test_detail_levels import from_afar, rough_bundle
@@ -71,3 +72,16 @@ def test_it_is_told_at_the_distance_at_which_it_is_seen(tmp_path: Path, register
         scene.scene.camera.location.z = first / 1.05
         SHADING_MAP.refit(material, scene.scene)
         assert rendering_of(material).closest > 1.5 * before
+
+
+def test_a_check_goes_on_where_texture_coordinates_are_scaled_to_nothing(tmp_path: Path, registered: None) -> None:
+    """As while the scale of the mapping is dragged through 0."""
+    material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
+    with from_afar(material, 400.0, 1.0) as scene:
+        SHADING_MAP.refit(material, scene.scene)
+        assert rendering_of(material).closest
+        mapping = next(node for node in material.node_tree.nodes if node.label == SWATCH_MAPPING)
+        mapping.inputs["Scale"].default_value = (0, 1, 1)
+        assert check_scene(scene.scene) is not None
+        SHADING_MAP.refit(material, scene.scene)
+        assert not rendering_of(material).closest

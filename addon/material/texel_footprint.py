@@ -68,6 +68,8 @@ def texel_footprint(
     camera = scene.camera
     if texels is None:
         return _unknown("its texture coordinates are the artist's own")
+    if not min(texels):
+        return _unknown("its texture coordinates are scaled to nothing")
     if camera is None or camera.type != "CAMERA" or camera.data.type == "PANO":
         return _unknown("there is no camera with a flat picture")
     moves = "the camera moves or zooms" if changes(camera) else ""
