@@ -9,6 +9,7 @@ from pathlib import Path
 from measured_materials.addon.material.bake_photographs import swatch_from
 from measured_materials.addon.material.kinds import SHADING_MAP
 from measured_materials.addon.material.rebuild import rendering_of
+from measured_materials.addon.material.scene_fit import LEVELS_EFFECT
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import WRONG, Finding
 from measured_materials.bake.bundle.result import BakeResult
@@ -85,3 +86,18 @@ def test_a_check_goes_on_where_texture_coordinates_are_scaled_to_nothing(tmp_pat
         assert check_scene(scene.scene) is not None
         SHADING_MAP.refit(material, scene.scene)
         assert not rendering_of(material).closest
+
+
+def test_what_is_scaled_to_nothing_keeps_its_texels(tmp_path: Path, registered: None) -> None:
+    """It may be made as large as anything."""
+    material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
+    with from_afar(material, 400.0, 1.0) as scene:
+        scene.sphere.scale = (0, 0, 0)
+        SHADING_MAP.refit(material, scene.scene)
+        assert not rendering_of(material).closest
+        effects = {effect.name: effect for effect in rendering_of(material).effects}
+        assert effects["Texels"].kept and "scaled to nothing" in effects["Texels"].why
+        assert not effects[LEVELS_EFFECT].kept
+        scene.sphere.scale = (1, 1, 1)
+        SHADING_MAP.refit(material, scene.scene)
+        assert rendering_of(material).closest

@@ -124,6 +124,8 @@ def _footprint(
             raise _UnknownError(f"{obj.name} is hidden here, but may be rendered")
     if not shown:
         raise _UnknownError(_NOT_WORN)
+    if not (pixels or unknown):
+        raise _UnknownError("what wears it is scaled to nothing")
     in_a_pixel = 1 / by_distance if by_distance else 0.0
     return Footprint(float("inf") if unknown else pixels, unknown, texels=in_a_pixel, farthest=farthest)
 
