@@ -77,9 +77,8 @@ def test_the_nearest_object_counts(view: tuple) -> None:
 def test_what_cannot_be_known_keeps_the_texels(view: tuple) -> None:
     scene, plate, material = view
     assert texel_footprint(material, scene, None).why_unknown
-    for meshes in (True, False):
-        nothing = texel_footprint(material, scene, (0.0, 10.0), meshes=meshes)
-        assert nothing.pixels == np.inf and "scaled to nothing" in nothing.why_unknown
+    nothing = texel_footprint(material, scene, (0.0, 10.0))
+    assert nothing.pixels == np.inf and "scaled to nothing" in nothing.why_unknown
     scene.camera.keyframe_insert("location", frame=1)
     assert texel_footprint(material, scene, (10, 10)).why_unknown == "the camera moves or zooms"
     scene.camera.animation_data_clear()

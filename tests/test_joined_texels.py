@@ -6,10 +6,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import bpy
+import pytest
+from mathutils import Matrix
 from measured_materials.addon.material.bake_photographs import swatch_from
 from measured_materials.addon.material.kinds import SHADING_MAP
 from measured_materials.addon.material.rebuild import rendering_of
 from measured_materials.addon.material.scene_fit import LEVELS_EFFECT
+from measured_materials.addon.material.texel_footprint import units_seen
+from measured_materials.addon.scene_check import swatch_rules
 from measured_materials.addon.scene_check.check import check_scene, mend
 from measured_materials.addon.scene_check.findings import WRONG, Finding
 from measured_materials.bake.bundle.result import BakeResult
@@ -32,7 +37,7 @@ def test_a_camera_that_comes_nearer_is_told_of_where_texels_were_joined(tmp_path
             camera.location.z, scene.sphere.scale = 400, (1, 1, 1)
             render.resolution_x = render.resolution_y = 16
             SHADING_MAP.refit(material, scene.scene)
-            return rendering_of(material).closest
+            return rendering_of(material).joined
 
         assert fitted() > 0 and not of_texels(scene)
         # A texel of eighths of a pixel was joined by twos or more, up to half a pixel: nearer than that it is seen.
@@ -52,7 +57,7 @@ def test_a_camera_that_comes_nearer_is_told_of_where_texels_were_joined(tmp_path
         camera.keyframe_insert("location", frame=1)
         (found,) = of_texels(scene)
         assert "joined, and the camera moves" in found.found
-        assert mend([found]) and not rendering_of(material).closest and not of_texels(scene)
+        assert mend([found]) and not rendering_of(material).joined and not of_texels(scene)
 
 
 def test_it_is_told_at_the_distance_at_which_it_is_seen(tmp_path: Path, registered: None) -> None:
@@ -66,13 +71,13 @@ def test_it_is_told_at_the_distance_at_which_it_is_seen(tmp_path: Path, register
             told.append((distance, bool(of_texels(scene))))
         first = next(distance for distance, yes in told if yes)
         scene.scene.camera.location.z = first * 1.15 * 1.1
-        before = rendering_of(material).closest
+        before = rendering_of(material).joined
         SHADING_MAP.refit(material, scene.scene)
-        again = rendering_of(material).closest
+        again = rendering_of(material).joined
         assert abs(again / before - 1) < 0.02
         scene.scene.camera.location.z = first / 1.05
         SHADING_MAP.refit(material, scene.scene)
-        assert rendering_of(material).closest > 1.5 * before
+        assert rendering_of(material).joined > 1.5 * before
 
 
 def test_a_check_goes_on_where_texture_coordinates_are_scaled_to_nothing(tmp_path: Path, registered: None) -> None:
@@ -80,12 +85,12 @@ def test_a_check_goes_on_where_texture_coordinates_are_scaled_to_nothing(tmp_pat
     material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
     with from_afar(material, 400.0, 1.0) as scene:
         SHADING_MAP.refit(material, scene.scene)
-        assert rendering_of(material).closest
+        assert rendering_of(material).joined
         mapping = next(node for node in material.node_tree.nodes if node.label == SWATCH_MAPPING)
         mapping.inputs["Scale"].default_value = (0, 1, 1)
         assert check_scene(scene.scene) is not None
         SHADING_MAP.refit(material, scene.scene)
-        assert not rendering_of(material).closest
+        assert not rendering_of(material).joined
 
 
 def test_what_is_scaled_to_nothing_keeps_its_texels(tmp_path: Path, registered: None) -> None:
@@ -94,10 +99,74 @@ def test_what_is_scaled_to_nothing_keeps_its_texels(tmp_path: Path, registered: 
     with from_afar(material, 400.0, 1.0) as scene:
         scene.sphere.scale = (0, 0, 0)
         SHADING_MAP.refit(material, scene.scene)
-        assert not rendering_of(material).closest
+        assert not rendering_of(material).joined
         effects = {effect.name: effect for effect in rendering_of(material).effects}
         assert effects["Texels"].kept and "scaled to nothing" in effects["Texels"].why
         assert not effects[LEVELS_EFFECT].kept
         scene.sphere.scale = (1, 1, 1)
         SHADING_MAP.refit(material, scene.scene)
-        assert rendering_of(material).closest
+        assert rendering_of(material).joined
+
+
+def test_no_more_is_told_than_is_seen(tmp_path: Path, registered: None) -> None:
+    """Of two meshes either may come nearer; a scale that is applied or an object that is hidden changes no picture."""
+    material = swatch_from(BakeResult(rough_bundle(tmp_path).path, {}, 0.0), None, pack=True)
+    with from_afar(material, 400.0, 1.0) as scene:
+        plane, mesh = scene.sphere, scene.sphere.data.copy()
+        mesh.transform(Matrix.Scale(0.01, 4))
+        small = bpy.data.objects.new("small", mesh)
+        small.scale, small.location = (100, 100, 100), (3, 0, 0)
+        scene.scene.collection.objects.link(small)
+        SHADING_MAP.refit(material, scene.scene)
+        assert rendering_of(material).joined and not of_texels(scene)
+        for either, other in ((plane, small), (small, plane)):
+            either.location.z = 380
+            (found,) = of_texels(scene)
+            assert "times as large" in found.found, either.name
+            other.hide_set(True, view_layer=scene.scene.view_layers[0])
+            assert of_texels(scene), either.name
+            other.hide_set(False, view_layer=scene.scene.view_layers[0])
+            either.hide_set(True, view_layer=scene.scene.view_layers[0])
+            assert not of_texels(scene), either.name
+            either.hide_set(False, view_layer=scene.scene.view_layers[0])
+            either.location.z = 0
+        mesh.transform(Matrix.Scale(100, 4))
+        small.scale = (1, 1, 1)
+        assert not of_texels(scene)
+        small.location.z = 380
+        assert of_texels(scene)
+        plane.data.transform(Matrix.Scale(0.01, 4))
+        plane.scale, small.location.z = (100, 100, 100), 0
+        assert not of_texels(scene)
+        scene.scene.camera.data.type = "PANO"
+        assert not of_texels(scene)
+        bpy.data.objects.remove(small)
+        bpy.data.meshes.remove(mesh)
+
+
+def test_instances_are_looked_at_once(tmp_path: Path, registered: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of however many materials, and not at all where no texels were joined; what is instanced nearer is told of."""
+    bundle = rough_bundle(tmp_path)
+    first, second = (swatch_from(BakeResult(bundle.path, {}, 0.0), None, pack=True) for _ in range(2))
+    asked: list[int] = []
+    monkeypatch.setattr(
+        swatch_rules,
+        "units_seen",
+        lambda scene, materials: asked.append(len(materials)) or units_seen(scene, materials),
+    )
+    with from_afar(first, 400.0, 1.0) as scene:
+        other = bpy.data.objects.new("other", scene.sphere.data.copy())
+        other.data.materials[0] = second
+        scene.scene.collection.objects.link(other)
+        assert check_scene(scene.scene) is not None and not asked
+        for material in (first, second):
+            SHADING_MAP.refit(material, scene.scene)
+        assert not of_texels(scene) and asked == [2]
+        group = bpy.data.collections.new("group")
+        group.objects.link(other)
+        near = bpy.data.objects.new("near", None)
+        near.instance_type, near.instance_collection, near.location.z = "COLLECTION", group, 380
+        scene.scene.collection.objects.link(near)
+        (found,) = of_texels(scene)
+        assert found.where == f"material {second.name}" and "times as large" in found.found and asked == [2, 2]
+        bpy.data.batch_remove([near, group, other.data, other])

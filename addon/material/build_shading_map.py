@@ -40,7 +40,7 @@ from .scene_fit import (
     plan_levels,
     plan_sampling,
 )
-from .texel_footprint import texel_footprint, texel_scale
+from .texel_footprint import texel_footprint, texel_scale, units_seen
 from .textures.packed import pack_textures
 
 # Of swatches that let light through, in any scene.
@@ -97,10 +97,11 @@ def build_map(
         why = NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
     kept = {name: getattr(chosen, name) for name in OF_MAP}
-    scale = {"pixels": texel_scale(scene, per_uv)} if levels.kept else {}
-    if reduce > 1:
-        at_most = UNSEEN / (footprint.pixels * reduce)
-        scale["closest"] = texel_footprint(material, scene, per_uv, meshes=False).pixels * at_most
+    scale: dict[str, Any] = {"pixels": texel_scale(scene, per_uv)} if levels.kept else {}
+    if reduce > 1 and per_uv is not None:
+        scale["joined"] = UNSEEN / reduce
+        growth, units = scale["joined"] / footprint.pixels, units_seen(scene, [material])[material]
+        scale["closest"] = {name: size * growth / min(per_uv) for name, size in units.pixels.items()}
     return {"choices": kept, "effects": [effect.facts() for effect in effects], **scale}
 
 

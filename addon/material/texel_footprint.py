@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,8 +46,18 @@ class _Seen:
     farthest: float
 
 
-# Extent of an object's largest texel in the world, given its axes there and texels of a unit of its UV map.
-Extent = Callable[[Any, np.ndarray, tuple[float, float]], float | None]
+@dataclass(frozen=True)
+class Units:
+    """How large the meshes that wear a material are seen, by which texels have grown as long as meshes stay.
+
+    Parameters
+    ----------
+    pixels : by the mesh's full name, of the longest line in its bounding box; of no mesh that is hidden
+    moves : why they may grow without an edit, or grew beyond any measure; empty where they do not
+    """
+
+    pixels: Mapping[str, float]
+    moves: str = ""
 
 
 class _UnknownError(Exception):
@@ -55,15 +65,14 @@ class _UnknownError(Exception):
 
 
 def texel_footprint(
-    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float] | None, *, meshes: bool = True
+    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float] | None, *, hidden: bool = True
 ) -> Footprint:
     """The largest texel of a material in pixels of the scene's camera, at the point of its objects nearest to it.
 
     Parameters
     ----------
     texels : along u and v in a unit of the UV map; None where an artist has changed how it is mapped
-    meshes : whether to look at them; else a unit of the UV map counts as one of the object's, which tells by how much
-        texels have grown as long as meshes stay
+    hidden : whether nothing can be known where objects are hidden that may be rendered
     """
     camera = scene.camera
     if texels is None:
@@ -72,7 +81,7 @@ def texel_footprint(
         return _unknown("its texture coordinates are scaled to nothing")
     if camera is None or camera.type != "CAMERA" or camera.data.type == "PANO":
         return _unknown("there is no camera with a flat picture")
-    moves = "the camera moves or zooms" if changes(camera) else ""
+    moves = _movement(camera)
     # Of a camera that only moves, a pixel at a given distance stays as large as it is.
     if moves and changes(camera.data):
         return _unknown(moves)
@@ -83,9 +92,54 @@ def texel_footprint(
     if not material.users:
         return _unknown(_NOT_WORN)
     try:
-        return _footprint(material, scene, texels, moves, _largest_texel if meshes else _unit_texel)
+        return _footprint(material, scene, texels, moves, hidden)
     except _UnknownError as error:
         return _unknown(str(error))
+
+
+def units_seen(scene: bpy.types.Scene, materials: Collection[bpy.types.Material]) -> dict[bpy.types.Material, Units]:
+    """How large what wears these materials is seen, without a look at its meshes and in one look at all instances.
+
+    Of a camera with no flat picture nothing is seen.
+    """
+    camera = scene.camera
+    if camera is None or camera.type != "CAMERA" or camera.data.type == "PANO":
+        return {material: Units({}) for material in materials}
+    common = _movement(camera)
+    if not common and changes(scene):
+        common = "markers change the scene's camera"
+    moves = {m: common or ("its nodes are animated" if changes(m.node_tree) else "") for m in materials}
+    sizes: dict[bpy.types.Material, dict[str, float]] = {material: {} for material in materials}
+    still: dict[bpy.types.Object, bool] = {}
+    for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
+        layer.update()
+        graph, worn = layer.depsgraph, {}
+        pixels_per_unit, perspective, _ = _projection(camera, scene, graph)
+        eye = camera.evaluated_get(graph).matrix_world.translation
+        for instance in graph.object_instances:
+            obj = instance.object
+            # Of one object, geometry nodes may show several meshes; of what is scattered most wears something else.
+            key = obj.original, obj.data
+            if key not in worn:
+                worn[key] = [material for material in materials if _wears(obj, material)]
+            if not worn[key]:
+                continue
+            for moved in (obj.original, *_instancers(instance)):
+                if moved not in still:
+                    still[moved] = not changes(moved)
+                if not still[moved]:
+                    moves |= {m: moves[m] or f"{moved.name} moves or changes its shape" for m in worn[key]}
+            nearest, _ = _distances(obj, instance.matrix_world, eye)
+            if perspective and nearest <= 0:
+                moves |= {m: moves[m] or f"the camera is at {obj.original.name}" for m in worn[key]}
+                continue
+            longest = (Vector(obj.bound_box[6]) - Vector(obj.bound_box[0])).length
+            longest *= float(np.linalg.norm(np.array(instance.matrix_world)[:3, :3], 2))
+            size = longest * pixels_per_unit / (nearest if perspective else 1.0)
+            name = (obj.original.data or obj.data).name_full
+            for material in worn[key]:
+                sizes[material][name] = max(size, sizes[material].get(name, 0.0))
+    return {material: Units(sizes[material], moves[material]) for material in materials}
 
 
 def texel_scale(scene: bpy.types.Scene, texels: tuple[float, float] | None) -> float:
@@ -102,7 +156,7 @@ def texel_scale(scene: bpy.types.Scene, texels: tuple[float, float] | None) -> f
 
 
 def _footprint(
-    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str, extent: Extent
+    material: bpy.types.Material, scene: bpy.types.Scene, texels: tuple[float, float], unknown: str, hidden: bool
 ) -> Footprint:
     """See `texel_footprint`; `unknown` is why the nearest cannot be known, if so. Raises _UnknownError."""
     pixels, by_distance, shown = 0.0, 0.0, set()
@@ -111,7 +165,7 @@ def _footprint(
     for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
         layer.update()
         pixels_per_unit, perspective, aside = _projection(scene.camera, scene, layer.depsgraph)
-        for seen in _seen_in(layer.depsgraph, material, scene, texels, shown, extent):
+        for seen in _seen_in(layer.depsgraph, material, scene, texels, shown):
             size = seen.texel * pixels_per_unit
             if perspective and seen.nearest <= 0:
                 unknown = unknown or f"the camera is at {seen.name}"
@@ -119,7 +173,7 @@ def _footprint(
                 pixels = max(pixels, size / (seen.nearest if perspective else 1.0))
             # At the end of a ray of this length, in whatever corner of the picture.
             by_distance, farthest = max(by_distance, size / aside * perspective), max(farthest, seen.farthest)
-    for obj in scene.objects:
+    for obj in scene.objects if hidden else ():
         if _wears(obj, material) and obj not in shown and (not obj.hide_render or changes(obj, _HIDING)):
             raise _UnknownError(f"{obj.name} is hidden here, but may be rendered")
     if not shown:
@@ -136,7 +190,6 @@ def _seen_in(
     scene: bpy.types.Scene,
     texels: tuple[float, float],
     shown: set[bpy.types.Object],
-    extent: Extent,
 ) -> Iterator[_Seen]:
     """What wears the material in one view layer; these objects are added to `shown`. Raises _UnknownError."""
     eye = scene.camera.evaluated_get(graph).matrix_world.translation
@@ -148,10 +201,14 @@ def _seen_in(
         for moved in (obj.original, *_instancers(instance)):
             if changes(moved):
                 raise _UnknownError(f"{moved.name} moves or changes its shape")
-        size = extent(obj, np.array(instance.matrix_world)[:3, :3], texels)
+        size = _largest_texel(obj, np.array(instance.matrix_world)[:3, :3], texels)
         if size is None:
             raise _UnknownError(f"{obj.original.name} has no UV map")
         yield _Seen(obj.original.name, size, *_distances(obj, instance.matrix_world, eye))
+
+
+def _movement(camera: bpy.types.Object) -> str:
+    return "the camera moves or zooms" if changes(camera) else ""
 
 
 def _unknown(why: str) -> Footprint:
@@ -202,11 +259,6 @@ def _largest_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) ->
     """Extent in the world of the texel that is stretched most; None without UVs."""
     triangles = uv_triangles(obj, linear)
     return None if triangles is None else _largest_stretch(triangles[0], triangles[1] * texels)
-
-
-def _unit_texel(obj: Any, linear: np.ndarray, texels: tuple[float, float]) -> float:
-    """The same of an object whose UV map is its own axes."""
-    return float(np.linalg.norm(linear, 2)) / min(texels)
 
 
 def uv_triangles(obj: Any, linear: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

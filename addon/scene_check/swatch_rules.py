@@ -7,6 +7,7 @@ from functools import partial
 
 import bpy
 
+from ...bake.brdf.common import RenderingRecord
 from ...nodes.material_tree import measured_nodes
 from ...nodes.parallax_group import is_parallax
 from ...nodes.second_group import helpers_of, second_node
@@ -16,7 +17,7 @@ from ..material.build_shading_map import texels_per_uv
 from ..material.facts import record_of
 from ..material.kinds import SHADING_MAP, kind_of
 from ..material.rebuild import rendering_of
-from ..material.texel_footprint import texel_footprint, texel_scale
+from ..material.texel_footprint import Units, texel_footprint, texel_scale, units_seen
 from .findings import WRONG, Finding, Subject, editable
 
 # By so much texels may have grown in the picture since their material was fitted: a zoom, or a larger picture.
@@ -70,8 +71,7 @@ def swatch_levels(subject: Subject) -> Iterator[Finding]:
         kind = kind_of(material)
         if kind is not SHADING_MAP or not (fitted := rendering_of(material).pixels):
             continue
-        layout = record_of(material).map.layout
-        now = texel_scale(subject.scene, texels_per_uv(material, layout.width, layout.height))
+        now = texel_scale(subject.scene, _per_uv(material))
         if now > fitted * _CLOSER:
             found = f"texels are {now / fitted:.2g} times as large as when it was fitted"
             why = "they are averaged by distance, now over more than can be seen: what is far away is blurred"
@@ -80,20 +80,37 @@ def swatch_levels(subject: Subject) -> Iterator[Finding]:
 
 
 def swatch_texels(subject: Subject) -> Iterator[Finding]:
-    """Texels were joined where this camera sees them smaller than a pixel, which has come nearer since, or moves."""
-    for material in subject.wearers:
-        kind = kind_of(material)
-        if kind is not SHADING_MAP or not (closest := rendering_of(material).closest):
-            continue
-        layout = record_of(material).map.layout
-        per_uv = texels_per_uv(material, layout.width, layout.height)
-        now = texel_footprint(material, subject.scene, per_uv, meshes=False)
-        if now.pixels > closest * _CLOSER:
-            larger = f"texels are {now.pixels / closest:.2g} times as large as may be joined"
-            found = f"its texels were joined, and {now.why_unknown}" if now.why_unknown else larger
+    """Texels were joined where this camera sees them smaller than a pixel, which has come nearer since, or moves.
+
+    What is hidden is not asked. Meshes are looked at where one of them is seen larger than it was fitted to.
+    """
+    kept = {m: rendering_of(m) for m in subject.wearers if kind_of(m) is SHADING_MAP}
+    joined = {material: rendering for material, rendering in kept.items() if rendering.joined}
+    seen = units_seen(subject.scene, joined) if joined else {}
+    for material, rendering in joined.items():
+        found = ""
+        if seen[material].moves:
+            found = f"its texels were joined, and {seen[material].moves}"
+        elif _may_be_larger(material, seen[material], rendering):
+            now = texel_footprint(material, subject.scene, _per_uv(material), hidden=False)
+            if not now.why_unknown and now.pixels > rendering.joined * _CLOSER:
+                found = f"texels are {now.pixels / rendering.joined:.2g} times as large as may be joined"
+        if found:
             why = "several of its texels became one where they were too small to be seen: it is blurred"
-            again = editable(material, partial(kind.refit, material, subject.scene))
+            again = editable(material, partial(SHADING_MAP.refit, material, subject.scene))
             yield Finding("swatch_texels", WRONG, f"material {material.name}", found, "fitted to the scene", why, again)
+
+
+def _may_be_larger(material: bpy.types.Material, seen: Units, rendering: RenderingRecord) -> bool:
+    """Whether texels may be seen larger than they may be joined, by how large meshes are seen."""
+    texels = min(_per_uv(material) or (0.0,))
+    closest = rendering.closest
+    return any(size > closest.get(mesh, 0.0) * texels * _CLOSER for mesh, size in seen.pixels.items())
+
+
+def _per_uv(material: bpy.types.Material) -> tuple[float, float] | None:
+    layout = record_of(material).map.layout
+    return texels_per_uv(material, layout.width, layout.height)
 
 
 RULES = (swatch_frames, swatch_levels, swatch_texels)

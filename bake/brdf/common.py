@@ -158,8 +158,10 @@ class RenderingRecord:
     brightened_behind : the same of the back of a sheet whose sides differ
     pixels : of a swatch whose texels are averaged by distance: pixels of a texel that is a unit of its UV map over the
         texels of that, at a distance of 1; 0 of all others
-    closest : of a swatch whose texels were joined for good: pixels across a texel, in the measure of
-        `texel_footprint` without meshes, from which on that is seen; 0 of all others
+    joined : of a swatch whose texels were joined for good: pixels across a texel from which on that is seen; 0 of all
+        others
+    closest : by each mesh that wore it then, `Units.pixels` in texels of its UV map's unit up to which no texel of the
+        mesh is as large as that
     """
 
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -167,13 +169,15 @@ class RenderingRecord:
     brightened: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
     brightened_behind: tuple[tuple[float, tuple[Colour, ...]], ...] = ()
     pixels: float = field(default=0.0, kw_only=True)
-    closest: float = field(default=0.0, kw_only=True)
+    joined: float = field(default=0.0, kw_only=True)
+    closest: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
     @classmethod
     def parse(cls, found: object) -> RenderingRecord:
         """Read from a material's "rendering"; what cannot be read is left out, for it is only told."""
         given = found if isinstance(found, dict) else {}
-        choices, effects = given.get("choices"), given.get("effects")
+        choices, effects, closest = given.get("choices"), given.get("effects"), given.get("closest")
+        closest = closest if isinstance(closest, dict) else {}
         return cls(
             {key: v for key, v in choices.items() if isinstance(v, str)} if isinstance(choices, dict) else {},
             tuple(
@@ -183,7 +187,8 @@ class RenderingRecord:
             ),
             _brightened_of(given.get("brightened")),
             _brightened_of(given.get("brightened_behind")),
-            **{name: float(n) for name in ("pixels", "closest") if isinstance(n := given.get(name), int | float)},
+            **{name: float(n) for name in ("pixels", "joined") if isinstance(n := given.get(name), int | float)},
+            closest={name: float(n) for name, n in closest.items() if isinstance(n, int | float)},
         )
 
 
