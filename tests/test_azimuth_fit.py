@@ -125,7 +125,7 @@ def test_every_photograph_is_left_out_once_and_predicted_without_itself() -> Non
     assert shares[5] > 2 * np.median(shares)
 
 
-def test_the_error_told_is_of_photographs_that_had_no_part_in_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_told_is_not_the_least_of_the_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of trials that differ by chance alone, the least is a lucky one, and as good as any other at what is new."""
     stack, rng = LightStack.of(lambertian(DOME), DOME), np.random.default_rng(0)
     own = np.diag(stack.products)
@@ -145,6 +145,19 @@ def test_the_error_told_is_of_photographs_that_had_no_part_in_the_choice(monkeyp
         ranks = {trial: [each, by_chance()] for trial, each in found.items()}
         assert np.array_equal(azimuth_fit.foretold(prepared, ranks, 1), prepared.errors)
     assert np.mean(lucky) < 0.85 and abs(np.mean(told) - 1) < 0.1
+
+
+def test_the_rank_that_foretells_photographs_keeps_the_others_alone() -> None:
+    """Where those of one fold are noise that no curve holds, their own error is that of the rank the others need."""
+    images, rng = lambertian(DOME), np.random.default_rng(0)
+    left = LightStack.of(images, DOME).folds()[0][1]
+    images[left] = rng.exponential(images.mean(), images[left].shape)
+    stack = LightStack.of(images, DOME)
+    choice = AzimuthChoice(1e-3, False)
+    prepared = Prepared(stack, choice, (choice,) * len(stack.folds()), np.zeros(len(stack)))
+    ranks = np.ones(len(stack)) * np.arange(1, 9)[:, None]
+    used = azimuth_fit.foretold(prepared, {choice: list(ranks)}, None)
+    assert np.ptp(used[left]) == 0 and used[left].max() < np.delete(used, left).min()
 
 
 def test_errors_by_products_are_those_of_the_pixels() -> None:

@@ -64,8 +64,9 @@ class Prepared:
     Attributes
     ----------
     choice : of all photographs, by which the map is made
-    by_fold : of each fold of `LightStack.folds` what the photographs of the other folds choose; the error that this
-        has at its own is that of photographs which had no part in the choice
+    by_fold : of each fold of `LightStack.folds` what is chosen by the errors at photographs of the other folds alone.
+        Those are errors of maps that the fold's own photographs are in, so that these are not wholly new to it; but
+        their own errors are not chosen to be least
     errors : (n,) squared ones of that, of a map that is not reduced
     """
 
@@ -94,7 +95,7 @@ class AzimuthFit:
     ----------
     curve : levels of lights by their angle
     error : `relative_error` of photographs left out, predicted from the others at the level of their elevation, with
-        the interpolation and the rank that photographs of other folds choose (`Prepared.by_fold`)
+        the interpolation and the rank that are chosen by the errors at photographs of other folds (`Prepared.by_fold`)
     held_out : the same of each photograph: index, level, "rms" in parts of a_max, and "relative" to its own RMS
     lost : mean squares (N - 1,) over texels and azimuths at each level but 0 of what the rank loses, and of the map
         itself, in parts of a_max
@@ -282,19 +283,16 @@ def _keeping(stack: LightStack, nodes: Nodes, most: int) -> int:
 
 
 def foretold(prepared: Prepared, by_rank: dict[AzimuthChoice, list[Array]], rank: int | None) -> Array:
-    """Squared errors (n,) of photographs left out, with the interpolation, and the rank where none is given, that the
-    photographs of the other folds choose.
+    """Squared errors (n,) of photographs left out, with the interpolation, and the rank where none is given, that are
+    chosen by the errors at photographs of the other folds, of which the rank also loses next to nothing.
 
     The least of many trials is too good an error at the photographs by which it is the least.
     """
     stack, found = prepared.products, np.zeros(len(prepared.products))
-    keeping: dict[AzimuthChoice, int] = {}
     for (kept, left), choice in zip(stack.folds(), prepared.by_fold, strict=True):
         errors = by_rank[choice]
         if rank is None:
-            if choice not in keeping:
-                keeping[choice] = _keeping(stack, Nodes.of(stack, choice), len(errors))
-            used = max(_predicting([each[kept] for each in errors]), keeping[choice])
+            used = called_for(part := stack.part(kept), Nodes.of(part, choice), [each[kept] for each in errors])
         else:
             used = min(rank, len(errors))
         found[left] = errors[used - 1][left]
