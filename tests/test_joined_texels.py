@@ -16,7 +16,7 @@ from measured_materials.addon.material.scene_fit import LEVELS_EFFECT
 from measured_materials.addon.material.texel_footprint import units_seen
 from measured_materials.addon.scene_check import swatch_rules
 from measured_materials.addon.scene_check.check import check_scene, mend
-from measured_materials.addon.scene_check.findings import WRONG, Finding
+from measured_materials.addon.scene_check.findings import WRONG, Finding, subject_of
 from measured_materials.bake.bundle.result import BakeResult
 from measured_materials.nodes.surface_inputs import SWATCH_MAPPING
 from support.scenes import TestScene
@@ -170,3 +170,28 @@ def test_instances_are_looked_at_once(tmp_path: Path, registered: None, monkeypa
         (found,) = of_texels(scene)
         assert found.where == f"material {second.name}" and "times as large" in found.found and asked == [2, 2]
         bpy.data.batch_remove([near, group, other.data, other])
+
+
+def test_what_geometry_nodes_scatter_is_looked_at_too(tmp_path: Path, registered: None) -> None:
+    """Several meshes of one owner, of objects that no collection of the scene holds."""
+    bundle = rough_bundle(tmp_path)
+    first, second = (swatch_from(BakeResult(bundle.path, {}, 0.0), None, pack=True) for _ in range(2))
+    with from_afar(first, 400.0, 1.0) as scene:
+        SHADING_MAP.refit(first, scene.scene)
+        held = [bpy.data.objects.new("held", scene.sphere.data.copy()) for _ in range(2)]
+        held[1].data.materials[0] = second
+        tree = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        join, output = tree.nodes.new("GeometryNodeJoinGeometry"), tree.nodes.new("NodeGroupOutput")
+        for obj in held:
+            shown = tree.nodes.new("GeometryNodeObjectInfo")
+            shown.inputs["Object"].default_value, shown.inputs["As Instance"].default_value = obj, True
+            tree.links.new(shown.outputs["Geometry"], join.inputs[0])
+        tree.links.new(join.outputs[0], output.inputs[0])
+        owner = bpy.data.objects.new("owner", bpy.data.meshes.new("owner"))
+        owner.modifiers.new("scatter", "NODES").node_group = tree
+        scene.scene.collection.objects.link(owner)
+        assert set(subject_of(scene.scene).wearers) == {first, second}
+        (found,) = of_texels(scene)
+        assert found.where == f"material {first.name}" and "joined, and owner moves" in found.found
+        bpy.data.batch_remove([owner.data, owner, tree, *(obj.data for obj in held), *held])

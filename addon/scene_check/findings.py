@@ -182,9 +182,12 @@ def _evaluated_materials(
     """Those that geometry nodes and particles bring."""
     for layer in [layer for layer in scene.view_layers if layer.use] or scene.view_layers[:1]:
         layer.update()
+        met = set()
         for instance in layer.depsgraph.object_instances:
-            owner = (instance.parent if instance.is_instance else instance.object).original
-            if owner in rendered:
-                for material in getattr(instance.object.data, "materials", None) or ():
+            owner, mesh = (instance.parent if instance.is_instance else instance.object).original, instance.object.data
+            # What is scattered is one of a few meshes, thousands of times.
+            if (owner, mesh) not in met and owner in rendered:
+                met.add((owner, mesh))
+                for material in getattr(mesh, "materials", None) or ():
                     if material is not None:
                         yield owner, material.original
