@@ -7,7 +7,8 @@ Environment Textures, which show what Cycles sees behind the scene.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -26,7 +27,31 @@ AIM_SHADER, WORLD_SHADER = "measured_aim.osl", "measured_world.osl"
 _TEXELS = ("Centre", "U", "V", "Axis")
 _SCENE = ("Sky", "World", "Strongest")
 # Of the shader's parameters, those that `AIM_SHADER` has too.
-_OF_AIM = ("Normal", "Tangent", "Anisotropic", "Gloss", "Lens", "Sampler", *CELLS)
+_PLACED = ("Normal", "Tangent", "Anisotropic", "Gloss", "Lens")
+_SAMPLER = ("Sampler", *CELLS)
+
+
+@dataclass(frozen=True)
+class Lights:
+    """What a material aims at or samples; the parameters of `osl_material.build_osl_material`."""
+
+    lamps: bpy.types.Image
+    lights: bpy.types.Image | None
+    surroundings: Surroundings | None
+    points: int
+
+    @classmethod
+    def of(
+        cls,
+        lamps: bpy.types.Image | None,
+        lights: bpy.types.Image | None,
+        surroundings: Surroundings | None,
+        points: int,
+    ) -> Lights | None:
+        """None where there are none; without the table of what lamps emit nothing is sampled."""
+        if lamps is None:
+            return None
+        return cls(lamps, lights, surroundings, points) if lights is not None else cls(lamps, None, None, 0)
 
 
 def aimed_inputs(
@@ -46,9 +71,8 @@ def aimed_inputs(
     count = min(lamps.size[1], MAX_SLOTS)
     told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
     sky, towards, strongest = (told.pop(name) for name in _SCENE)
-    world, seen = world_table(), {name: inputs[name] for name in _OF_AIM if name in inputs}
-    place = output(script_node(WORLD_SHADER, shader_source(WORLD_SHADER), {"Lens": inputs["Lens"]}), "Place")
-    alias, acceptance = call(_world_group(world), place)
+    world, seen = world_table(), {name: inputs[name] for name in (*_PLACED, *_SAMPLER) if name in inputs}
+    alias, acceptance = _drawn_cell(world, inputs["Lens"])
     seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
     seen |= {"Lamps": count} | told if lights is None else {}
     sampled = surroundings is not None and lights is not None
@@ -70,6 +94,56 @@ def aimed_inputs(
     return {"Lamps": count, "Sky": sky, "Strongest": strongest} | drawn | told
 
 
+def aimed_inputs_of_sheet(inputs: Mapping[str, Any], parts: Sequence[str], lights: Lights) -> dict[str, Any]:
+    """The same of a sheet's side, where each of the parts that have a mirror draws a direction of its own.
+
+    Parameters
+    ----------
+    parts : what stands before the names of their parameters
+    """
+    count = min(lights.lamps.size[1], MAX_SLOTS)
+    told = dict(zip(_lamp_parameters(count), call(_lamps_group(lights.lamps, count))))
+    sky, towards, strongest = (told.pop(name) for name in _SCENE)
+    world, around, lit = world_table(), None, {}
+    alias, acceptance = _drawn_cell(world, inputs["Lens"])
+    drawn: dict[str, Any] = {}
+    if lights.surroundings is not None:
+        around, lit = picture_group(lights.surroundings), dict(zip(LIT, call(lit_group(lights.surroundings.table))))
+        drawn["WorldRays"] = lit.pop("Rays")
+    seen = {name: inputs[name] for name in _PLACED if name in inputs} | lit
+    seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
+    seen |= {"Lamps": count} | told if lights.lights is None else {}
+    source = shader_source(AIM_SHADER)
+    for part in parts:
+        sampler = {name: inputs[part + name] for name in _SAMPLER if part + name in inputs}
+        aim = script_node(AIM_SHADER, source, seen | sampler | {"Through": int(part != "")})
+        texel, _ = call(_world_group(world), output(aim, "Place"))
+        drawn |= {f"{part}{name}": output(aim, name) for name in ("Direction", "Densities")}
+        drawn[f"{part}WorldTexel"] = texel
+        if around is not None:
+            drawn[f"{part}Around"] = call(around, output(aim, "Picture"))
+    if around is not None:
+        # Without a sampler: what it draws towards the world is no part's.
+        aim = script_node(AIM_SHADER, source, seen)
+        texel, _ = call(_world_group(world), output(aim, "WorldPlace"))
+        drawn |= {"Lit": lit["Lit"], "WorldDirection": output(aim, "WorldDirection"), "WorldDrawn": texel}
+        drawn["WorldAround"] = call(around, output(aim, "WorldPicture"))
+    if lights.lights is None:
+        told = {"Centre1": told["Centre1"]}  # of the mirrors' shares under one lamp
+    else:
+        names = _light_parameters(count, rays=True)
+        told |= dict(zip(names, call(_lights_group(lights.lights, count, rays=True))))
+    scene = {"Lamps": count, "Points": lights.points, "Sky": sky, "World": towards, "Strongest": strongest}
+    return scene | drawn | told
+
+
+def _drawn_cell(world: bpy.types.Image, lens: Any) -> tuple[Any, Any]:
+    """Texel of the cell of the world's table in which a draw looks first."""
+    place = output(script_node(WORLD_SHADER, shader_source(WORLD_SHADER), {"Lens": lens}), "Place")
+    alias, acceptance = call(_world_group(world), place)
+    return alias, acceptance
+
+
 def _world_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """(texture coordinates) to the world's texel there, as colour and alpha."""
     outputs = {"Texel": "vector", "Acceptance": "float"}
@@ -82,25 +156,27 @@ def _lamp_parameters(count: int) -> list[str]:
     return [*_SCENE, *(f"{texel}{k}" for k in range(1, count + 1) for texel in (*_TEXELS, "Facts"))]
 
 
-def _light_parameters(count: int) -> list[str]:
-    return [f"{texel}{k}" for k in range(1, count + 1) for texel in ("Radiance", "Beam", "Facing")]
+def _light_parameters(count: int, *, rays: bool = False) -> list[str]:
+    told = ("Radiance", "Beam", "Facing", *(["Rays"] if rays else []))
+    return [f"{texel}{k}" for k in range(1, count + 1) for texel in told]
 
 
-def _lights_group(lights: bpy.types.Image, count: int) -> bpy.types.ShaderNodeTree:
-    """No input to the parameters of the shader that say what lamps emit."""
+def _lights_group(lights: bpy.types.Image, count: int, *, rays: bool = False) -> bpy.types.ShaderNodeTree:
+    """No input to the parameters of the shader that say what lamps emit, and of a sheet which rays meet them."""
     rows = lights.size[1]
 
     def build() -> tuple[Any, ...]:
         values = []
         for row in range(count):
-            (radiance, facing), (beam, _) = (
+            (radiance, facing), (beam, meeting) = (
                 expr.image_tap(lights, (column + 0.5) / LIGHT_TEXELS, 1 - (row + 0.5) / rows, "Closest")
                 for column in range(LIGHT_TEXELS)
             )
-            values += [radiance, beam, facing]
+            values += [radiance, beam, facing, *([meeting] if rays else [])]
         return tuple(values)
 
-    kinds = {name: "float" if name.startswith("Facing") else "vector" for name in _light_parameters(count)}
+    names = _light_parameters(count, rays=rays)
+    kinds = {name: "float" if name.startswith(("Facing", "Rays")) else "vector" for name in names}
     return node_group("MM OSL Lamp Light", {}, kinds, build, switched="extension")
 
 

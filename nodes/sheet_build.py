@@ -65,7 +65,7 @@ class SheetBuild:
         parts: tuple[SheetPart | str, SheetPart],
     ) -> SheetSide:
         """What is seen of one side."""
-        both = tuple(0.0 if record is None else _white_sky(record) for record in (reflected, through))
+        both = tuple(0.0 if record is None else white_sky(record) for record in (reflected, through))
         # A front that reflects nothing has a record all the same.
         made = [
             self._parts(record, f"{name} {part}".strip(), of_part(images, part), through=through)
@@ -80,8 +80,7 @@ class SheetBuild:
 
     def _parts(self, record: BrdfRecord, name: str, images: Images, *, through: bool) -> BrdfParts:
         table = None
-        needs = record.envelope is None or not record.envelope.suffices
-        if self.mode == "reference" or (self.mode != "preview" and self.residual and needs):
+        if self.mode == "reference" or (self.mode != "preview" and self.residual and needs_mirror(record)):
             part = TABLE_OF[self.mode]
             chosen = self.stochastic and part == "table"
             aimed = self.lamps is not None
@@ -97,7 +96,13 @@ class SheetBuild:
         return BrdfParts(table, envelope, preview, lamps, shares, anisotropic=record.anisotropic)
 
 
-def _white_sky(record: BrdfRecord) -> float:
+def needs_mirror(record: BrdfRecord) -> bool:
+    """Whether native closures leave something of a part, in modes "exact" and "balanced"."""
+    return record.envelope is None or not record.envelope.suffices
+
+
+def white_sky(record: BrdfRecord) -> float:
+    """Luminance of what a part shows of an even light, averaged over the viewers."""
     return float(luminance(np.array(record.albedo.white_sky)))
 
 

@@ -27,6 +27,11 @@ from .weighted_closures import WeightedClosures
 _LEAST = 0.1
 
 
+def held_share(share: float) -> float:
+    """The share of what is reflected, so that neither of two mirrors is all but forgotten."""
+    return min(max(share, _LEAST), 1 - _LEAST)
+
+
 @dataclass(frozen=True)
 class SheetSide:
     """Parts of what a viewer of one side sees; None for what is black.
@@ -50,8 +55,8 @@ class SheetSide:
 
     @property
     def reflected_share(self) -> float:
-        """`share`, held so that neither of two mirrors is all but forgotten."""
-        return min(max(self.share, _LEAST), 1 - _LEAST)
+        """`share`, held."""
+        return held_share(self.share)
 
     def shares(self, normal: Any) -> list[Any]:
         """How the mirrors' probability is divided between the parts: all of it is that of a single mirror."""

@@ -26,7 +26,8 @@ from measured_materials.nodes.group import call, node_group
 from measured_materials.nodes.local_frame_group import to_world, viewer_frame_group
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.native_closure import native_closure
-from measured_materials.nodes.osl_material import build_osl_material, sampler_constants, table_constants
+from measured_materials.nodes.osl_material import build_osl_material
+from measured_materials.nodes.osl_parts import sampler_constants, table_constants
 from measured_materials.nodes.osl_script import output, script_node, shader_source, use_osl, with_headers
 from measured_materials.nodes.stochastic_mirror_group import random_numbers_group
 from support.clean_blend import clean_blend  # noqa: F401

@@ -134,12 +134,11 @@ def test_where_nodes_would_sample_nothing_one_script_does(scene: TestScene, bund
             assert plan.sample and (plan.osl, plan.scripted) == (whole, not whole)
 
 
-def test_no_script_holds_a_sheet_whose_nodes_take_one_where_they_sample() -> None:
-    """Without, they could not ask what a ray meets before Blender 5.1."""
+def test_a_sheet_is_a_script_as_a_whole_whether_it_samples_or_not() -> None:
     sheet, nothing = brdf_record(**sheet_parts(through={})), Sampling(needless="a world")
     for sample, sampled in (("always", True), ("auto", False), ("never", False)):
         plan = plan_brdf(sheet, Choices(shader="osl", sample=sample), "", sampling=nothing, by_script=nothing)
-        assert (plan.sample, plan.osl, plan.scripted) == (sampled, False, sampled)
+        assert (plan.sample, plan.osl, plan.scripted) == (sampled, True, False)
 
 
 def test_other_scripts_keep_the_language_on(scene: TestScene, bundle: Bundle) -> None:

@@ -32,7 +32,7 @@ from measured_materials.bake.tables.search.grid_search import BASES, choose_grid
 from measured_materials.bake.tables.sheet import sheet_views
 from measured_materials.bake.tables.table import Table
 from measured_materials.nodes.group import call
-from measured_materials.nodes.osl_material import table_constants
+from measured_materials.nodes.osl_parts import table_constants
 from measured_materials.nodes.table_groups import table_groups
 from measured_materials.nodes.table_lookup_group import table_lookup_group
 from support.cards import card, data_image

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 from measured_materials.addon.lights.exact_lamps import rays_of_world, why_not_exact
+from measured_materials.addon.lights.kept_surveys import surveyed
 from measured_materials.addon.lights.lamp_survey import survey_scene
-from measured_materials.addon.lights.light_tables import update_scene
-from measured_materials.addon.material.build_brdf import build_brdf
-from measured_materials.addon.material.choices import Choices
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
@@ -41,6 +41,7 @@ from measured_materials.nodes import compat
 from measured_materials.nodes.aimed_light_group import aim_by
 from measured_materials.nodes.group import call
 from measured_materials.nodes.lamp_light_groups import LightTables, light_side_group
+from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_script import use_osl
 from support.cards import card, data_image
 from support.clean_blend import clean_blend  # noqa: F401
@@ -67,8 +68,6 @@ from support.sheet_scenes import (
     viewer,
 )
 from test_sheet_material import Woven
-
-SAMPLED, AIMED = Choices(mode="exact", sample="always", shader="osl"), Choices(mode="exact", sample="never")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -101,12 +100,16 @@ def shown(theta: float) -> Iterator[TestScene]:
         yield scene
 
 
-def dress(scene: TestScene, record: BrdfRecord, choices: Choices = SAMPLED) -> None:
-    """The material fitted to the scene as it is now."""
+def dress(scene: TestScene, record: BrdfRecord, sampled: bool = True) -> None:
+    """The material of nodes, fitted to the scene as it is now."""
     update_scene(scene.scene)
-    material, plan = build_brdf(record, choices=choices, scene=scene.scene, pack=True)
-    assert plan.sample == plan.scripted == (choices is SAMPLED)
-    scene.show(material)
+    around = surroundings_of(surveyed(scene.scene)) if sampled else None
+    lights = lamp_light_image() if sampled else None
+    scene.show(
+        build_material(
+            record, mode="exact", lamps=lamp_image(), lights=lights, surroundings=around, scripted=sampled, pack=True
+        )
+    )
     update_scene(scene.scene)
 
 
@@ -274,8 +277,8 @@ def test_noise_under_a_lamp_behind_is_a_fraction(glazed: BrdfRecord) -> None:
     with shown(40.0) as scene:
         add_lamp(scene, "AREA", BEHIND, energy=300, size=0.5).visible_camera = True
         variances = []
-        for choices in (AIMED, SAMPLED):
-            dress(scene, glazed, choices)
+        for sampled in (False, True):
+            dress(scene, glazed, sampled)
             variances.append(float(scene.render(16, 4).var((1, 2)).mean()))
         assert variances[1] < 0.02 * variances[0]
 
@@ -289,8 +292,8 @@ def test_a_large_lamp_seen_through_a_shade_is_found_by_what_lets_it_through(tmp_
         lamp = add_lamp(scene, "AREA", tuple(-3 * viewer(40.0)), energy=300, size=2.0)
         lamp.visible_camera = True
         variances = []
-        for choices in (AIMED, SAMPLED):
-            dress(scene, shade, choices)
+        for sampled in (False, True):
+            dress(scene, shade, sampled)
             variances.append(float(scene.render(16, 2).var((1, 2)).mean()))
         assert variances[1] < 0.25 * variances[0]
 

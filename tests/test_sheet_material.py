@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from measured_materials.addon.cli.main import main
-from measured_materials.addon.lights.aim_targets import Sampling
+from measured_materials.addon.lights.aim_targets import UNKNOWN, Sampling
 from measured_materials.addon.lights.light_tables import lamp_image
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.choices import Choices
@@ -227,18 +227,22 @@ def test_inspect_tells_what_a_bundle_lets_through(baked: dict[str, BakeResult], 
     assert "Transmittance 0°" in words and "Back: through 0°" in words
 
 
-def test_what_is_not_supported_yet_is_told_or_refused(baked: dict[str, BakeResult]) -> None:
-    record = record_of(baked["lined"])
-    plan = plan_brdf(record, Choices(mode="exact", shader="osl"), "", passes=True)
+def test_a_sheet_is_one_script_wherever_that_is_asked_for(baked: dict[str, BakeResult]) -> None:
+    """Whatever there is to sample, and though nodes could with a script's help; it writes no denoiser's passes."""
+    record, sampling = record_of(baked["lined"]), Sampling(gain="less noise")
+    for known, sample in ((UNKNOWN, False), (sampling, True)):
+        for mode, sampled in (("exact", sample), ("reference", False)):
+            choices = Choices(mode=mode, shader="osl")
+            plan = plan_brdf(record, choices, "", passes=True, sampling=known, by_script=sampling)
+            told = {effect.name: effect for effect in plan.effects}
+            assert plan.osl and not plan.scripted and told["Open Shading Language"].kept
+            assert plan.sample == sampled and not plan.features
+            assert ("Light through the sheet" in told) == (not sampled)
+    plan = plan_brdf(record, Choices(mode="preview", shader="osl"), "")
     told = {effect.name: effect for effect in plan.effects}
-    assert not plan.osl and not plan.scripted and "no lamp is sampled" in told["Open Shading Language"].why
-    assert plan.features and not plan.sample
+    assert not plan.osl and not told["Open Shading Language"].kept
     with pytest.raises(BakeError, match="Sample Lamps"):
         plan_brdf(record, Choices(mode="exact", sample="always"), "")
-    plan = plan_brdf(
-        record, Choices(mode="exact", shader="osl"), "", passes=True, by_script=Sampling(gain="less noise")
-    )
-    assert plan.sample and plan.scripted and not plan.osl and not plan.features
 
 
 def test_a_sheet_is_rebuilt_from_its_own_textures(

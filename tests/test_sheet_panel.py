@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from measured_materials.addon.baking.request import BakeRequest
 from measured_materials.addon.lights import aim_targets
-from measured_materials.addon.lights.light_tables import survey_scene, update_scene
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, survey_scene, update_scene
 from measured_materials.addon.material.adjust.energy import energy_of
 from measured_materials.addon.material.bake_material import material_from
 from measured_materials.addon.material.build_brdf import account_of, build_brdf
@@ -37,8 +37,9 @@ from measured_materials.bake.sources.analytic import Ggx, Lambert, ThinCloth
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY, room_of
 from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY
+from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import measured_nodes
-from measured_materials.nodes.osl_script import is_scripted
+from measured_materials.nodes.osl_script import is_one_script
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.osl import skip_without_osl
@@ -95,31 +96,34 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
     assert scripts and cloth.cycles.emission_sampling == "NONE"
 
 
-def test_a_sheet_samples_two_lamps_of_four_and_is_up_to_date(cloth: bpy.types.Material, scene: TestScene) -> None:
+def test_a_sheet_of_nodes_samples_two_lamps_of_four_and_is_up_to_date(
+    cloth: bpy.types.Material, baked: BakeResult, scene: TestScene
+) -> None:
     """With more it is black in Blender 5.2, and says so nowhere but in the log; the others the mirror finds."""
     skip_without_osl()
     for place in ((2, 0, 3), (-2, 1, 3), (0, -2, 2)):
         add_lamp(scene, "POINT", place, energy=100.0, shadow_soft_size=0.2)
     update_scene(scene.scene)
     assert survey_scene(scene.scene).slots == 4
-    rebuild_brdf(cloth, Choices(mode="exact", shader="osl"), scene.scene)
+    tables = {"lamps": lamp_image(), "lights": lamp_light_image()}
+    build_material(BrdfRecord.read(read_bundle(baked.path)), cloth, mode="exact", scripted=True, pack=True, **tables)
     update_scene(scene.scene)
     groups = [tree for tree in trees_below(cloth.node_tree) if SAMPLED_KEY in tree]
     assert groups and {tree[SLOTS_KEY] for tree in groups} == {room_of(tree) for tree in groups} == {2}
     assert "lamp_table" not in rules(scene)
 
 
-def test_a_sheet_that_is_to_sample_anyway_asks_a_script(cloth: bpy.types.Material, scene: TestScene) -> None:
-    """Also where it need not: under a world of no picture and no lamp, in a Blender whose nodes cannot ask."""
+def test_a_sheet_is_a_script_also_where_there_is_nothing_to_sample(cloth: bpy.types.Material, scene: TestScene) -> None:
+    """Under a world of no picture and no lamp; what it costs was not measured."""
     skip_without_osl()
     for obj in [obj for obj in scene.scene.objects if obj.type == "LIGHT"]:
         obj.hide_render = True
     set_sky(scene.scene)
     update_scene(scene.scene)
-    rebuild_brdf(cloth, Choices(sample="always", shader="osl"), scene.scene)
-    assert is_scripted(cloth) and not BRDF.cost(cloth).startswith("About")
-    rebuild_brdf(cloth, Choices(shader="osl"), scene.scene)
-    assert not is_scripted(cloth) and not BRDF.cost(cloth).startswith("About")
+    for sample in ("always", "auto"):
+        rebuild_brdf(cloth, Choices(sample=sample, shader="osl"), scene.scene)
+        assert is_one_script(cloth) and not BRDF.cost(cloth).startswith("About")
+        assert "lamp_camera" not in rules(scene)
 
 
 def totals(cloth: bpy.types.Material) -> list[float]:
@@ -196,12 +200,11 @@ def test_a_material_knows_what_its_back_gains_by_gloss(tmp_path: Path) -> None:
 
 
 def test_a_sheet_is_offered_what_any_brdf_is(cloth: bpy.types.Material) -> None:
-    """But for a script in mode Reference, which samples no lamps."""
     for mode, names in (
         ("preview", ("mode",)),
         ("exact", ("mode", "aim", "sample", "residual", "filter", "shader")),
         ("balanced", ("mode", "aim", "sample", "residual", "filter", "shader")),
-        ("reference", ("mode", "aim", "filter")),
+        ("reference", ("mode", "aim", "filter", "shader")),
     ):
         cloth.measured_quality.mode = mode
         assert BRDF.effective(cloth) == names
@@ -223,7 +226,7 @@ def test_the_time_of_a_sheet_s_bake_teaches_nothing(
 
 
 def test_only_what_is_a_script_is_counted_as_one(scene: TestScene, cloth: bpy.types.Material, tmp_path: Path) -> None:
-    """A sheet that samples lamps by scripts, and what has no mirror, which stays of nodes."""
+    """A sheet, and what has no mirror, which stays of nodes."""
     skip_without_osl()
     plain = material_from(bake_source(Lambert(), tmp_path / "plain.mmat", SETTINGS), pack=False, mode="preview")
     scene.sphere.data.materials.append(plain)
@@ -235,12 +238,12 @@ def test_only_what_is_a_script_is_counted_as_one(scene: TestScene, cloth: bpy.ty
         assert MEASURED_MATERIALS_OT_use_osl.execute(operator, context) == {"FINISHED"}
         return told[-1]
 
-    rays, by = "1 material built of nodes that ask an OSL script what is seen", "to be rendered on the CPU"
-    assert switch(nodes=False) == f"{rays}: {by}; 1 material stays of nodes"
+    one, by = "1 material built as an OSL script", "to be rendered on the CPU"
+    assert switch(nodes=False) == f"{one}: {by}; 1 material stays of nodes"
     plain.measured_quality.mode = "reference"
-    assert switch(nodes=False) == f"1 material built as an OSL script, {rays}: {by}"
+    assert switch(nodes=False) == f"2 materials built as OSL scripts: {by}"
     assert switch(nodes=True) == "2 materials built as nodes"
     scene.sphere.data.materials.pop(index=0)
-    assert switch(nodes=False) == f"1 material built as an OSL script: {by}"
+    assert switch(nodes=False) == f"{one}: {by}"
     scene.sphere.data.materials.clear()
     assert switch(nodes=False) == "0 materials built as OSL scripts"

@@ -16,7 +16,7 @@ from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
 from ...nodes.osl_material import build_osl_material
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import GAIN_OF_SHEET, Sampling, lamps_are_alone, sampling_of, what_to_aim_at
+from ..lights.aim_targets import GAIN_OF_BRDF, GAIN_OF_SHEET, Sampling, lamps_are_alone, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -61,7 +61,7 @@ def build_brdf(
         passes,
         ready=ready,
         sampling=sampling,
-        by_script=_sampling_by_script(record, report),
+        by_script=_sampling_by_script(report),
         normals=shows_normals(scene),
     )
     behind = _brightened(record.part("behind"), plan.mode)
@@ -104,17 +104,14 @@ def build_brdf(
 
 
 def sampling_for(record: BrdfRecord, choices: Choices, report: LampReport) -> Sampling:
-    """What a material can sample in a scene of which this is the report; of a sheet scripts ask only what rays meet."""
-    osl = choices.shader == OSL
-    if record.sheet is not None:
-        return sampling_of(report, scripted=osl, gain=GAIN_OF_SHEET)
-    return sampling_of(report, osl=osl)
+    """What a material can sample in a scene of which this is the report."""
+    gain = GAIN_OF_SHEET if record.sheet is not None else GAIN_OF_BRDF
+    return sampling_of(report, osl=choices.shader == OSL, gain=gain)
 
 
-def _sampling_by_script(record: BrdfRecord, report: LampReport) -> Sampling:
-    """What nodes can sample that a script tells which lamps are seen, as far as that is as good as one script."""
-    if record.sheet is not None:  # which no script holds as a whole
-        return sampling_of(report, scripted=True, gain=GAIN_OF_SHEET)
+def _sampling_by_script(report: LampReport) -> Sampling:
+    """What nodes of a BRDF can sample that a script tells which lamps are seen, as far as that is as good as one
+    script."""
     if report.slots + (not report.world_inexact) > 1:
         # Nodes draw one of the lights, and are noisier at equal time.
         return Sampling(needless="there are several lights, of which one script as a whole samples each")

@@ -154,8 +154,7 @@ class _Brdf(Kind):
             return ("mode",)
         if mode != "reference":
             return ("mode", "aim", "sample", "residual", "filter", "shader")
-        # Of a sheet a script tells what is seen where lamps are sampled, and no more.
-        return ("mode", "aim", "filter") if lets_light_through(material) else ("mode", "aim", "filter", "shader")
+        return ("mode", "aim", "filter", "shader")
 
     def error(self, material: bpy.types.Material) -> str:
         with contextlib.suppress(BakeError):

@@ -98,7 +98,7 @@ def plan_brdf(
     passes : a view layer asks for the denoiser's
     ready : prepared for lights added later
     sampling : whether the shader can sample the scene's lamps
-    by_script : whether nodes can that a script tells which are seen; of a material that is to be OSL it goes first
+    by_script : whether nodes can that a script tells which are seen; of what is to be OSL and no sheet it goes first
     normals : a view layer shows the Normal pass
 
     Raises
@@ -118,7 +118,7 @@ def plan_brdf(
     aim = sample = scripted = False
     sheet = record.sheet is not None
     if residual:
-        if choices.shader == OSL and plan_script(choices, by_script, sheet):
+        if choices.shader == OSL and not sheet and plan_script(choices, by_script):
             sampling, scripted = by_script, True
         sampled = plan_sampling(choices, sampling)
         sample = sampled.kept
@@ -130,7 +130,7 @@ def plan_brdf(
         elif sampling.beside:
             effects.append(Effect("Aimed light", True, sampling.beside))
         effects += [sampled, reconstruction, plan_bounces(choices.mode)]
-    osl = residual and choices.shader == OSL and not sheet and not scripted
+    osl = residual and choices.shader == OSL and not scripted
     features = passes and residual and not osl and not scripted
     if residual:
         why = "a view layer asks for them" if passes else "no view layer asks for them"
@@ -143,8 +143,6 @@ def plan_brdf(
         effects.append(THROUGH)
     if scripted:
         effects.append(Effect(OSL_EFFECT, True, RAYS))
-    elif sheet and choices.shader == OSL:
-        effects.append(Effect(OSL_EFFECT, False, NO_RAYS))
     else:
         effects += _language(choices, residual)
     return BrdfPlan(
@@ -167,13 +165,13 @@ def language_of(effects: Sequence[Effect]) -> Effect | None:
     return next((effect for effect in effects if effect.name == OSL_EFFECT), None)
 
 
-def plan_script(choices: Choices, by_script: Sampling, sheet: bool) -> bool:
+def plan_script(choices: Choices, by_script: Sampling) -> bool:
     """Whether nodes sample as much, and as well, as one script would, once a script tells which lamps are seen.
 
-    Textures stay in the .blend then. Under several lights, or lamps and a world of no picture, one script does more. No
-    script holds a sheet as a whole: its nodes take one wherever they sample. Raises BakeError as `plan_sampling`.
+    Textures stay in the .blend then. Under several lights, or lamps and a world of no picture, one script does more.
+    Raises BakeError as `plan_sampling`.
     """
-    if not sheet and (by_script.impossible or by_script.needless):
+    if by_script.impossible or by_script.needless:
         return False
     return plan_sampling(choices, by_script).kept
 

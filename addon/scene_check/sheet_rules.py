@@ -16,7 +16,11 @@ import numpy as np
 from ...bake.source import Array
 from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY
 from ...nodes.lamp_light_groups import SAMPLED_KEY
+from ...nodes.osl_script import is_one_script
+from ...nodes.osl_sheet import leads_through
 from ...nodes.through_closure import PORTAL
+from ..material.rebuild import effects_of
+from ..material.scene_fit import SAMPLED_EFFECT
 from .findings import NOTE, WRONG, Finding, Subject, measured_trees, setting
 
 # As many as carry all the light that one can measure in a room, see `scene_rules`.
@@ -44,12 +48,19 @@ def sheets(subject: Subject) -> dict[bpy.types.Material, tuple[bpy.types.Object,
     return {
         material: objects
         for material, objects in subject.wearers.items()
-        if any(node.bl_idname == PORTAL for tree in measured_trees(material) for node in tree.nodes)
+        if any(
+            node.bl_idname == PORTAL or leads_through(node) for tree in measured_trees(material) for node in tree.nodes
+        )
     }
 
 
 def _samples(material: bpy.types.Material, what: str) -> bool:
-    """Whether its shader samples lamps (SLOTS_KEY), or the world (WORLD_KEY), in the scene as it is."""
+    """Whether its shader samples lamps (SLOTS_KEY), or the world (WORLD_KEY): of nodes in the scene as it is, of a
+    script, whose tables alone know that, in the scene it was fitted to."""
+    if is_one_script(material):
+        sampled = any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material))
+        nodes = (node for tree in measured_trees(material) for node in tree.nodes)
+        return sampled and (what == SLOTS_KEY or any(node.bl_idname == "ShaderNodeTexEnvironment" for node in nodes))
     return any(tree.get(SAMPLED_KEY) and tree.get(what) for tree in measured_trees(material))
 
 

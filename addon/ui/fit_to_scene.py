@@ -191,7 +191,7 @@ def _counted(materials: int) -> str:
 
 def _built_words(materials: list[bpy.types.Material], nodes: bool) -> str:
     """What materials were built as: where scripts were asked for, one script each, nodes whose rays are scripts, as of
-    a sheet, or nodes alone, as of what has no mirror."""
+    a swatch, or nodes alone, as of what has no mirror."""
     if nodes:
         return f"{_counted(len(materials))} built as nodes"
     whole = sum(is_one_script(material) for material in materials)

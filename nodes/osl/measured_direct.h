@@ -77,8 +77,33 @@ void mm_opposite(float kind, int j, float u1, float u2, output float s, output f
   }
 }
 
-// Light of the lamps reflected to the viewer, with the balance heuristic against a mirror that is drawn by the sampler
-// and followed as often as `chance` says.
+// A direction towards point j of a lamp, its density by all of the lamp's points, and the radiance that would come from
+// there; 0 where none does.
+color mm_point_of(
+    MMLamp lamp, MMAim aim, int points, int j, float u1, float u2, output vector wi, output float density)
+{
+  float s, t;
+  mm_opposite(aim.kind, j, u1, u2, s, t);
+  wi = mm_draw_towards(aim, s, t);
+  density = points * mm_density_towards(aim, wi, 1);
+  return density > 0 ? color(lamp.radiance) * mm_beam(lamp, wi) : color(0);
+}
+
+// What a table sends on of light from a direction of this density, with the balance heuristic against a mirror that is
+// drawn by the sampler and followed as often as `chance` says.
+color mm_sent_on(
+    MMSampler sampler, MMViewer viewer, MMTable table, MMGrid grid, MMFrame frame, float chance, vector local,
+    float density, color radiance, float slice, float gloss)
+{
+  float spread;
+  vector stored = mm_in_table(local, frame.wo, gloss, spread);
+  if (stored[2] <= 0)
+    return 0;
+  float shared = density + chance * mm_density(sampler, viewer, stored, frame.wo) * spread;
+  return mm_lookup(table, grid, stored, frame.wo, slice) * radiance * (stored[2] * spread / shared);
+}
+
+// Light of the lamps reflected to the viewer.
 color mm_lamp_light(
     MMLamp lamps[MM_MOST_LAMPS], int count, int points, MMSampler sampler, MMViewer viewer, MMTable table, MMGrid grid,
     MMFrame frame, point position, float chance, float u1, float u2, float slice, float gloss)
@@ -89,53 +114,58 @@ color mm_lamp_light(
     if (mm_expected_light(aim, frame.n, lamps[k].facts[1]) <= 0)
       continue;
     for (int j = 0; j < points; ++j) {
-      float s, t;
-      mm_opposite(aim.kind, j, u1, u2, s, t);
-      vector wi = mm_draw_towards(aim, s, t);
+      vector wi;
+      float density;
+      color radiance = mm_point_of(lamps[k], aim, points, j, u1, u2, wi, density);
       vector local = mm_to_local(frame, wi);
-      float density = mm_density_towards(aim, wi, 1);
-      float beam = mm_beam(lamps[k], wi);
-      if (local[2] <= 0 || dot(wi, Ng) <= 0 || density <= 0 || beam <= 0 || !mm_visible(lamps[k], aim, position, wi))
+      if (local[2] <= 0 || dot(wi, Ng) <= 0 || radiance == color(0) || !mm_visible(lamps[k], aim, position, wi))
         continue;
-      float spread;
-      vector stored = mm_in_table(local, frame.wo, gloss, spread);
-      if (stored[2] <= 0)
-        continue;
-      float shared = points * density + chance * mm_density(sampler, viewer, stored, frame.wo) * spread;
-      sum += mm_lookup(table, grid, stored, frame.wo, slice) * color(lamps[k].radiance) *
-             (stored[2] * spread * beam / shared);
+      sum += mm_sent_on(sampler, viewer, table, grid, frame, chance, local, density, radiance, slice, gloss);
     }
   }
   return sum;
 }
 
-// Light of the lamps that a direction of the sampler meets, and what of it mm_lamp_light has counted already; both are 0
-// where it meets none.
+// Light of a lamp that a direction of the sampler meets, and the part of it that mm_lamp_light has counted already.
+color mm_light_along(MMLamp lamp, int points, point position, vector wi, float density, output float part)
+{
+  MMAim aim = mm_lamp_seen(lamp, position);
+  float towards = points * mm_density_towards(aim, wi, 0);
+  part = 0;
+  if (towards <= 0 || !mm_visible(lamp, aim, position, wi))
+    return 0;
+  part = towards / (towards + density);
+  return color(lamp.radiance) * mm_beam(lamp, wi);
+}
+
+// The same of all lamps, and what is counted of it; both are 0 where it meets none.
 color mm_met_light(
     MMLamp lamps[MM_MOST_LAMPS], int count, int points, point position, vector wi, float density, output color counted)
 {
   color all = 0;
   counted = 0;
   for (int k = 0; k < count; ++k) {
-    MMAim aim = mm_lamp_seen(lamps[k], position);
-    float towards = points * mm_density_towards(aim, wi, 0);
-    if (towards > 0 && mm_visible(lamps[k], aim, position, wi)) {
-      color light = color(lamps[k].radiance) * mm_beam(lamps[k], wi);
-      all += light;
-      counted += light * (towards / (towards + density));
-    }
+    float part;
+    color light = mm_light_along(lamps[k], points, position, wi, density, part);
+    all += light;
+    counted += light * part;
   }
   return all;
 }
 
-// Whether a direction leaves the scene, on the side from which a mirror reflects too.
-int mm_leaves(point position, vector wi)
+// Whether a direction leaves the scene, on the side of the surface proper on which it is drawn, as of a mirror.
+int mm_leaves(float side, point position, vector wi)
 {
-  return dot(wi, Ng) > 0 && !trace(position, wi, "maxdist", MM_ENDLESS);
+  return side * dot(wi, Ng) > 0 && !trace(position, wi, "maxdist", MM_ENDLESS);
 }
 
-// Light that a table reflects from a direction drawn towards the world with this density, with the balance heuristic
-// against a mirror as in mm_lamp_light; nothing where something stands before the world.
+int mm_leaves(point position, vector wi)
+{
+  return mm_leaves(1, position, wi);
+}
+
+// Light that a table reflects from a direction drawn towards the world with this density; nothing where something stands
+// before the world.
 color mm_world_light(
     MMSampler sampler, MMViewer viewer, MMTable table, MMGrid grid, MMFrame frame, point position, float chance,
     vector wi, float density, color radiance, float slice, float gloss)
@@ -143,12 +173,7 @@ color mm_world_light(
   vector local = mm_to_local(frame, wi);
   if (local[2] <= 0 || density <= 0 || !mm_leaves(position, wi))
     return 0;
-  float spread;
-  vector stored = mm_in_table(local, frame.wo, gloss, spread);
-  if (stored[2] <= 0)
-    return 0;
-  float shared = density + chance * mm_density(sampler, viewer, stored, frame.wo) * spread;
-  return mm_lookup(table, grid, stored, frame.wo, slice) * radiance * (stored[2] * spread / shared);
+  return mm_sent_on(sampler, viewer, table, grid, frame, chance, local, density, radiance, slice, gloss);
 }
 
 // nodes/sampled_closure.py: how often the mirror's ray is followed past a lamp, for what is seen behind it. Cycles ends

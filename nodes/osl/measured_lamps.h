@@ -10,8 +10,9 @@
 #define MM_ELLIPSE 1
 #define MM_SPHERE 2
 #define MM_SUN 3
+#define MM_LEAST_COSINE 0.05
 
-// One row of the tables of lamps; facts are kind, power, and area^-1, radius or 1 - cos of the half angle. The last three
+// One row of the tables of lamps; facts are kind, power, and area^-1, radius or 1 - cos of the half angle. The last four
 // are of bake/sampling/lamp_light.py.
 struct MMLamp {
   vector centre;
@@ -22,6 +23,7 @@ struct MMLamp {
   vector radiance;
   vector beam;
   float facing;
+  float rays;
 };
 
 // A lamp as seen from a point.
@@ -97,30 +99,38 @@ float mm_density_towards(MMAim aim, vector wi, int drawn)
   return (drawn || reach < 0.5) ? distance * distance * aim.fourth / max(-facing, 1e-12) : 0.0;
 }
 
-float mm_expected_light(MMAim aim, vector n, float power)
+// _face_to_face
+float mm_face_to_face(MMAim aim, float power)
 {
   float distance2 = dot(aim.to_centre, aim.to_centre);
-  float inverse = 1 / sqrt(distance2);
-  float reaches, height;
   float facing = 1;
   float near2 = aim.fourth * aim.fourth;
-  if (aim.kind > MM_SPHERE - 0.5) {
-    float leaning = dot(aim.axis, n);
-    float sine = sqrt(max(aim.m * (2 - aim.m), 0.0));
-    reaches = leaning + sine > 0 || aim.m > 1;
-    height = max(leaning, 0.05);
-  }
-  else {
-    float along = dot(aim.to_centre, n);
+  if (aim.kind < MM_SPHERE - 0.5) {
     float shone = -dot(aim.emission, aim.to_centre);
-    float half_extent = 0.5 * (abs(dot(aim.u, n)) + abs(dot(aim.v, n)));
-    reaches = along + half_extent > 0 && shone > 0;
-    height = max(along * inverse, 0.05);
-    facing = max(shone * inverse, 0.05);
+    facing = shone > 0 ? max(shone / sqrt(distance2), MM_LEAST_COSINE) : 0.0;
     near2 = 0.25 / aim.fourth;
   }
   float falloff = aim.kind > MM_SUN - 0.5 ? 1.0 : 1 / max(max(distance2, near2), 1e-12);
-  return reaches * height * facing * falloff * power;
+  return facing * falloff * power;
+}
+
+float mm_expected_light(MMAim aim, vector n, float power)
+{
+  float leaning = dot(aim.axis, n);
+  int reaches;
+  if (aim.kind > MM_SPHERE - 0.5)
+    reaches = leaning + sqrt(max(aim.m * (2 - aim.m), 0.0)) > 0 || aim.m > 1;
+  else
+    reaches = dot(aim.to_centre, n) + 0.5 * (abs(dot(aim.u, n)) + abs(dot(aim.v, n))) > 0;
+  return reaches ? max(leaning, MM_LEAST_COSINE) * mm_face_to_face(aim, power) : 0.0;
+}
+
+// expected_light_on_sheet
+float mm_expected_light_on_sheet(MMAim aim, vector n, float power, float front)
+{
+  float leaning = dot(aim.axis, n);
+  float side = leaning > 0 ? front : 1 - front;
+  return max(side, MM_LEAST_COSINE) * max(abs(leaning), MM_LEAST_COSINE) * mm_face_to_face(aim, power);
 }
 
 #define MM_BOUNCED 0.1 // bake/envelope/lamp_share.py

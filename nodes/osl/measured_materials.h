@@ -11,18 +11,21 @@
 
 #define MM_MIN_COSINE 1e-3   // nodes/local_frame_group.py
 #define MM_LEAST_WEIGHT 2e-5 // above that of nodes/stochastic_mirror_group.py, where a metal carries most of these
+#define MM_INDEX 50.0        // nodes/through_closure.py: IOR
 #define MM_MARKER_WEIGHT 1e3 // nodes/surface_marker.py, as the next two
 #define MM_MARKED_COSINE 0.02
 #define MM_MATTE 1
 #define MM_WORDS 36          // bake/envelope/texture.py: three for each of at most 12 closures
 #define MM_USUAL 3           // how many there mostly are
 
-// The shading normal, the viewer in its local frame, and the tangents.
+// The shading normal, the viewer in its local frame, and the tangents. Of light that comes through a sheet n points to the
+// far side and `side` is -1, else 1: local directions of the light are then mirrored in the sheet, as tables have them.
 struct MMFrame {
   vector wo;
   vector tangent;
   vector bitangent;
   vector n;
+  float side;
 };
 
 // Native closures, each a name and two widths, and the texture of their weights over `nodes` elevations of the viewer
@@ -49,6 +52,7 @@ MMFrame mm_viewer_frame(vector n, vector incoming)
   frame.tangent = cross(frame.bitangent, n);
   frame.wo = normalize(vector(sine, 0, cosine));
   frame.n = n;
+  frame.side = 1;
   return frame;
 }
 
@@ -63,7 +67,17 @@ MMFrame mm_tangent_frame(vector n, vector incoming, vector along)
   frame.wo = normalize(vector(
       dot(incoming, frame.tangent), dot(incoming, frame.bitangent), max(dot(incoming, n), MM_MIN_COSINE)));
   frame.n = n;
+  frame.side = 1;
   return frame;
+}
+
+// nodes/drawn_direction.py: drawn_direction of what comes through
+MMFrame mm_below(MMFrame frame)
+{
+  MMFrame below = frame;
+  below.n = -frame.n;
+  below.side = -1;
+  return below;
 }
 
 vector mm_to_world(MMFrame frame, vector w)
@@ -112,6 +126,16 @@ closure color mm_mirror(vector wi, vector incoming, color weight)
   return max(weight, color(0)) * microfacet("ggx", normalize(wi + incoming), vector(0), 0.0, 0.0, 0.0, 0);
 }
 
+// nodes/through_closure.py: through_closure, without the roulette. The closure, unlike the node, leaves the index of a back
+// as it is.
+closure color mm_through(point position, vector wi, vector incoming, color weight)
+{
+  color carried = max(weight, color(0));
+  if (dot(incoming, wi) < -1 / MM_INDEX - 1e-4)
+    return carried * microfacet("ggx", normalize(-(incoming + wi * MM_INDEX)), vector(0), 0.0, 0.0, MM_INDEX, 1);
+  return carried * ray_portal_bsdf(position, wi);
+}
+
 // Weights that Cycles would drop live on by Russian roulette, raised as often as keeps their mean.
 color mm_roulette(color weight, float random)
 {
@@ -148,6 +172,8 @@ closure color mm_native(string name, float along, float across, vector tangent, 
   }
   if (name == "sheen")
     return ashikhmin_velvet(n, along);
+  if (name == "translucent")
+    return translucent(n);
   if (name == "oren_nayar" && along > 0)
     return oren_nayar_diffuse_bsdf(n, color(1), along);
   return diffuse(n);

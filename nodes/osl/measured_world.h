@@ -64,4 +64,10 @@ float mm_expected_world_light(vector toward, float flux, vector n)
   return max(dot(toward, n) + flux, 0.1 * flux);
 }
 
+// expected_world_light_on_sheet
+float mm_expected_world_light_on_sheet(vector toward, float flux, vector n, float front)
+{
+  return mm_expected_world_light(toward, flux, n) * front + mm_expected_world_light(toward, flux, -n) * (1 - front);
+}
+
 #endif

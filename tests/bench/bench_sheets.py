@@ -1,9 +1,10 @@
 """Noise and time of sheets that sample lamps, beside aimed mirrors and beside Diffuse and Translucent BSDF.
 
-Nodes ask scripts of OSL what their rays meet, as *Shade by OSL* has them do before Blender 5.1. A plane is seen along
-one direction; its native stand-in reflects and lets through as much of an even light. All take turns, one thread
-renders, and of each the least time counts: whatever else the machine does makes a turn longer, never shorter. Quiet is
-a camera whose lens gives numbers more even than the shader's own.
+Nodes ask scripts of OSL what their rays meet, as Cycles' Raycast node tells them from Blender 5.1 on; OSL is the whole
+sheet, as *Shade by OSL* builds it, under a sky too. A plane is seen along one direction; its native stand-in reflects
+and lets through as much of an even light. One thread renders, and of each the least time counts: whatever else the
+machine does makes a turn longer, never shorter. Quiet is a camera whose lens gives numbers more even than the shader's
+own.
 """
 
 from __future__ import annotations
@@ -17,13 +18,16 @@ from tempfile import TemporaryDirectory
 import bpy
 import numpy as np
 from engine_scenes import room_pixels
-from measured_materials.addon.lights.light_tables import update_scene
+from measured_materials.addon.lights.kept_surveys import surveyed
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.addon.material.build_brdf import build_brdf
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.studio.studio import render_linear
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.record import BrdfRecord
 from measured_materials.nodes import compat
+from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_script import use_osl
 from record import put
 from rich.console import Console
@@ -35,24 +39,27 @@ from support.scenes import TestScene, add_lamp
 from support.sheet_scenes import BEFORE, BEHIND, GLAZED, SETTINGS, record_of, set_sky, sheet_scene
 
 _NATIVE, _AIMED, _SAMPLED, _QUIET = "native", "aimed", "sampled", "sampled, quiet"
+_OSL, _OSL_QUIET = "OSL", "OSL, quiet"
+_BESIDE = _AIMED, _SAMPLED, _QUIET, _OSL, _OSL_QUIET
 # Of the camera whose lens gives numbers; pixels that all show the same hide its blur.
 _STOP = 64.0
 _THETA, _SAMPLES, _COLUMNS = 40.0, 64, 96
+# Of a picture whose time counts.
+_MANY = 512
 SKY = "sky"
 LIGHTS = ("lamp behind", "lamp before", SKY, "HDR world")
 
 
 def run(out: Path, quick: bool) -> None:
     """A table of noise at equal samples and of time, as multiples of the native closures'; --quick takes two lights."""
-    beside = _AIMED, _SAMPLED, _QUIET
-    table = Table("light", "native's noise", *(f"{name}: {what}" for name in beside for what in ("noise", "time")))
+    table = Table("light", "native's noise", *(f"{name}: {what}" for name in _BESIDE for what in ("noise", "time")))
     with TemporaryDirectory() as folder:
         record = record_of(bake_source(GLAZED, Path(folder) / "glazed", SETTINGS))
         for light in LIGHTS[:: 2 if quick else 1]:
             found = _measured(record, light, turns=2 if quick else 4)
             noise, seconds = found[_NATIVE]
             cells = []
-            for name in beside:
+            for name in _BESIDE:
                 if name not in found:
                     cells += ["", ""]
                     continue
@@ -62,7 +69,7 @@ def run(out: Path, quick: bool) -> None:
                     put(f"{light}, {name}, {what}", ratio)
             put(f"{light}, native, noise", noise)
             table.add_row(light, f"{noise:.2%}", *cells)
-    Console(width=120).print(table)
+    Console(width=150).print(table)
 
 
 def _lit(scene: TestScene, light: str) -> None:
@@ -116,28 +123,38 @@ def _measured(record: BrdfRecord, light: str, turns: int) -> dict[str, tuple[flo
         blender_scene.render.resolution_x = _COLUMNS
         _lit(scene, light)
         update_scene(blender_scene)
-        for name in (_NATIVE, _AIMED, _SAMPLED, _QUIET):
-            material, samples = stand_in, name in (_SAMPLED, _QUIET)
-            lens = blender_scene.camera.data.dof
-            lens.use_dof, lens.aperture_fstop, lens.focus_distance = name == _QUIET, _STOP, 5.0
-            if name != _NATIVE:
-                shader, sample = ("osl", "auto") if samples else ("nodes", "never")
-                choices = Choices(mode="exact", sample=sample, shader=shader)
-                material, plan = build_brdf(record, choices=choices, scene=blender_scene, pack=True)
-                assert plan.sample == (samples and light != SKY)
-                if samples and not plan.sample:
-                    continue
-            if samples:
+        for name in (_NATIVE, *_BESIDE):
+            if light == SKY and name in (_SAMPLED, _QUIET):
+                continue
+            lens, quiet = blender_scene.camera.data.dof, name in (_QUIET, _OSL_QUIET)
+            lens.use_dof, lens.aperture_fstop, lens.focus_distance = quiet, _STOP, 5.0
+            if name not in (_NATIVE, _AIMED):
                 use_osl(blender_scene)
-            scene.show(material)
+            scene.show(stand_in if name == _NATIVE else _built(record, name, blender_scene))
             update_scene(blender_scene)
-            few, many = (min(_seconds(blender_scene, n, turn) for turn in range(turns)) for n in (1, _SAMPLES + 1))
+            with scene.kept():  # a script is compiled once, in more time than many samples take
+                _seconds(blender_scene, 1, 0)
+                few, many = (min(_seconds(blender_scene, n, turn) for turn in range(turns)) for n in (1, _MANY + 1))
+            # Cycles keeps the sequence of its own numbers too, and this one is of another length.
             blender_scene.cycles.samples = _SAMPLES
             pixels = render_linear(blender_scene).astype(float)
             rms = math.sqrt(float(pixels.var((0, 1), ddof=1).mean())) / float(pixels.mean())
-            found[name] = rms, (many - few) / (_SAMPLES * pixels[..., 0].size) * 1e6
+            found[name] = rms, (many - few) / (_MANY * pixels[..., 0].size) * 1e6
         blender_scene.cycles.shading_system = False
     return found
+
+
+def _built(record: BrdfRecord, name: str, scene: bpy.types.Scene) -> bpy.types.Material:
+    """The sheet in mode Exact, fitted to the scene."""
+    if name in (_SAMPLED, _QUIET):
+        around = surroundings_of(surveyed(scene))
+        tables = {"lamps": lamp_image(), "lights": lamp_light_image(), "surroundings": around}
+        return build_material(record, mode="exact", scripted=True, pack=True, **tables)
+    whole = name != _AIMED
+    choices = Choices(mode="exact", sample="auto" if whole else "never", shader="osl" if whole else "nodes")
+    material, plan = build_brdf(record, choices=choices, scene=scene, pack=True)
+    assert plan.osl == whole
+    return material
 
 
 def _seconds(scene: bpy.types.Scene, samples: int, seed: int) -> float:

@@ -309,8 +309,8 @@ MISTAKES = (
     Mistake(
         "osl-world-seen-through-everything",
         "nodes/osl/measured_direct.h",
-        "return dot(wi, Ng) > 0 && !trace(",
-        "return dot(wi, Ng) > 0 || trace(",
+        "return side * dot(wi, Ng) > 0 && !trace(",
+        "return side * dot(wi, Ng) > 0 || trace(",
         ("tests/test_osl_world.py::test_bounce_light_and_noise_of_a_sampled_world",),
         "nothing casts a shadow in the world's light",
     ),

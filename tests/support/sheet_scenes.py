@@ -9,6 +9,9 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
+from measured_materials.addon.lights.kept_surveys import surveyed
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.addon.rendering.renderer import set_unbiased
 from measured_materials.addon.studio import studio
 from measured_materials.bake.brdf.record import BrdfRecord
@@ -19,6 +22,8 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import ThinCloth
 from measured_materials.nodes import compat
+from measured_materials.nodes.osl_material import build_osl_material
+from measured_materials.nodes.osl_script import use_osl
 
 from .monte_carlo import assert_same
 from .scenes import TestScene
@@ -145,6 +150,18 @@ def sheet_scene(material: bpy.types.Material, theta: float) -> Iterator[TestScen
         yield TestScene(scene, plane)
     finally:
         studio.remove_studio(scene)
+
+
+def osl_that_samples(scene: TestScene, record: BrdfRecord, mode: str = "exact") -> bpy.types.Material:
+    """Put the sheet into the scene as OSL that samples what lights it now."""
+    use_osl(scene.scene)
+    update_scene(scene.scene)
+    around = surroundings_of(surveyed(scene.scene))
+    tables = {"lamps": lamp_image(), "lights": lamp_light_image(), "surroundings": around}
+    material = build_osl_material(record, mode=mode, **tables)
+    scene.show(material)
+    update_scene(scene.scene)
+    return material
 
 
 def upper_hemisphere() -> Array:
