@@ -186,6 +186,17 @@ def test_a_real_defocus_is_not_drawn_by(paint: Bundle, sphere: TestScene) -> Non
     assert np.array_equal(sphere.render(16, 1), drawn)
 
 
+def test_by_the_lens_all_of_a_wide_lamp_is_aimed_at(paint: Bundle, sphere: TestScene) -> None:
+    """A number that places a direction and had chosen the mirror would see only a part of it: up to 40 % of a tile."""
+    skip_without_osl()
+    use_osl(sphere.scene)
+    lamp = next(obj for obj in sphere.scene.objects if obj.type == "LIGHT")
+    lamp.data.size = 3
+    sphere.show(build_osl_material(paint, lamps=lamp_image()))
+    without, found = pictures(sphere, False, 16, range(6)), pictures(sphere, True, 16, range(20, 26))
+    assert_same(without, found, sphere.mask(), 0.0, 0.04)
+
+
 def test_less_noise_under_a_sky(paint: Bundle, sphere: TestScene) -> None:
     """Where every direction is the material's own, of the variance of mode Reference 0.76 was left."""
     scene = sphere.scene
