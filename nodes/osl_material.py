@@ -21,7 +21,8 @@ from ..bake.errors import BakeError
 from . import expr
 from .adjustments import LIMITS, NEUTRAL
 from .brdf_group import brdf_inputs
-from .group import node_group
+from .data_image import Images, bundle_images
+from .group import call, node_group
 from .lens_group import lens_numbers
 from .material import usual_mode
 from .material_tree import build_from, lit_by_emission
@@ -29,6 +30,7 @@ from .osl_aim import Lights, aimed_inputs
 from .osl_parts import Files, part_constants
 from .osl_script import output, script_node, shader_source
 from .osl_sheet import sheet_shader
+from .preview_group import preview_group
 from .world_picture import Surroundings
 
 SHADER = "measured_material.osl"
@@ -46,11 +48,12 @@ def build_osl_material(
     filter: str | None = None,
     stochastic: bool = True,
     files: Files | None = None,
+    images: Images | None = None,
     normals: bool = False,
 ) -> bpy.types.Material:
     """Build or rebuild a material from a bundle, as `nodes.material.build_material` does, of OSL.
 
-    It shows in scenes that `osl_script.use_osl` has prepared, and is black in others.
+    Cycles shows it in scenes that `osl_script.use_osl` has prepared, and black in others; EEVEE shows its preview.
 
     Parameters
     ----------
@@ -65,6 +68,7 @@ def build_osl_material(
     filter : "nearest", "trilinear" or "bspline"; by default the bundle's
     stochastic : choose among slices at random instead of blending them
     files : where OSL is to read the bundle's images; by default the bundle's own
+    images : textures of the preview, which is nodes; by default those of the bundle, loaded into the .blend
     normals : as in `nodes.material.build_material`
 
     Raises
@@ -92,7 +96,15 @@ def build_osl_material(
         return shown(inputs)
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
-        return node_group(f"Measured {name} OSL", interface, {"BSDF": "shader"}, build, NEUTRAL, limits=LIMITS)
+        # Packed: where OSL is on, textures of nodes that are files are told of, see `addon.scene_check`.
+        preview = preview_group(record, name, images or bundle_images(record.files(), name, pack=True))
+        outputs = {"BSDF": "shader"} | ({} if preview is None else {"EEVEE": "shader"})
+
+        def both(*values: Any) -> Any:
+            traced = build(*values)
+            return traced if preview is None else (traced, call(preview, *values)[0])
+
+        return node_group(f"Measured {name} OSL", interface, outputs, both, NEUTRAL, limits=LIMITS)
 
     built = build_from(record, material, make)
     # Cycles takes any shader that may emit for a lamp, whether it does or not.

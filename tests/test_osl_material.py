@@ -32,7 +32,7 @@ from measured_materials.nodes.osl_script import output, script_node, shader_sour
 from measured_materials.nodes.stochastic_mirror_group import random_numbers_group
 from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_same
-from support.osl import skip_without_osl
+from support.osl import assert_shows_nodes_in_eevee, closures_of_group, skip_without_osl
 from support.scenes import TestScene, diffuse_material, furnace, lit_sphere
 from support.swatches import identity_map, map_bundle
 
@@ -230,6 +230,15 @@ def test_building_again_keeps_links_and_leaves_nothing(grey: Bundle) -> None:
         assert [t.name for t in bpy.data.texts] == ["measured_material.osl"]
     scripted = [t for t in bpy.data.node_groups if any(n.bl_idname == "ShaderNodeScript" for n in t.nodes)]
     assert scripted == [node.node_tree]
+
+
+def test_switched_to_osl_the_viewport_keeps_the_preview(grey: Bundle) -> None:
+    """Built of nodes before, or fresh: EEVEE shows mode Preview of nodes, in all modes."""
+    preview = build_material(grey, mode="preview")
+    for material in (build_material(grey), None):
+        for mode in ("exact", "reference", "preview"):
+            material = build_osl_material(grey, material, mode=mode)
+            assert_shows_nodes_in_eevee(material, closures_of_group(preview))
 
 
 def test_two_nodes_of_one_shader_stay_two() -> None:

@@ -30,7 +30,13 @@ from measured_materials.nodes.osl_script import is_one_script, use_osl
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.direct_light import environment
-from support.osl import declared_table, header_card, skip_without_osl
+from support.osl import (
+    assert_shows_nodes_in_eevee,
+    closures_of_group,
+    declared_table,
+    header_card,
+    skip_without_osl,
+)
 from support.scenes import add_lamp, diffuse_material, lit_sphere
 from support.sheet_scenes import (
     BEADED,
@@ -327,6 +333,14 @@ def test_a_sheet_is_quiet_under_a_sky_alone(records: Any) -> None:
         use_osl(scene.scene)
         set_sky(scene.scene)
         assert spread(scene) < 0.03
+
+
+def test_switched_to_osl_the_viewport_keeps_both_sides(records: Any) -> None:
+    record = records("lined")
+    closures = closures_of_group(build_material(record, mode="preview"))
+    assert "ShaderNodeBsdfTranslucent" in closures
+    for mode in ("exact", "reference"):
+        assert_shows_nodes_in_eevee(build_osl_material(record, build_material(record), mode=mode), closures)
 
 
 def test_a_back_that_shows_nothing_is_black(tmp_path: Path) -> None:

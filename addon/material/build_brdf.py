@@ -79,26 +79,27 @@ def build_brdf(
             lights=lights,
             surroundings=surroundings,
             files=texture_files(record),
+            images=images,
             normals=plan.normals,
         )
-        return material, plan
-    material = build_material(
-        record,
-        material,
-        filter=plan.filter,
-        images=images,
-        pack=pack,
-        lamps=lamps,
-        lights=lights,
-        surroundings=surroundings,
-        mode=plan.mode,
-        residual=plan.residual,
-        features=plan.features,
-        normals=plan.normals,
-        lamp_share=plan.aim and lamps_are_alone(report),
-        scripted=plan.scripted,
-    )
-    if plan.scripted:
+    else:
+        material = build_material(
+            record,
+            material,
+            filter=plan.filter,
+            images=images,
+            pack=pack,
+            lamps=lamps,
+            lights=lights,
+            surroundings=surroundings,
+            mode=plan.mode,
+            residual=plan.residual,
+            features=plan.features,
+            normals=plan.normals,
+            lamp_share=plan.aim and lamps_are_alone(report),
+            scripted=plan.scripted,
+        )
+    if plan.osl or plan.scripted:
         pack_textures(material)
     return material, plan
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...bake.errors import BakeError
 from ...nodes import compat
 from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, can_switch, room_of
-from ...nodes.data_image import has_common_name, rename_packed
+from ...nodes.data_image import PART_KEY, has_common_name, rename_packed
 from ...nodes.group import HASH_KEY, content_hash, hashing_once
 from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.osl_script import is_one_script
@@ -348,10 +348,11 @@ def _samples(material: bpy.types.Material) -> bool:
 
 
 def _aims(material: bpy.types.Material) -> bool:
-    """Whether it knows of lamps; a script's only images are the tables of these."""
+    """Whether it knows of lamps; a script's only images, but for those of its preview, are the tables of these."""
     trees = measured_trees(material)
     if is_one_script(material):
-        return any(node.bl_idname == "ShaderNodeTexImage" for tree in trees for node in tree.nodes)
+        images = (n.image for tree in trees for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage")
+        return any(image is None or PART_KEY not in image for image in images)
     return any(SLOTS_KEY in tree for tree in trees)
 
 

@@ -6,12 +6,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 from measured_materials.bake.errors import BakeError
 from measured_materials.bake.tables.grids.grid import Grid
+from measured_materials.nodes.group import active_output, trees_below
+from measured_materials.nodes.material_tree import measured_nodes
 from measured_materials.nodes.osl_parameters import grid_constants
-from measured_materials.nodes.osl_script import output, require_osl, script_node, shader_source, with_headers
+from measured_materials.nodes.osl_script import (
+    is_one_script,
+    output,
+    require_osl,
+    script_node,
+    shader_source,
+    with_headers,
+)
 
 from .cards import card
 
@@ -70,3 +80,23 @@ def _card(
         return tuple(output(node, o) for o in outputs)
 
     return card(function, *inputs.values(), osl=True)
+
+
+def assert_shows_nodes_in_eevee(material: bpy.types.Material, closures: list[str]) -> None:
+    """That the viewport's output shows the measured group by these closures of Blender's own."""
+    surface = material.node_tree.get_output_node("EEVEE").inputs["Surface"]
+    assert surface.is_linked and surface.links[0].from_socket.name == "EEVEE"
+    group = surface.links[0].from_node.node_tree
+    shown = active_output(group).inputs["EEVEE"].links[0].from_node
+    assert is_one_script(material) and _closures_below(shown.node_tree) == closures
+
+
+def closures_of_group(material: bpy.types.Material) -> list[str]:
+    """Kinds of Blender's closures in a material's measured group, each as often as it is there."""
+    (node,) = (node for _, node in measured_nodes(material.node_tree))
+    return _closures_below(node.node_tree)
+
+
+def _closures_below(tree: bpy.types.NodeTree) -> list[str]:
+    nodes = (node for inner in trees_below(tree) for node in inner.nodes)
+    return sorted(node.bl_idname for node in nodes if node.bl_idname.startswith("ShaderNodeBsdf"))
