@@ -31,6 +31,8 @@ from .group import trees_below
 SHADERS = Path(__file__).parent / "osl"
 # Custom property of groups of nodes whose rays are scripts (`nodes.light_ray`).
 SCRIPTED_KEY = "measured_materials_scripted"
+# Parameters that a script has which shows a material.
+_OF_WHOLE = {"Mode", "Table", "Normals"}
 _numbers = itertools.count()
 _INCLUDE = re.compile(r'^#include "(.+)"$')
 
@@ -105,9 +107,16 @@ def is_scripted(material: bpy.types.Material) -> bool:
 
 
 def is_one_script(material: bpy.types.Material) -> bool:
-    """Whether the material is a script as a whole, rather than nodes that a script tells what their rays meet."""
-    trees = trees_below(material.node_tree) if material.node_tree is not None else ()
-    return is_scripted(material) and not any(SCRIPTED_KEY in tree for tree in trees)
+    """Whether the material is a script as a whole, rather than nodes that a script tells what their rays meet, or that
+    an artist has given a script of his own."""
+    trees = list(trees_below(material.node_tree)) if material.node_tree is not None else []
+    whole = any(_is_whole(node) for tree in trees for node in tree.nodes)
+    return whole and not any(SCRIPTED_KEY in tree for tree in trees)
+
+
+def _is_whole(node: bpy.types.Node) -> bool:
+    """Whether it is a script of ours that shows a material, or a side of one: these alone know modes."""
+    return node.bl_idname == "ShaderNodeScript" and _OF_WHOLE <= {socket.identifier for socket in node.inputs}
 
 
 def require_osl() -> None:

@@ -39,13 +39,14 @@ from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.material_tree import measured_nodes
-from measured_materials.nodes.osl_script import is_one_script
+from measured_materials.nodes.osl_script import is_one_script, is_scripted
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
 from support.osl import skip_without_osl
 from support.scenes import TestScene, add_lamp, lit_sphere
 from support.sheet_scenes import set_sky
 from test_addon import registered  # noqa: F401
+from test_sampled_sheets import add_room
 
 CLOTH = ThinCloth((0.1, 0.1, 0.1), (0.3, 0.2, 0.1), (0.2, 0.2, 0.1), (0.4, 0.4, 0.4), 8.0)
 TURNED = np.array([1.0, -1.0, -1.0])
@@ -94,6 +95,35 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
     assert not rules(scene) & {"not_sampled", "not_aimed", "osl_files", "lamp_camera"}
     scripts = [n for tree in trees_below(cloth.node_tree) for n in tree.nodes if n.bl_idname == "ShaderNodeScript"]
     assert scripts and cloth.cycles.emission_sampling == "NONE"
+    # Whose light the tables no longer hold, its mirrors have to meet.
+    lamp = next(obj for obj in scene.scene.objects if obj.type == "LIGHT")
+    for group in ("apart", ""):
+        lamp.lightgroup = group
+        update_scene(scene.scene)
+        assert ("lamp_camera" in rules(scene)) is bool(group)
+
+
+def test_a_world_that_scripts_no_longer_sample_has_to_be_seen(cloth: bpy.types.Material, scene: TestScene) -> None:
+    """Another picture than that which they were built for."""
+    skip_without_osl()
+    add_room(scene)
+    update_scene(scene.scene)
+    rebuild_brdf(cloth, Choices(shader="osl"), scene.scene)
+    update_scene(scene.scene)
+    scene.scene.world.cycles_visibility.camera = False
+    assert "world_camera" not in rules(scene)
+    nodes = scene.scene.world.node_tree.nodes
+    shown = next(node for node in nodes if node.bl_idname == "ShaderNodeTexEnvironment")
+    shown.image = shown.image.copy()
+    update_scene(scene.scene)
+    assert "world_camera" in rules(scene)
+
+
+def test_nodes_with_an_artist_s_own_script_are_no_script(cloth: bpy.types.Material) -> None:
+    trees = cloth.node_tree, measured_nodes(cloth.node_tree)[0][1].node_tree
+    for tree in trees:
+        tree.nodes.new("ShaderNodeScript")
+    assert is_scripted(cloth) and not is_one_script(cloth)
 
 
 def test_a_sheet_of_nodes_samples_two_lamps_of_four_and_is_up_to_date(

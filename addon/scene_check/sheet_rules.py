@@ -16,9 +16,10 @@ import numpy as np
 from ...bake.source import Array
 from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY
 from ...nodes.lamp_light_groups import SAMPLED_KEY
-from ...nodes.osl_script import is_one_script
 from ...nodes.osl_sheet import leads_through
 from ...nodes.through_closure import PORTAL
+from ..lights.lamp_survey import LampReport, survey_scene
+from ..lights.seen_world import world_light_table
 from ..material.rebuild import effects_of
 from ..material.scene_fit import SAMPLED_EFFECT
 from .findings import NOTE, WRONG, Finding, Subject, measured_trees, setting
@@ -48,20 +49,42 @@ def sheets(subject: Subject) -> dict[bpy.types.Material, tuple[bpy.types.Object,
     return {
         material: objects
         for material, objects in subject.wearers.items()
-        if any(
-            node.bl_idname == PORTAL or leads_through(node) for tree in measured_trees(material) for node in tree.nodes
-        )
+        if any(node.bl_idname == PORTAL or leads_through(node) for node in _nodes(material))
     }
 
 
-def _samples(material: bpy.types.Material, what: str) -> bool:
-    """Whether its shader samples lamps (SLOTS_KEY), or the world (WORLD_KEY): of nodes in the scene as it is, of a
-    script, whose tables alone know that, in the scene it was fitted to."""
-    if is_one_script(material):
-        sampled = any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material))
-        nodes = (node for tree in measured_trees(material) for node in tree.nodes)
-        return sampled and (what == SLOTS_KEY or any(node.bl_idname == "ShaderNodeTexEnvironment" for node in nodes))
-    return any(tree.get(SAMPLED_KEY) and tree.get(what) for tree in measured_trees(material))
+def _sampling(subject: Subject, what: str) -> set[bpy.types.Material]:
+    """Sheets whose shader samples lamps (SLOTS_KEY), or the world (WORLD_KEY), in the scene as it is.
+
+    Groups of nodes are told how much they may sample. Scripts go by tables, which are dark where the light is no longer
+    known exactly: it is then the mirror that has to meet it, as of a sheet that samples nothing.
+    """
+    worn = sheets(subject)
+    scripts = {material for material in worn if any(map(leads_through, _nodes(material)))}
+    found = {
+        material
+        for material in worn
+        if any(tree.get(SAMPLED_KEY) and tree.get(what) for tree in measured_trees(material))
+    }
+    if scripts and _is_known(survey_scene(subject.scene, for_render=True), what):
+        found |= {material for material in scripts if _fitted(material, what)}
+    return found
+
+
+def _is_known(report: LampReport, what: str) -> bool:
+    """Whether a script's tables hold the light of lamps, or of the world."""
+    return not report.inexact if what == SLOTS_KEY else bool(world_light_table(report)[0, 0, 3] > 0)
+
+
+def _fitted(material: bpy.types.Material, what: str) -> bool:
+    """Whether a script was built to sample lamps, or the world."""
+    sampled = any(effect.name == SAMPLED_EFFECT and effect.kept for effect in effects_of(material))
+    pictures = (node.bl_idname == "ShaderNodeTexEnvironment" for node in _nodes(material))
+    return sampled and (what == SLOTS_KEY or any(pictures))
+
+
+def _nodes(material: bpy.types.Material) -> Iterator[bpy.types.Node]:
+    return (node for tree in measured_trees(material) for node in tree.nodes)
 
 
 def lamps(subject: Subject) -> Iterator[Finding]:
@@ -69,7 +92,8 @@ def lamps(subject: Subject) -> Iterator[Finding]:
     worn = sheets(subject)
     shown = list(dict.fromkeys(obj for objects in worn.values() for obj in objects))
     # What samples lamps itself needs no ray to meet them.
-    mirrors = [objects for material, objects in worn.items() if not _samples(material, SLOTS_KEY)]
+    sampling = _sampling(subject, SLOTS_KEY)
+    mirrors = [objects for material, objects in worn.items() if material not in sampling]
     aimed = list(dict.fromkeys(obj for objects in mirrors for obj in objects))
     for obj in subject.lamps if shown else ():
         where = f"lamp {obj.name}"
@@ -96,7 +120,7 @@ def world(subject: Subject) -> Iterator[Finding]:
     if world is None or not sheets(subject) or not world.cycles_visibility.diffuse:
         return
     visibility, where = world.cycles_visibility, f"world {world.name}"
-    if all(_samples(material, WORLD_KEY) for material in sheets(subject)):
+    if _sampling(subject, WORLD_KEY) == set(sheets(subject)):
         return  # which needs no ray to meet it
     if not visibility.camera:
         why = f"the camera's rays go on through a sheet at flat angles and do not meet it; {_LOST} were lost"
@@ -135,7 +159,7 @@ def film(subject: Subject) -> Iterator[Finding]:
         return
     where = f"scene {scene.name}"
     # What a shader samples of the world is shown; the film's alpha lacks it all the same.
-    sampled = all(_samples(material, WORLD_KEY) for material in sheets(subject))
+    sampled = _sampling(subject, WORLD_KEY) == set(sheets(subject))
     cut = "the alpha of the world" if sampled else "the world"
     why = f"{cut} behind a sheet is cut out where the camera's rays go on through it: {_LOST}"
     wanted = "off, or the world replaced by lamps and surfaces"
