@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bpy
+
 from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
@@ -14,6 +16,10 @@ from ..bake.errors import BakeError
 from ..bake.tables.table import FILTERS
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 
+# What stands before the parameters of what is reflected, and of a sheet of what comes through.
+PREFIXES = ("", "Through")
+# Parameters that name files.
+_FILES = {f"{prefix}{name}" for prefix in PREFIXES for name in ("Table", "Sampler", "Shares", "Envelope", "Preview")}
 # Where the images of a bundle are as files, by their names.
 Files = Callable[[str], Path]
 
@@ -71,6 +77,13 @@ def sampler_constants(table: BakedTable, files: Files | None = None) -> dict[str
     """Those of `measured_sampler.osl`. Raises BakeError."""
     table.load_sampler()
     return {"Sampler": texture_file((files or table.bundle.image_path)(table.sampler)), **cell_constants(table.layout)}
+
+
+def files_of(node: bpy.types.Node) -> list[str]:
+    """Paths of the images that a Script node of a material reads; none of any other node."""
+    if node.bl_idname != "ShaderNodeScript":
+        return []
+    return [socket.default_value for socket in node.inputs if socket.identifier in _FILES and socket.type == "STRING"]
 
 
 def _closure_constants(record: BrdfRecord, name: str, image: str, files: Files, through: bool) -> dict[str, Any]:

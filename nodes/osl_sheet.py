@@ -11,14 +11,12 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart
 from .data_image import of_part
 from .osl_aim import Lights, aimed_inputs_of_sheet
-from .osl_parts import Files, part_constants
+from .osl_parts import PREFIXES, Files, part_constants
 from .osl_script import output, script_node, shader_source
 from .sheet_build import needs_mirror, white_sky
 from .sheet_group import held_share
 
 SHADER, SIDES = "measured_sheet.osl", "measured_sides.osl"
-# What stands before the parameters of what is reflected, and of what comes through.
-PREFIXES = ("", "Through")
 
 
 def sheet_shader(

@@ -180,6 +180,22 @@ def test_packed_textures_are_copied_where_the_bundle_is_gone(scene: TestScene, b
     assert path.read_bytes() == data
 
 
+@pytest.mark.parametrize("pack", [True, False])
+def test_files_that_a_script_has_lost_are_told(scene: TestScene, bundle: Bundle, folder: Path, pack: bool) -> None:
+    """Once for each material; written again where its textures are in the .blend."""
+    material = worn(scene, bundle, pack=pack)
+    use_osl(scene.scene)
+    rebuild_brdf(material, SCRIPT, scene.scene)
+    assert "missing_script_file" not in rules(scene)
+    shutil.rmtree(bundle.path)
+    (told,) = (found for found in check_scene(scene.scene) or () if found.rule == "missing_script_file")
+    assert told.found.startswith(f"file {bundle.path}") and told.found.endswith("is not there, nor are 4 more")
+    assert (told.mend is not None) is pack
+    if pack:
+        assert mend([told]) and "missing_script_file" not in rules(scene)
+        assert len(list(folder.iterdir())) == 5
+
+
 def test_textures_in_files_are_read_where_they_are(scene: TestScene, bundle: Bundle, folder: Path) -> None:
     """Another bake in the folder is not taken for this one."""
     material = worn(scene, bundle, pack=False)

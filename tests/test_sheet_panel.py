@@ -38,7 +38,7 @@ from measured_materials.nodes.aimed_light_group import SLOTS_KEY, room_of
 from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY
 from measured_materials.nodes.material import build_material
-from measured_materials.nodes.material_tree import measured_nodes
+from measured_materials.nodes.material_tree import BUNDLE_KEY, measured_nodes
 from measured_materials.nodes.osl_script import is_one_script, is_scripted
 from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse  # noqa: F401
@@ -101,6 +101,15 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
         lamp.lightgroup = group
         update_scene(scene.scene)
         assert ("lamp_camera" in rules(scene)) is bool(group)
+
+
+def test_a_file_of_what_comes_through_that_is_lost_is_told(cloth: bpy.types.Material, scene: TestScene) -> None:
+    skip_without_osl()
+    rebuild_brdf(cloth, Choices(shader="osl"), scene.scene)
+    assert "missing_script_file" not in rules(scene)
+    (file,) = Path(cloth[BUNDLE_KEY]).glob("*_through_behind_residual.exr")
+    file.unlink()
+    assert "missing_script_file" in rules(scene)
 
 
 def test_a_world_that_scripts_no_longer_sample_has_to_be_seen(cloth: bpy.types.Material, scene: TestScene) -> None:

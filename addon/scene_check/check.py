@@ -15,6 +15,7 @@ from . import (
     mix_rules,
     pass_rules,
     scene_rules,
+    script_rules,
     sheet_rules,
     swatch_rules,
 )
@@ -40,6 +41,7 @@ def _found(subject: Subject) -> list[Finding] | None:
         *light_path_rules.RULES,
         *material_rules.RULES,
         *pass_rules.RULES,
+        script_rules.script_files,
         *sheet_rules.RULES,
         *swatch_rules.RULES,
         mix_rules.mixed_mirror,

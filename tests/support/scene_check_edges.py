@@ -14,6 +14,7 @@ from measured_materials.addon.scene_check import (
     mix_rules,
     pass_rules,
     scene_rules,
+    script_rules,
     sheet_rules,
 )
 
@@ -67,7 +68,8 @@ from support.scene_check_changes import (
 )
 
 MODULES = (
-    scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules, energy_rules, sheet_rules
+    scene_rules, light_path_rules, material_rules, mix_rules, camera_rules, pass_rules, energy_rules, sheet_rules,
+    script_rules
 )  # fmt: skip
 STOP = 0.4392  # at which 50 mm that focus at 2.53 blur over one of 32 pixels of 36 mm
 
@@ -205,6 +207,7 @@ ELSEWHERE = {
     "linked_slots": "test_linked_groups_with_too_few_slots_are_told_and_left_alone",
     "not_aimed": "test_modes.py, of a material fitted to no lamps",
     "not_sampled": "test_sampled_lamps.py, of a file of a newer Blender",
+    "missing_script_file": "test_osl_switch.py, of a material of one script",
     "emission_sampling": "test_sampled_lamps.py, of a file of a newer Blender",
     "too_bright": "test_adjust.py, of a material of known albedo",
     "pixel_jitter": "test_settings_of_newer_versions",
