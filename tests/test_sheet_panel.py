@@ -20,7 +20,8 @@ from measured_materials.addon.material.build_brdf import account_of, build_brdf
 from measured_materials.addon.material.choices import Choices
 from measured_materials.addon.material.facts import facts_of, keep_facts, record_of
 from measured_materials.addon.material.kinds import BRDF
-from measured_materials.addon.material.rebuild import rebuild_brdf
+from measured_materials.addon.material.rebuild import effects_of, rebuild_brdf
+from measured_materials.addon.material.scene_fit import SAMPLED_EFFECT
 from measured_materials.addon.scene_check.check import check_scene
 from measured_materials.addon.ui.background import kept_pace, tasks
 from measured_materials.addon.ui.background.tasks import ImportTask
@@ -95,6 +96,8 @@ def test_the_scene_check_asks_a_sheet_to_sample_lamps_where_it_can(
     assert not rules(scene) & {"not_sampled", "not_aimed", "osl_files", "lamp_camera"}
     scripts = [n for tree in trees_below(cloth.node_tree) for n in tree.nodes if n.bl_idname == "ShaderNodeScript"]
     assert scripts and cloth.cycles.emission_sampling == "NONE"
+    (sampled,) = (effect for effect in effects_of(cloth) if effect.name == SAMPLED_EFFECT)
+    assert sampled.why.endswith(aim_targets.GAIN_OF_SHEET.time + ", both of nodes: of a script neither was measured")
     # Whose light the tables no longer hold, its mirrors have to meet.
     lamp = next(obj for obj in scene.scene.objects if obj.type == "LIGHT")
     for group in ("apart", ""):

@@ -74,7 +74,7 @@ def add_to(commands: Any) -> None:
         "--osl",
         action="store_true",
         help="with Open Shading Language, on the CPU: a script tells nodes which lamps are seen; where nodes would not "
-        "sample any, a BRDF is a script as a whole",
+        "sample any, a BRDF is a script as a whole, and a sheet always",
     )
     _add_shading_map(parser.add_argument_group("shading maps; --mode is for BRDFs too (default: as the bundle says)"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...nodes.light_ray import can_raycast
 from .lamp_survey import LampReport
@@ -50,6 +50,9 @@ GAIN_OF_SHEET = Gain(
     "about a tenth of the noise under a lamp",
     "less noise under the world",
     "about twice the time of a mirror that is aimed",
+)
+GAIN_OF_SHEET_SCRIPT = replace(
+    GAIN_OF_SHEET, time=f"{GAIN_OF_SHEET.time}, both of nodes: of a script neither was measured"
 )
 
 

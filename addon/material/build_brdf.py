@@ -16,7 +16,15 @@ from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
 from ...nodes.osl_material import build_osl_material
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import GAIN_OF_BRDF, GAIN_OF_SHEET, Sampling, lamps_are_alone, sampling_of, what_to_aim_at
+from ..lights.aim_targets import (
+    GAIN_OF_BRDF,
+    GAIN_OF_SHEET,
+    GAIN_OF_SHEET_SCRIPT,
+    Sampling,
+    lamps_are_alone,
+    sampling_of,
+    what_to_aim_at,
+)
 from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -106,8 +114,10 @@ def build_brdf(
 
 def sampling_for(record: BrdfRecord, choices: Choices, report: LampReport) -> Sampling:
     """What a material can sample in a scene of which this is the report."""
-    gain = GAIN_OF_SHEET if record.sheet is not None else GAIN_OF_BRDF
-    return sampling_of(report, osl=choices.shader == OSL, gain=gain)
+    osl, gain = choices.shader == OSL, GAIN_OF_BRDF
+    if record.sheet is not None:
+        gain = GAIN_OF_SHEET_SCRIPT if osl else GAIN_OF_SHEET
+    return sampling_of(report, osl=osl, gain=gain)
 
 
 def _sampling_by_script(report: LampReport) -> Sampling:

@@ -239,7 +239,7 @@ STATED = (
     ),
     Stated(
         "sheets",
-        "a cloth with a highlight, sampled, has {HDR world, sampled, noise|1} times the noise of Diffuse and "
+        "a cloth with a highlight, sampled by nodes, has {HDR world, sampled, noise|1} times the noise of Diffuse and "
         "Translucent BSDF under a picture of the world, {HDR world, aimed, noise|1} times aimed. Under a lamp of one "
         "metre behind it, where these have {lamp behind, native, noise|2%} %, it has {lamp behind, sampled, noise|0} "
         "times that, with Quiet Camera {lamp behind, sampled, quiet, noise|0} times, aimed "
