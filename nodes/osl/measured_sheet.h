@@ -195,7 +195,8 @@ closure color mm_mirrored(
   color counted = 0;
   color brought = 0;
   int to_world = 0;
-  if (frame.side * dot(ahead.wi_world, Ng) > 0) {
+  // What carries nothing is not traced, and puts no closure out.
+  if (ahead.weight != color(0) && frame.side * dot(ahead.wi_world, Ng) > 0) {
     for (int k = 0; k < count; ++k) {
       float part;
       color light = mm_light_along(lamps[k], points, position, ahead.wi_world, density, part);

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 import numpy as np
@@ -22,6 +23,7 @@ from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.source import Array
 from measured_materials.bake.sources.analytic import ThinCloth
 from measured_materials.nodes import compat
+from measured_materials.nodes.material_tree import measured_nodes
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.osl_script import use_osl
 
@@ -152,16 +154,23 @@ def sheet_scene(material: bpy.types.Material, theta: float) -> Iterator[TestScen
         studio.remove_studio(scene)
 
 
-def osl_that_samples(scene: TestScene, record: BrdfRecord, mode: str = "exact") -> bpy.types.Material:
-    """Put the sheet into the scene as OSL that samples what lights it now."""
+def osl_that_samples(scene: TestScene, record: BrdfRecord, mode: str = "exact", points: int = 1) -> bpy.types.Material:
+    """Put the sheet into the scene as OSL that samples what lights it now, so many points of each lamp."""
     use_osl(scene.scene)
     update_scene(scene.scene)
     around = surroundings_of(surveyed(scene.scene))
     tables = {"lamps": lamp_image(), "lights": lamp_light_image(), "surroundings": around}
-    material = build_osl_material(record, mode=mode, **tables)
+    material = build_osl_material(record, mode=mode, points=points, **tables)
     scene.show(material)
     update_scene(scene.scene)
     return material
+
+
+def adjust(material: bpy.types.Material, **values: Any) -> None:
+    """Set inputs of the material's measured group."""
+    (node,) = (node for _, node in measured_nodes(material.node_tree))
+    for name, value in values.items():
+        node.inputs[name].default_value = value
 
 
 def upper_hemisphere() -> Array:
