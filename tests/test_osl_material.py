@@ -32,7 +32,7 @@ from measured_materials.nodes.osl_script import output, script_node, shader_sour
 from measured_materials.nodes.stochastic_mirror_group import random_numbers_group
 from support.clean_blend import clean_blend  # noqa: F401
 from support.monte_carlo import assert_same
-from support.osl import assert_shows_nodes_in_eevee, closures_of_group, skip_without_osl
+from support.osl import assert_preview_on_the_ground, assert_shows_nodes_in_eevee, closures_of_group, skip_without_osl
 from support.scenes import TestScene, diffuse_material, furnace, lit_sphere
 from support.swatches import identity_map, map_bundle
 
@@ -113,15 +113,7 @@ def test_balanced_is_exact_until_a_diffuse_bounce(paint: Bundle) -> None:
         seen = scene.render(4, 1)
         scene.show(balanced)
         assert (scene.render(4, 1) == seen).all()
-    with lit_sphere(preview, lamp=False, resolution=32) as scene:
-        use_osl(scene.scene)
-        outside = ~np.pad(scene.mask()[1:-1, 1:-1], 1) & (np.arange(32) > 20)[:, None]
-        scene.sphere.visible_camera = False
-        ground = scene.render(4, 1)[:, outside]
-        scene.show(balanced)
-        assert (scene.render(4, 1)[:, outside] == ground).all()
-        scene.show(exact)
-        assert (scene.render(4, 1)[:, outside] != ground).any()
+    assert_preview_on_the_ground(exact, balanced, preview)
 
 
 def test_preview_is_the_same_picture(paint: Bundle) -> None:

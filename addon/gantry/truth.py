@@ -91,6 +91,13 @@ def _override(gantry: Gantry, kind: str, output: str) -> Iterator[None]:
     links.new(source.outputs[output], raised.inputs[0])
     links.new(raised.outputs[0], emission.inputs["Color"])
     links.new(emission.outputs[0], target.inputs["Surface"])
+    with all_of(gantry, material):
+        yield
+
+
+@contextlib.contextmanager
+def all_of(gantry: Gantry, material: bpy.types.Material) -> Iterator[None]:
+    """All surfaces have this material, which is removed afterwards."""
     layer = gantry.scene.view_layers[0]
     layer.material_override = material
     try:

@@ -8,8 +8,6 @@ and of geometry that is white and matte too. The truth is the geometry's mean no
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
@@ -19,7 +17,7 @@ import numpy as np
 from measured_materials.addon.gantry.photograph_arc import gantry_scene
 from measured_materials.addon.gantry.scene import Gantry
 from measured_materials.addon.gantry.swatches import SWATCHES
-from measured_materials.addon.gantry.truth import photographed_around, truth_of
+from measured_materials.addon.gantry.truth import all_of, photographed_around, truth_of
 from measured_materials.bake.maps.bake import MapSettings, maps_of
 from measured_materials.bake.photographs.stack import PhotoStack
 from measured_materials.nodes import compat
@@ -50,7 +48,7 @@ def errors_of(name: str, size: int, samples: int) -> dict[str, float]:
         truth = truth_of(gantry).normals
         images, directions = photographed_around(gantry)
         gantry.scene.cycles.max_bounces = 0
-        with white(gantry):
+        with all_of(gantry, _white()):
             matte, _ = photographed_around(gantry)
             _cast_no_shadows(gantry)
             unhidden, _ = photographed_around(gantry)
@@ -76,18 +74,6 @@ def _cast_no_shadows(gantry: Gantry) -> None:
         obj.visible_shadow = False
 
 
-@contextmanager
-def white(gantry: Gantry) -> Iterator[None]:
-    """All surfaces are white and matte."""
-    material = compat.new_material("White")
-    tree, layer = material.node_tree, gantry.scene.view_layers[0]
-    tree.nodes.clear()
-    diffuse, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "OutputMaterial"))
-    diffuse.inputs["Color"].default_value = (1, 1, 1, 1)
-    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
-    layer.material_override = material
-    try:
-        yield
-    finally:
-        layer.material_override = None
-        bpy.data.materials.remove(material)
+def _white() -> bpy.types.Material:
+    """White and matte."""
+    return compat.shader_material("White", "ShaderNodeBsdfDiffuse", {"Color": (1, 1, 1, 1)})

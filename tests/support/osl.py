@@ -20,10 +20,12 @@ from measured_materials.nodes.osl_script import (
     require_osl,
     script_node,
     shader_source,
+    use_osl,
     with_headers,
 )
 
 from .cards import card
+from .scenes import lit_sphere
 
 
 def osl_grid(grid: Grid) -> str:
@@ -100,3 +102,18 @@ def closures_of_group(material: bpy.types.Material) -> list[str]:
 def _closures_below(tree: bpy.types.NodeTree) -> list[str]:
     nodes = (node for inner in trees_below(tree) for node in inner.nodes)
     return sorted(node.bl_idname for node in nodes if node.bl_idname.startswith("ShaderNodeBsdf"))
+
+
+def assert_preview_on_the_ground(
+    exact: bpy.types.Material, balanced: bpy.types.Material, preview: bpy.types.Material
+) -> None:
+    """On matte ground mode Balanced shows Preview's light, bit for bit, and not Exact's: it has bounced there."""
+    with lit_sphere(preview, lamp=False, resolution=32) as scene:
+        use_osl(scene.scene)
+        outside = ~np.pad(scene.mask()[1:-1, 1:-1], 1) & (np.arange(32) > 20)[:, None]
+        scene.sphere.visible_camera = False
+        ground = scene.render(4, 1)[:, outside]
+        scene.show(balanced)
+        assert (scene.render(4, 1)[:, outside] == ground).all()
+        scene.show(exact)
+        assert (scene.render(4, 1)[:, outside] != ground).any()
