@@ -14,7 +14,7 @@ from typing import Any
 
 import bpy
 
-from ..bake.sampling.lamps import TEXELS, Aim, aim_at, density_towards, draw_towards, expected_light
+from ..bake.sampling.lamps import TEXELS, Aim, aim_at, aimed_part, density_towards, draw_towards, expected_light
 from ..bake.sampling.world import choose_cell, draw_in_world, expected_world_light, world_coordinates
 from . import expr
 from .group import FAMILY_KEY, HASH_KEY, SWITCHED_KEY, active_output, call, content_hash, node_group, nodes_before
@@ -30,8 +30,9 @@ INSTEAD_KEY = "measured_materials_instead"
 # Lamps that are aimed at. The first takes 155 nodes of the compiled shader, each other about 120, the world 53.
 MAX_SLOTS = 4
 _SWITCHED = "mute extension"
+_REVISION = 2
 _INPUTS = {"Position": "vector", "Normal": "vector", "wi": "vector"}
-_INPUTS |= dict.fromkeys(("Random Lamp", "Random Aim", "Random 1", "Random 2"), "float")
+_INPUTS |= dict.fromkeys(("Random Lamp", "Random Aim", "Random 1", "Random 2", "Concentration"), "float")
 _OUTPUTS = {"wi": "vector", "Aimed": "float", "Rest": "float"}
 _AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f in fields(Aim)}
 
@@ -41,9 +42,10 @@ def aimed_light_group(
 ) -> bpy.types.ShaderNodeTree:
     """Exchange a drawn direction for one towards a light, now and then; world space.
 
-    (Position, Normal, wi, four random numbers) to (wi, Aimed, Rest): for the direction returned, Aimed is the density
-    of having aimed there, and Rest the probability of not aiming from here at all. Of a sampler of density p, the whole
-    density is then Aimed + Rest p.
+    (Position, Normal, wi, four random numbers, Concentration) to (wi, Aimed, Rest): for the direction returned, Aimed
+    is the density of having aimed there, and Rest the probability of not aiming from here at all. Of a sampler of
+    density p, the whole density is then Aimed + Rest p. Concentration is of that sampler, see
+    `bake.sampling.concentration`: the wider a lamp beside its lobes, the less often it is aimed at.
 
     Parameters
     ----------
@@ -120,8 +122,8 @@ def made_before(family: str) -> bpy.types.ShaderNodeTree | None:
 
 
 def _family(lamps: bpy.types.Image, world: bpy.types.Image, name: str = NAME) -> str:
-    # With the file's own world as versions before called it: what such a group stood in stays as it was built.
-    return f"{name} by {lamps.name_full}" + f" and {world.name_full}" * (world.name_full != WORLD)
+    # Groups of versions before, of other sockets, stay in what was built with them; they can be switched too.
+    return f"{name}, {_REVISION}, by {lamps.name_full}" + f" and {world.name_full}" * (world.name_full != WORLD)
 
 
 def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int, name: str = NAME) -> bpy.types.ShaderNodeTree:
@@ -162,7 +164,7 @@ def _mixture_group(lamps: bpy.types.Image, parts: _Parts, slots: int, with_world
     """As the group, for these lamps. Each is one of its own: what is not aimed at is then muted as a whole."""
 
     def build(position: Any, normal: Any, wi: Any, *numbers: Any) -> tuple[Any, Any, Any]:
-        seen = [call(parts.lamp, float(k), position, normal) for k in range(slots)]
+        seen = [call(parts.lamp, float(k), position, normal, numbers[-1]) for k in range(slots)]
         return _mixture(lamps, parts, seen, with_world, (position, normal, wi), numbers)
 
     return node_group(f"MM Towards {targets(slots, with_world)}", _INPUTS, _OUTPUTS, build, switched=_SWITCHED)
@@ -182,26 +184,34 @@ def _mixture(
     numbers: tuple[Any, ...],
 ) -> tuple[Any, Any, Any]:
     """The outputs for these lamps, each the results of `_lamp_group`, and for the world or not."""
-    (position, normal, wi), (u_lamp, u_aim, u1, u2) = ray, numbers
-    slots, light = len(seen), [found[-1] for found in seen]
+    (position, normal, wi), (u_lamp, u_aim, u1, u2, concentration) = ray, numbers
+    slots, wanted = len(seen), [found[-1] for found in seen]
+    total = _sum([found[-2] for found in seen])
     if with_world:
-        light.append(expected_world_light(expr, *texel(lamps, 1.0, 4), normal))
-    total = sum(light[1:], start=light[0])
+        around = expected_world_light(expr, *texel(lamps, 1.0, 4), normal)
+        wanted.append(around)
+        total = around + total
+    aims = _sum(wanted)
     sky, largest, _ = expr.components(texel(lamps, 0.0, 4)[0])
-    share = expr.minimum(expr.divide(total, total + sky), largest)
-    index = which_light(u_lamp * total, light)
+    most = expr.divide(aims, total) * largest if seen else largest
+    share = expr.minimum(expr.divide(total, total + sky), most)
+    index = which_light(u_lamp * aims, wanted)
     aimed = u_aim < share
     chosen, density = wi, 0.0
     if seen:
-        target = seen[0] if slots == 1 else call(parts.lamp, index, position, normal)
-        chosen = expr.where_vector(aimed, call(parts.draw, *target[:-1], u1, u2), chosen)
+        target = seen[0] if slots == 1 else call(parts.lamp, index, position, normal, concentration)
+        chosen = expr.where_vector(aimed, call(parts.draw, *target[:-2], u1, u2), chosen)
     if with_world:
         drawn = call(parts.world_draw, u1, u2, u_aim, share)
         chosen = expr.where_vector(aimed * (index > slots - 0.5) if seen else aimed, drawn, chosen)
-        density = call(parts.world_density, chosen) * light[slots]
+        density = call(parts.world_density, chosen) * wanted[slots]
     for k, found in enumerate(seen):
-        density = call(parts.density, *found, chosen, aimed, index, float(k)) + density
-    return chosen, expr.divide(density * share, total), 1 - share
+        density = call(parts.density, *found[:-2], found[-1], chosen, aimed, index, float(k)) + density
+    return chosen, expr.divide(density * share, aims), 1 - share
+
+
+def _sum(values: list[Any]) -> Any:
+    return sum(values[1:], start=values[0]) if values else 0.0
 
 
 def which_light(threshold: Any, light: list[Any]) -> Any:
@@ -223,15 +233,18 @@ def _output(results: dict[str, Any], slots: int, world: bool) -> None:
 
 
 def _lamp_group(lamps: bpy.types.Image) -> bpy.types.ShaderNodeTree:
-    """(Row, Position, Normal) to what `Aim` holds of a lamp, and about the irradiance that it brings there."""
+    """(Row, Position, Normal, Concentration) to what `Aim` holds of a lamp, about the irradiance that it brings there,
+    and the part of that by which it is aimed at."""
 
-    def build(row: Any, position: Any, normal: Any) -> tuple[Any, ...]:
+    def build(row: Any, position: Any, normal: Any, concentration: Any) -> tuple[Any, ...]:
         (centre, kind), (u, power), (v, _), (axis, fourth) = (texel(lamps, row, k) for k in range(4))
         aim = aim_at(expr, position, centre, kind, u, v, axis, fourth)
-        return *(getattr(aim, name) for name in _AIM), expected_light(expr, aim, normal, power)
+        light = expected_light(expr, aim, normal, power)
+        return *(getattr(aim, name) for name in _AIM), light, light * aimed_part(expr, aim, concentration)
 
-    inputs = {"Row": "float", "Position": "vector", "Normal": "vector"}
-    return node_group("MM Lamp", inputs, _AIM | {"Light": "float"}, build, switched=_SWITCHED)
+    inputs = {"Row": "float", "Position": "vector", "Normal": "vector", "Concentration": "float"}
+    outputs = _AIM | {"Light": "float", "Wanted": "float"}
+    return node_group("MM Lamp", inputs, outputs, build, switched=_SWITCHED)
 
 
 def _draw_group() -> bpy.types.ShaderNodeTree:
@@ -243,18 +256,18 @@ def _draw_group() -> bpy.types.ShaderNodeTree:
 
 
 def _density_group() -> bpy.types.ShaderNodeTree:
-    """(Aim, Light, wi, Aimed, Index, Row) to the density of wi, times the lamp's light.
+    """(Aim, Wanted, wi, Aimed, Index, Row) to the density of wi, times what the lamp is wanted by.
 
     Index is the row of the lamp that was drawn towards, if Aimed is 1.
     """
 
     def build(*values: Any) -> Any:
-        *aim, light, wi, aimed, index, row = values
+        *aim, wanted, wi, aimed, index, row = values
         here = aimed * ((index > row - 0.5) * (index < row + 0.5))
-        return density_towards(expr, Aim(*aim), wi, here) * light
+        return density_towards(expr, Aim(*aim), wi, here) * wanted
 
     numbers = dict.fromkeys(("Aimed", "Index", "Row"), "float")
-    inputs = _AIM | {"Light": "float", "wi": "vector"} | numbers
+    inputs = _AIM | {"Wanted": "float", "wi": "vector"} | numbers
     return node_group("MM Density Towards Lamp", inputs, {"Density": "float"}, build)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..bake.brdf.baked_table import BakedTable
+from ..bake.brdf.grids import is_anisotropic
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
+from ..bake.sampling.concentration import concentration
 from . import portions
 from .data_image import LoadedBundle
 from .texture_content import file_content, image_content
@@ -14,6 +16,8 @@ from .texture_content import file_content, image_content
 _MOST = 4096
 # SHA-256 of images, and what they were found fit for.
 _fit: set[tuple[str, str]] = set()
+# The same of samplers, with their layouts, and how concentrated their draws are.
+_concentrations: dict[tuple[str, str], float] = {}
 
 
 def check_once(bundle: Bundle, name: str, purpose: str, check: Callable[[], object]) -> None:
@@ -50,6 +54,17 @@ def check_table(table: BakedTable) -> None:
     """Raise BakeError where a table or its sampler are not those that were baked, or would lead out of them."""
     check_image(table.bundle, table.part)
     check_once(table.bundle, table.sampler, f"sampler {table.layout}", table.load_sampler)
+
+
+def concentration_of(table: BakedTable) -> float:
+    """`bake.sampling.concentration` of a table's sampler that has been checked."""
+    images = table.bundle.material["images"]
+    key = (str(images[table.sampler]["sha256"]), str(table.layout))
+    if key not in _concentrations:
+        if len(_concentrations) >= _MOST:
+            _concentrations.clear()
+        _concentrations[key] = concentration(table.load_sampler().sample, is_anisotropic(table.stored.grid))
+    return _concentrations[key]
 
 
 def check_closures(record: BrdfRecord, part: str) -> None:

@@ -59,6 +59,7 @@ def drawn_direction(
     tangent: Any = None,
     gloss: Any = None,
     through: bool = False,
+    concentration: float = 0.0,
 ) -> DrawnDirection:
     """Draw a direction.
 
@@ -71,6 +72,7 @@ def drawn_direction(
     tangent : of the surface, world, in whose frame wi and wo are local; by default in the viewer's own
     gloss : factor of the half vector's slopes, see `bake.sampling.gloss`; by default none
     through : of light from the far side of a sheet
+    concentration : of the sampler, by which lamps that are wider than its lobes are aimed at less often
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
@@ -86,7 +88,7 @@ def drawn_direction(
         position = expr.Vector(geometry.outputs["Position"])
         more = call(more_random_numbers_group())
         # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
-        world, aimed, rest = call(aimed_light_group(lamps), position, up, world, *more[:2], u[0], u[1])
+        world, aimed, rest = call(aimed_light_group(lamps), position, up, world, *more[:2], u[0], u[1], concentration)
         roulette = more[2]
         wi = seen = expr.vec(*(expr.dot(world, axis) for axis in (along, across, up)))
         if gloss is not None:

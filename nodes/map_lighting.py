@@ -7,7 +7,9 @@ from typing import Any
 
 import bpy
 
+from ..bake.lobes.lobe_sampling import sample
 from ..bake.lobes.lobes import PHONG, Lobe
+from ..bake.sampling.concentration import concentration
 from ..bake.shading_maps.render_settings import RenderSettings
 from . import expr
 from .adjustments import Adjustments
@@ -131,6 +133,13 @@ class Lighting:
         assert self.settings.lobe is not None
         return self.settings.lobe
 
+    @property
+    def concentration(self) -> float:
+        """Of what `sample` draws by, `bake.sampling.concentration`."""
+        if self.measured is not None:
+            return self.measured.table.concentration
+        return concentration(lambda wo, numbers: sample(self.lobe, wo, numbers[..., :3]))
+
     def options(self, *, stochastic: bool) -> SliceOptions:
         """Options of the slices' group."""
         above, tiling = self.settings.above, self.settings.tiling
@@ -161,7 +170,9 @@ class Lighting:
         if self.measured is not None:
             drawn = self.measured.table.draw(normal, self.lamps)
         else:
-            drawn = drawn_direction(normal, self.sample, self.density, self.lamps, through=self.through)
+            drawn = drawn_direction(
+                normal, self.sample, self.density, self.lamps, None, None, self.through, self.concentration
+            )
         return drawn, self.f_cos(drawn.wi, drawn.wo, drawn.cosine)
 
     def split(

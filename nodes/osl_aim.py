@@ -28,7 +28,7 @@ _TEXELS = ("Centre", "U", "V", "Axis")
 _SCENE = ("Sky", "World", "Strongest")
 # Of the shader's parameters, those that `AIM_SHADER` has too.
 _PLACED = ("Normal", "Tangent", "Anisotropic", "Gloss", "Lens")
-_SAMPLER = ("Sampler", *CELLS)
+_SAMPLER = ("Sampler", "Concentration", *CELLS)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from ..bake.brdf.record import BrdfRecord
 from ..bake.envelope.viewers import ViewerGrid
 from ..bake.errors import BakeError
 from ..bake.tables.table import FILTERS
+from .checked_pixels import check_table, concentration_of
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 
 # What stands before the parameters of what is reflected, and of a sheet of what comes through.
@@ -75,8 +76,12 @@ def table_constants(
 
 def sampler_constants(table: BakedTable, files: Files | None = None) -> dict[str, Any]:
     """Those of `measured_sampler.osl`. Raises BakeError."""
-    table.load_sampler()
-    return {"Sampler": texture_file((files or table.bundle.image_path)(table.sampler)), **cell_constants(table.layout)}
+    check_table(table)
+    return {
+        "Sampler": texture_file((files or table.bundle.image_path)(table.sampler)),
+        "Concentration": concentration_of(table),
+        **cell_constants(table.layout),
+    }
 
 
 def files_of(node: bpy.types.Node) -> list[str]:

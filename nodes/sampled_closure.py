@@ -87,7 +87,7 @@ def draw_ahead(table: TableGroups, up: Any, frame: tuple[Any, Any, Any], numbers
     # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
     instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted)
     ahead = to_world(seen, *frame[1:], up)
-    wi_world, aimed, unaimed, aims = call(instead, position, up, ahead, *more[:2], *u[:2])
+    wi_world, aimed, unaimed, aims = call(instead, position, up, ahead, *more[:2], *u[:2], table.concentration)
     turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], up)))
     stored, facing, spread = lit_in_table(turned, frame[0], table.gloss)
     wi = expr.where_vector(aims, stored, drawn)

@@ -39,7 +39,7 @@ def sampled_map(groups: MapGroups, lighting: Lighting, normal: Any, adjustments:
     # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
     instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted)
     ahead = to_world(drawn, along, across, normal)
-    wi_world, aimed, unaimed, aims = call(instead, position, normal, ahead, *more[:2], *u[:2])
+    wi_world, aimed, unaimed, aims = call(instead, position, normal, ahead, *more[:2], *u[:2], lighting.concentration)
     turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (along, across, normal)))
     wi = expr.where_vector(aims, turned, drawn)
     # The heuristic against what is sampled takes the lobe's own density all the same: it may take any.

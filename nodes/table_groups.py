@@ -13,7 +13,7 @@ from ..bake.brdf.grids import is_anisotropic
 from ..bake.brdf.samplers import Layout, kind_of_layout
 from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
-from .checked_pixels import check_table
+from .checked_pixels import check_table, concentration_of
 from .data_image import Images
 from .drawn_direction import DrawnDirection, drawn_direction
 from .group import call
@@ -34,6 +34,7 @@ class TableGroups:
     tangent : of the surface, in world space, in whose frame an anisotropic table lies; None of an isotropic one
     gloss : by which it is seen sharper or softer, see `bake.sampling.gloss`; None as it is
     through : of a sheet's transmission, mirrored
+    concentration : of the sampler, `bake.sampling.concentration`
     """
 
     lookup: bpy.types.ShaderNodeTree
@@ -42,6 +43,7 @@ class TableGroups:
     tangent: Any = None
     gloss: Any = None
     through: bool = False
+    concentration: float = 0.0
 
     def draw(self, normal: Any, lamps: bpy.types.Image | None) -> DrawnDirection:
         """A direction from the sampler or, with `density`, towards the lamps of a table."""
@@ -53,6 +55,7 @@ class TableGroups:
             self.tangent,
             self.gloss,
             self.through,
+            self.concentration,
         )
 
 
@@ -76,7 +79,7 @@ def table_groups(
     draw, ask = sampler_groups(table.layout)
     sampler = draw(f"MM Sampler {name}", cells, table.layout)
     density = ask(f"MM Sampler Density {name}", cells, table.layout) if aimed else None
-    return TableGroups(lookup, sampler, density)
+    return TableGroups(lookup, sampler, density, concentration=concentration_of(table) if aimed else 0.0)
 
 
 def sampler_groups(layout: Layout) -> tuple[MakeGroup, MakeGroup]:

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 COUNT = 200**2
 UP = np.array([0.0, 0.0, 1.0])
 SKY, LARGEST = 0.05, 0.8
+# Of a glossy sampler, as the aim takes it: wide lamps are then aimed at less.
+CONCENTRATION = 20.0
 # Those that stand whole above a surface that faces up; of the sharp sun a card's float32 sees an uneven edge.
 NAMES = ["rectangle", "ellipse", "sphere", "bulb", "sun"]
 
@@ -99,7 +101,7 @@ def test_estimator_of_nodes(name: str) -> None:
     onto = spherical(np.arcsin(np.sqrt(a.astype(float))), 2 * np.pi * b.astype(float)).astype(np.float32)
     group = aimed_light_group(data_image("lamps", lamp_table([lamp], 4, SKY, LARGEST)), 1)
     zero, normal = np.zeros((COUNT, 3), np.float32), np.broadcast_to(np.float32(UP), (COUNT, 3))
-    wi, aimed, rest = card(lambda *k: call(group, *k), zero, normal, onto, u_lamp, u_aim, u1, u2)
+    wi, aimed, rest = card(lambda *k: call(group, *k, CONCENTRATION), zero, normal, onto, u_lamp, u_aim, u1, u2)
     assert_estimator(lamp, wi.astype(float), aimed.astype(float), rest.astype(float))
 
 
@@ -115,8 +117,8 @@ def test_estimator_of_osl(name: str) -> None:
     body = f"""MMLamp lamps[MM_MOST_LAMPS] = {{ {{{texels}, {facts}}} }};
       MMWorldCell cell = {{1, 1, color(0), 1}};
       float of_world;
-      wi = mm_aim(lamps, 1, vector({SKY}, {LARGEST}, 0), vector(0), cell, point(0), vector(0, 0, 1), onto,
-                  u_lamp, u_aim, u1, u2, aimed, of_world, rest);"""
+      wi = mm_aim(lamps, 1, vector({SKY}, {LARGEST}, 0), vector(0), cell, {CONCENTRATION}, point(0), vector(0, 0, 1),
+                  onto, u_lamp, u_aim, u1, u2, aimed, of_world, rest);"""
     outputs = {"wi": "vector", "aimed": "float", "rest": "float"}
     inputs = {"onto": onto, "u_lamp": u_lamp, "u_aim": u_aim, "u1": u1, "u2": u2}
     wi, aimed, rest = header_card(body, outputs, "measured_lamps.h", **inputs)

@@ -21,6 +21,7 @@ from measured_materials.bake.directions import spherical
 from measured_materials.bake.sampling.half_vector_cells import SamplerLayout
 from measured_materials.bake.sampling.lamps import (
     aim_numpy,
+    aimed_part,
     density_towards,
     draw_towards,
     expected_light,
@@ -94,8 +95,9 @@ def test_aimed_table_is_the_table(tmp_path: Path) -> None:
         assert_agree(compare(reference, scene.render(128, range(100, 108)), scene.mask()), 0.015)
 
 
+@pytest.mark.parametrize("concentration", [0.0, 30.0])
 @pytest.mark.parametrize("names", [["rectangle"], ["sun", "bulb"], ["ellipse", "sphere", "sharp sun", "around"]])
-def test_aiming_as_in_numpy(names: list[str]) -> None:
+def test_aiming_as_in_numpy(names: list[str], concentration: float) -> None:
     rng = np.random.default_rng(0)
     lamps = [replace(LAMPS[name], power=k + 1.0) for k, name in enumerate(names)]
     table = lamp_table(lamps, 4, sky=0.6, largest_share=0.8)
@@ -108,14 +110,17 @@ def test_aiming_as_in_numpy(names: list[str]) -> None:
     for k, values in enumerate(numbers):
         values[2 * k : 2 * k + 2] = 0, 1
     group = aimed_light_group(data_image("lamps", table), len(lamps))
-    found, aimed_density, rest = card(lambda *a: call(group, *a), position, normal, wi, *numbers)
+    found, aimed_density, rest = card(lambda *a: call(group, *a, concentration), position, normal, wi, *numbers)
 
     p, up, w, u_lamp, u_aim, u1, u2 = (values.astype(float) for values in (position, normal, wi, *numbers))
     aims = [aim_numpy(row, p) for row in table[: len(lamps)]]
     light = np.stack([expected_light(xp_numpy, aim, up, lamp.power) for aim, lamp in zip(aims, lamps)])
     total = light.sum(0)
-    share = np.minimum(np.divide(total, total + 0.6), 0.8)
-    index = np.minimum((u_lamp * total > np.cumsum(light, 0)).sum(0), len(lamps) - 1)
+    wanted = light * np.stack([aimed_part(xp_numpy, aim, concentration) for aim in aims])
+    aiming = wanted.sum(0)
+    part = np.divide(aiming, total, out=np.zeros(n), where=total > 0)
+    share = np.minimum(np.divide(total, total + 0.6), 0.8 * part)
+    index = np.minimum((u_lamp * aiming > np.cumsum(wanted, 0)).sum(0), len(lamps) - 1)
     aimed = u_aim < share
     towards = np.stack([draw_towards(xp_numpy, aim, u1, u2) for aim in aims])[index, np.arange(n)]
     truth = np.where(aimed[:, None], towards, w)
@@ -125,9 +130,9 @@ def test_aiming_as_in_numpy(names: list[str]) -> None:
     assert np.abs(rest - (1 - share))[same].max() < 1e-5
     density = sum(
         part * density_towards(xp_numpy, aim, truth, (aimed & (index == k)).astype(float))
-        for k, (aim, part) in enumerate(zip(aims, light))
+        for k, (aim, part) in enumerate(zip(aims, wanted))
     )
-    density = np.divide(density * share, total, out=np.zeros(n), where=total > 0)
+    density = np.divide(density * share, aiming, out=np.zeros(n), where=aiming > 0)
     wrong = np.abs(aimed_density - density) > 2e-4 * np.maximum(density, 1e-3)
     assert wrong[same].mean() < 0.002
 

@@ -131,7 +131,7 @@ def test_aiming_as_in_numpy(names: list[str]) -> None:
     for k, values in enumerate(numbers):
         values[2 * k : 2 * k + 2] = 0, 1
     group = aimed_light_group(data_image("lamps", table), len(chosen), data_image("world", texels[::-1]))
-    found, aimed_density, rest = card(lambda *a: call(group, *a), position, normal, wi, *numbers)
+    found, aimed_density, rest = card(lambda *a: call(group, *a, 0.0), position, normal, wi, *numbers)
 
     p, up, w, u_lamp, u_aim, u1, u2 = (values.astype(float) for values in (position, normal, wi, *numbers))
     aims = [aim_numpy(row, p) for row in table[: len(chosen)]]

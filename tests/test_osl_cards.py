@@ -23,6 +23,7 @@ from measured_materials.bake.sampling.lamps import (
     SUN,
     Lamp,
     aim_numpy,
+    aimed_part,
     density_towards,
     draw_towards,
     expected_light,
@@ -237,7 +238,9 @@ LAMPS = [
 ]
 
 
-def lamps_body(count: int, lamps: list[Lamp] = LAMPS, flux: float = 0.0, toward: object = (0, 0, 0)) -> str:
+def lamps_body(
+    count: int, lamps: list[Lamp] = LAMPS, flux: float = 0.0, toward: object = (0, 0, 0), concentration: float = 0.0
+) -> str:
     """Statements that aim at the first of four rows of lamps and at a world, other light 0.6 and largest share 0.8."""
 
     def triple(numbers: object) -> str:
@@ -247,7 +250,9 @@ def lamps_body(count: int, lamps: list[Lamp] = LAMPS, flux: float = 0.0, toward:
     vectors = [[triple(r[k, :3]) for k in range(4)] + [triple((r[0, 3], r[1, 3], r[3, 3]))] for r in rows]
     table = ", ".join("{" + ", ".join(row) + "}" for row in vectors)
     numbers = "u_lamp, u_aim, u1, u2, aimed, of_world, rest"
-    call = f"mm_aim(lamps, {count}, vector(0.6, 0.8, {flux}), {triple(toward)}, cell, p, n, w, {numbers})"
+    call = (
+        f"mm_aim(lamps, {count}, vector(0.6, 0.8, {flux}), {triple(toward)}, cell, {concentration}, p, n, w, {numbers})"
+    )
     rest = "MMWorldCell cell = {32, 16, color(alias), acceptance};"
     return f"MMLamp lamps[MM_MOST_LAMPS] = {{{table}}}; {rest} wi = {call};"
 
@@ -265,8 +270,8 @@ def _inside(place: np.ndarray) -> np.ndarray:
     return 2.5e-4 + (1 - 5e-4) * place
 
 
-@pytest.mark.parametrize("count, flux", [(1, 0.0), (4, 0.0), (0, 5.0), (4, 5.0)])
-def test_aiming(count: int, flux: float) -> None:
+@pytest.mark.parametrize("count, flux, concentration", [(1, 0.0, 0.0), (4, 0.0, 30.0), (0, 5.0, 30.0), (4, 5.0, 5.0)])
+def test_aiming(count: int, flux: float, concentration: float) -> None:
     """Direction and density of aimed draws, over every kind of lamp and a world."""
     rng = np.random.default_rng(0)
     size = 2000
@@ -280,16 +285,17 @@ def test_aiming(count: int, flux: float) -> None:
     toward, texels = np.array((0.4, -0.3, 0.9)), world_texels(rng.random((16, 32)) ** 6 * (rng.random((16, 32)) > 0.4))
     column, row = (np.minimum((u * k).astype(int), k - 1) for u, k in ((u1, 32), (u2, 16)))
     inputs |= {"alias": texels[row, column, :3], "acceptance": texels[row, column, 3]}
-    body = lamps_body(count, flux=flux / 4, toward=flux / 10 * toward)
+    body = lamps_body(count, flux=flux / 4, toward=flux / 10 * toward, concentration=concentration)
     found, aimed_density, of_world, rest = header_card(body, AIMED, "measured_lamps.h", **inputs)
 
     aims = [aim_numpy(row, p.astype(float)) for row in lamp_table(LAMPS, 4)[:count]]
     light = [expected_light(xp_numpy, a, n.astype(float), lamp.power) for a, lamp in zip(aims, LAMPS)]
     world = expected_world_light(xp_numpy, flux / 10 * toward, flux / 4, n.astype(float))
-    light = np.stack([*light, world] if flux else light)
-    total = light.sum(0)
-    share = np.minimum(total / (total + 0.6), 0.8)
-    index = np.minimum((u_lamp * total > np.cumsum(light, 0)).sum(0), len(light) - 1)
+    wanted = [part * aimed_part(xp_numpy, a, concentration) for a, part in zip(aims, light)]
+    light, wanted = (np.stack([*values, world] if flux else values) for values in (light, wanted))
+    total, aiming = light.sum(0), wanted.sum(0)
+    share = np.minimum(total / (total + 0.6), 0.8 * aiming / np.maximum(total, 1e-30))
+    index = np.minimum((u_lamp * aiming > np.cumsum(wanted, 0)).sum(0), len(light) - 1)
     aimed = u_aim < share
     numbers = u1.astype(float), u2.astype(float)
     towards = [draw_towards(xp_numpy, a, *numbers) for a in aims]
@@ -306,12 +312,12 @@ def test_aiming(count: int, flux: float) -> None:
     same = np.abs(found - truth).max(-1) < 2e-5
     assert same.mean() > 0.998
     assert np.abs(rest - (1 - share))[same].max() < 1e-5
-    assert of_world == pytest.approx(world * share / np.maximum(total, 1e-30), rel=1e-5)
+    assert of_world == pytest.approx(world * share / np.maximum(aiming, 1e-30), rel=1e-5)
     density = sum(
         part * density_towards(xp_numpy, a, truth, (aimed & (index == k)).astype(float))
-        for k, (a, part) in enumerate(zip(aims, light))
+        for k, (a, part) in enumerate(zip(aims, wanted))
     )
-    density = np.divide(density * share + np.zeros(size), total, out=np.zeros(size), where=total > 0)
+    density = np.divide(density * share + np.zeros(size), aiming, out=np.zeros(size), where=aiming > 0)
     wrong = np.abs(aimed_density - density) > 2e-4 * np.maximum(density, 1e-3)
     assert wrong[same].mean() < 0.002
 

@@ -109,7 +109,7 @@ def test_nodes_draw_evenly_over_a_lamp(name: str) -> None:
     group = aimed_light_group(data_image("lamps", lamp_table([LAMPS[name]], 4)), 1)
     normal = np.broadcast_to(lamp_moments(LAMPS[name])[0], zero.shape).astype(np.float32)
     nothing = np.zeros_like(u1)
-    wi, density, _ = card(lambda *a: call(group, *a), zero, normal, zero, nothing, nothing, u1, u2)
+    wi, density, _ = card(lambda *a: call(group, *a, 0.0), zero, normal, zero, nothing, nothing, u1, u2)
     assert (density > 0).all(), "a draw that was not aimed"
     assert_moments(moments(wi.astype(float)), lamp_moments(LAMPS[name]), len(u1), name)
 
@@ -142,7 +142,7 @@ def test_nodes_draw_into_a_world_by_its_cells(world: NDArray[np.float32]) -> Non
     zero = np.zeros((count, 3), np.float32)
     up = np.broadcast_to(np.float32([0, 0, 1]), zero.shape)
     group = aimed_light_group(data_image("lamps", table), 0, data_image("world", world[::-1]))
-    wi, density, rest = card(lambda *a: call(group, *a), zero, up, zero, *numbers)
+    wi, density, rest = card(lambda *a: call(group, *a, 9.0), zero, up, zero, *numbers)
     assert not rest.any() and (density > 0).all()
     assert_moments(moments(wi.astype(float)), world_moments(world), count, "nodes")
 

@@ -35,6 +35,9 @@ FAR = 1e6
 _BESIDE = 0.05
 # Part of an extended lamp stands higher, or faces more, than its middle.
 _LEAST_COSINE = 0.05
+# Of the largest share, how often a lamp is aimed at that is far wider than the sampler's lobes; and how many times as
+# wide as these it is halfway to there (`./run bench softbox`).
+_LEAST_AIMED, _LOBES_ACROSS = 0.5, 10.0
 
 
 @dataclass(frozen=True)
@@ -192,6 +195,20 @@ def expected_light(xp: Any, aim: Aim, surface_normal: Any, power: Any) -> Any:
     return reaches * xp.maximum(leaning, _LEAST_COSINE) * _face_to_face(xp, aim, power)
 
 
+def aimed_part(xp: Any, aim: Aim, concentration: Any) -> Any:
+    """How often to aim at a lamp that much light comes from, as a part of the largest share.
+
+    The wider the lamp beside the lobes of the material's own sampler, the more often these find it, and by the weights
+    that are best where they are bright.
+
+    Parameters
+    ----------
+    concentration : of the sampler, `bake.sampling.concentration`; 0 aims as often as may be
+    """
+    lobes = concentration * _solid_angle(xp, aim) * (1 / _LOBES_ACROSS)
+    return _LEAST_AIMED + (1 - _LEAST_AIMED) / (1 + lobes)
+
+
 def expected_light_on_sheet(xp: Any, aim: Aim, surface_normal: Any, power: Any, front: Any) -> Any:
     """The same of both sides of a sheet, of whose light the viewer gets the part `front` from where the normal points,
     and the rest through the sheet."""
@@ -211,6 +228,14 @@ def _face_to_face(xp: Any, aim: Aim, power: Any) -> Any:
     near2 = xp.where(is_cone, aim.fourth * aim.fourth, xp.divide(0.25, aim.fourth))
     falloff = xp.where(aim.kind > SUN - 0.5, 1.0, 1 / xp.maximum(xp.maximum(distance2, near2), 1e-12))
     return xp.where(is_cone, 1.0, facing) * falloff * power
+
+
+def _solid_angle(xp: Any, aim: Aim) -> Any:
+    """Of the whole lamp, about; of an area lamp at most as near as its estimated light is."""
+    distance2 = xp.dot(aim.to_centre, aim.to_centre)
+    shone = xp.maximum(0 - xp.dot(aim.normal, aim.to_centre), 0.0)
+    planar = xp.divide(shone * xp.divide(1.0, xp.sqrt(distance2)), xp.maximum(distance2 * aim.fourth, 0.25))
+    return xp.where(aim.kind > SPHERE - 0.5, aim.m * (2 * math.pi), planar)
 
 
 def _tangents(xp: Any, axis: Any) -> tuple[Any, Any]:

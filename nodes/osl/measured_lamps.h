@@ -11,6 +11,8 @@
 #define MM_SPHERE 2
 #define MM_SUN 3
 #define MM_LEAST_COSINE 0.05
+#define MM_LEAST_AIMED 0.5
+#define MM_LOBES_ACROSS 10.0
 
 // One row of the tables of lamps; facts are kind, power, and area^-1, radius or 1 - cos of the half angle. The last four
 // are of bake/sampling/lamp_light.py.
@@ -133,6 +135,18 @@ float mm_expected_light_on_sheet(MMAim aim, vector n, float power, float front)
   return max(side, MM_LEAST_COSINE) * max(abs(leaning), MM_LEAST_COSINE) * mm_face_to_face(aim, power);
 }
 
+// aimed_part
+float mm_aimed_part(MMAim aim, float concentration)
+{
+  float solid_angle = M_2PI * aim.m;
+  if (aim.kind < MM_SPHERE - 0.5) {
+    float distance2 = dot(aim.to_centre, aim.to_centre);
+    float shone = max(-dot(aim.emission, aim.to_centre), 0.0);
+    solid_angle = shone / sqrt(distance2) / max(distance2 * aim.fourth, 0.25);
+  }
+  return MM_LEAST_AIMED + (1 - MM_LEAST_AIMED) / (1 + concentration * solid_angle / MM_LOBES_ACROSS);
+}
+
 #define MM_BOUNCED 0.1 // bake/envelope/lamp_share.py
 
 // bake/envelope/lamp_share.py: ShareLayout.shape, and share_coordinates from the left and from below
@@ -192,24 +206,28 @@ float mm_lamp_probability(
 // Exchange wi for a direction towards a lamp or the bright parts of the world, now and then. Of a sampler of density p, the
 // whole density of the direction returned is aimed + of_world q + rest p, q the world's own. Sky is the irradiance of all
 // that is not aimed at, the largest share of aimed draws, and the flux of the world's structure, 0 where it is not aimed
-// at; toward is where that comes from.
+// at; toward is where that comes from. Concentration is the sampler's, bake/sampling/concentration.py.
 vector mm_aim(
-    MMLamp lamps[MM_MOST_LAMPS], int count, vector sky, vector toward, MMWorldCell cell, point position, vector n,
-    vector wi, float u_lamp, float u_aim, float u1, float u2, output float aimed, output float of_world,
+    MMLamp lamps[MM_MOST_LAMPS], int count, vector sky, vector toward, MMWorldCell cell, float concentration,
+    point position, vector n, vector wi, float u_lamp, float u_aim, float u1, float u2, output float aimed, output float of_world,
     output float rest)
 {
   MMAim aims[MM_MOST_LAMPS];
-  float light[MM_MOST_LAMPS];
+  float wanted[MM_MOST_LAMPS];
   float total = 0;
+  float aiming = 0;
   for (int k = 0; k < count; ++k) {
     MMAim aim = mm_aim_at(lamps[k], position);
     aims[k] = aim;
-    light[k] = mm_expected_light(aim, n, lamps[k].facts[1]);
-    total += light[k];
+    float light = mm_expected_light(aim, n, lamps[k].facts[1]);
+    wanted[k] = light * mm_aimed_part(aim, concentration);
+    total += light;
+    aiming += wanted[k];
   }
   float world = mm_expected_world_light(toward, sky[2], n);
   total += world;
-  float share = min(total / (total + sky[0]), sky[1]);
+  aiming += world;
+  float share = min(total / (total + sky[0]), sky[1] * aiming / total);
   vector chosen = wi;
   int target = -1;
   if (u_aim < share) {
@@ -217,8 +235,8 @@ vector mm_aim(
     float passed = 0;
     target = 0;
     for (int k = 0; k < count; ++k) {
-      passed += light[k];
-      target += u_lamp * total > passed && (world > 0 || k < count - 1);
+      passed += wanted[k];
+      target += u_lamp * aiming > passed && (world > 0 || k < count - 1);
     }
     if (target < count)
       chosen = mm_draw_towards(aims[target], u1, u2);
@@ -228,10 +246,10 @@ vector mm_aim(
   }
   float density = 0;
   for (int k = 0; k < count; ++k)
-    if (light[k] > 0)
-      density += light[k] * mm_density_towards(aims[k], chosen, k == target);
-  aimed = density * share / total;
-  of_world = world * share / total;
+    if (wanted[k] > 0)
+      density += wanted[k] * mm_density_towards(aims[k], chosen, k == target);
+  aimed = density * share / aiming;
+  of_world = world * share / aiming;
   rest = 1 - share;
   return chosen;
 }

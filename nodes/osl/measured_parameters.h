@@ -62,7 +62,9 @@
   int P##HalfTurn = 0 [[ string label = "Half Turn", string widget = "checkBox",                                       \
       string help = "Viewers after half a turn share their cells" ]],                                                  \
   int P##Strata = 0 [[ string label = "Strata", string help = "Of a warp's first number; 0 of alias tables" ]],        \
-  float P##Linear = 1 [[ string label = "Linear", string help = "Width of a warp's elevations" ]]
+  float P##Linear = 1 [[ string label = "Linear", string help = "Width of a warp's elevations" ]],                     \
+  float P##Concentration = 0 [[ string label = "Concentration",                                                        \
+      string help = "Mean density of its own draws: how narrow their lobes are, where lamps are aimed at" ]]
 
 #define MM_SAMPLER(P)                                                                                                  \
   {P##Sampler, P##Bins, P##BinsPhi, P##CellRows, P##CellColumns, P##Warp, P##WidthX, P##WidthY, P##HalfTurn,           \

@@ -28,6 +28,7 @@ BENCHES = {
     "adjust": "what the sockets of Adjust cost: nodes, room on Cycles' stack, time per sample; set and linked",
     "envelope": "energy that native closures carry of 22 measured materials, by budget and number of closures",
     "engine": "noise and time of all modes beside Principled BSDF, 12 materials in 4 lightings; a plot",
+    "softbox": "noise of aimed mirrors under lamps of four sizes, by how narrow their lobes are and not",
     "lens": "noise with and without Quiet Camera, of Principled BSDF and of Exact as OSL, in the scene of engine",
     "arc": "photographs to a shading map; noise at equal time of envelope and residual against mirror alone",
     "compression": "power law by brute force and by Newton's method; a fitted basis; storage; held-out photographs",

@@ -69,11 +69,11 @@ def _sky(scene: bpy.types.Scene) -> None:
     _even(scene, (0.8, 0.9, 1.0), 1.0)
 
 
-def _small_lamp(scene: bpy.types.Scene) -> None:
-    """Edge 0.1 at a distance of 2 from the sphere."""
+def square_lamp(scene: bpy.types.Scene, edge: float = 0.1) -> None:
+    """At a distance of 2 from the sphere."""
     _even(scene, (0, 0, 0), 0.0)
     lamp = bpy.data.lights.new("lamp", "AREA")
-    lamp.energy, lamp.size = 60, 0.1
+    lamp.energy, lamp.size = 60, edge
     lamp.cycles.use_multiple_importance_sampling = True
     _place(scene, lamp, 3 * Vector((0.5, -0.62, 0.6)).normalized())
 
@@ -114,7 +114,7 @@ def room_pixels() -> Array:
 
 LIGHTS: dict[str, Callable[[bpy.types.Scene], None]] = {
     "sky": _sky,
-    "small lamp": _small_lamp,
+    "small lamp": square_lamp,
     "sun and sky": _sun,
     "HDR world": _room,
 }
@@ -130,8 +130,11 @@ def _even(scene: bpy.types.Scene, colour: tuple[float, float, float], strength: 
 
 
 @contextmanager
-def lit(light: str) -> Iterator[bpy.types.Scene]:
-    """The scene in one of `LIGHTS`; the sphere alone is seen directly, the ground only by what it reflects."""
+def lit(light: str | Callable[[bpy.types.Scene], None]) -> Iterator[bpy.types.Scene]:
+    """The scene in one of `LIGHTS`, or as a function lights it.
+
+    The sphere alone is seen directly, the ground only by what it reflects.
+    """
     compat.ensure_cycles()
     scene = bpy.data.scenes.new("engine")
     sphere = _place(scene, studio_meshes.sphere_mesh(128, 64))
@@ -146,7 +149,7 @@ def lit(light: str) -> Iterator[bpy.types.Scene]:
     set_unbiased(scene, samples=1, seed=0)
     scene.render.film_transparent = True
     scene.cycles.pixel_filter_type = "BOX"
-    LIGHTS[light](scene)
+    (LIGHTS[light] if isinstance(light, str) else light)(scene)
     try:
         yield scene
     finally:
