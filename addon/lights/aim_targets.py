@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ...nodes.light_ray import can_raycast
 from .lamp_survey import LampReport
@@ -43,16 +43,12 @@ GAIN_OF_BRDF = Gain(
 GAIN_OF_SWATCH = Gain(
     "about a fifth of the noise under a small lamp", "less noise under the world", "about twice the time of a sample"
 )
-# Blender 5.2.2, `tests/real_blender/sheets.py`: of an aimed mirror's noise 0.06 under a lamp behind and 0.02 under one
-# before, in 1.7 to 1.8 of its time; on 4.5 by scripts, `./run bench sheets --quick`: 0.16 under one behind in 1.3.
-# Of worlds it was not measured.
+# `./run bench sheets`, nodes and scripts alike: of an aimed mirror's noise 0.06 under a lamp behind, 0.03 under one
+# before and 0.3 under a picture, in 0.8 to 3 times its time.
 GAIN_OF_SHEET = Gain(
-    "about a tenth of the noise under a lamp",
-    "less noise under the world",
-    "about twice the time of a mirror that is aimed",
-)
-GAIN_OF_SHEET_SCRIPT = replace(
-    GAIN_OF_SHEET, time=f"{GAIN_OF_SHEET.time}, both of nodes: of a script neither was measured"
+    "less than a tenth of the noise under a lamp",
+    "about a third of the noise under the world",
+    "up to three times the time of a mirror that is aimed",
 )
 
 

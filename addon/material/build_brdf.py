@@ -19,7 +19,6 @@ from ...nodes.surface_marker import shows_normals
 from ..lights.aim_targets import (
     GAIN_OF_BRDF,
     GAIN_OF_SHEET,
-    GAIN_OF_SHEET_SCRIPT,
     Sampling,
     lamps_are_alone,
     sampling_of,
@@ -114,10 +113,8 @@ def build_brdf(
 
 def sampling_for(record: BrdfRecord, choices: Choices, report: LampReport) -> Sampling:
     """What a material can sample in a scene of which this is the report."""
-    osl, gain = choices.shader == OSL, GAIN_OF_BRDF
-    if record.sheet is not None:
-        gain = GAIN_OF_SHEET_SCRIPT if osl else GAIN_OF_SHEET
-    return sampling_of(report, osl=osl, gain=gain)
+    gain = GAIN_OF_BRDF if record.sheet is None else GAIN_OF_SHEET
+    return sampling_of(report, osl=choices.shader == OSL, gain=gain)
 
 
 def _sampling_by_script(report: LampReport) -> Sampling:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from detail_rows import ROWS, SAME, SAME_CLAIMS
 from gantry_figures import EVERY_SIDE, GANTRY
+from light_figures import LIGHT
 from no_figures import NO_FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -228,24 +229,6 @@ STATED = (
         "addon/docs/library.md",
         ("baked twice < 1", "missing < 1", "left half-made < 1", "seconds beside baking, for each < 0.0115"),
     ),
-    Stated(
-        "behind",
-        "beside a quadrature of their files: the RMS of the difference is {mecho shade, RMS|1%} and "
-        "{2011-SA1, RMS|1%} % of the picture's, all of it noise; all light together is off by "
-        "{mecho shade, light|1%} and {2011-SA1, light|1%} %. Blended between 24 samples along each angle, "
-        "{mecho shade, 24 samples|0%} and {2011-SA1, 24 samples|0%} % of what such a shade lets through would be "
-        "error, between 160 samples {mecho shade, 160 samples|0%} and {2011-SA1, 160 samples|0%} %.",
-        "addon/docs/sheets.md",
-    ),
-    Stated(
-        "sheets",
-        "a cloth with a highlight, sampled by nodes, has {HDR world, sampled, noise|1} times the noise of Diffuse and "
-        "Translucent BSDF under a picture of the world, {HDR world, aimed, noise|1} times aimed. Under a lamp of one "
-        "metre behind it, where these have {lamp behind, native, noise|2%} %, it has {lamp behind, sampled, noise|0} "
-        "times that, with Quiet Camera {lamp behind, sampled, quiet, noise|0} times, aimed "
-        "{lamp behind, aimed, noise|0}; under a graded sky, which cannot be sampled, {sky, aimed, noise|0} times.",
-        "addon/docs/sheets.md",
-    ),
     _format("MERL", "MERL"),
     _format("NVIDIA MBSDF", "NVIDIA MBSDF"),
     _format("numpy array", "numpy array"),
@@ -295,7 +278,7 @@ STATED = (
     ),
     Stated("techniques", EVERY_SIDE),
     *(_azimuth(*row.split("; ")) for row in _STACKS),
-    *(Stated(*row) for row in GANTRY),
+    *(Stated(*row) for row in (*GANTRY, *LIGHT)),
     Stated(
         "lobes",
         "| Cubic (Romanyuk 2007) | {relative, cubic|2s%} % | a wide foot, up to {of the peak, cubic|0%} % of the peak",
