@@ -155,7 +155,9 @@ def _language(choices: Choices, mirror: bool) -> list[Effect]:
     if choices.shader != OSL:
         return []
     why = (
-        "asked for; Cycles on the CPU alone renders it" if mirror else "Cycles' own shaders alone are as good of nodes"
+        "asked for; Cycles on the CPU alone renders it, by textures that are files of this machine"
+        if mirror
+        else "Cycles' own shaders alone are as good of nodes"
     )
     return [Effect(OSL_EFFECT, mirror, why)]
 

@@ -28,7 +28,7 @@ from .findings import NOTE, WRONG, Finding, Subject, measured_trees, setting
 _BOUNCES = 4
 # Faces of an object that are asked on which side a lamp is; of more, so many of them.
 _FACES = 4096
-# Passes of what the camera sees first, as a view layer has them.
+# Passes of the first surface that is opaque enough, as a view layer has them, and passes that go by how opaque each is.
 _DATA_PASSES = {
     "use_pass_z": "Depth",
     "use_pass_position": "Position",
@@ -37,6 +37,8 @@ _DATA_PASSES = {
     "use_pass_vector": "Vector",
     "use_pass_object_index": "Object Index",
     "use_pass_material_index": "Material Index",
+}
+_CRYPTOMATTE = {
     "use_pass_cryptomatte_object": "Cryptomatte Object",
     "use_pass_cryptomatte_material": "Cryptomatte Material",
     "use_pass_cryptomatte_asset": "Cryptomatte Asset",
@@ -183,14 +185,24 @@ def shadow_catchers(subject: Subject) -> Iterator[Finding]:
 
 
 def data_passes(subject: Subject) -> Iterator[Finding]:
-    """Passes that a ray through a portal fills with what it meets behind the sheet."""
+    """Passes that a ray through a portal fills with what it meets behind the sheet: to Cycles that is transparent."""
+    why = "where a ray goes on through a sheet at a flat angle they are of what lies behind it"
     for layer in subject.scene.view_layers if sheets(subject) else ():
-        names = [label for name, label in _DATA_PASSES.items() if getattr(layer, name, False)]
-        if layer.use and names:
-            shown = f"{', '.join(names[:3])}{' and others' * (len(names) > 3)}"
-            why = "where a ray goes on through a sheet at a flat angle they are of what lies behind it"
-            where = f"scene {subject.scene.name}, {layer.name}"
-            yield Finding("sheet_passes", NOTE, where, f"{'passes' if len(names) > 1 else 'pass'} {shown}", "", why)
+        where = f"scene {subject.scene.name}, {layer.name}"
+        if layer.use and layer.pass_alpha_threshold > 0 and (shown := _shown(layer, _DATA_PASSES)):
+            found = f"{shown} with an Alpha Threshold of {layer.pass_alpha_threshold:.2g}"
+            also = "; at 0 they are of what is seen first, also where that is as good as transparent"
+            mend = setting(layer, "pass_alpha_threshold", 0.0)
+            yield Finding("sheet_passes", NOTE, where, found, "0", f"{why}{also}", mend)
+        if layer.use and (shown := _shown(layer, _CRYPTOMATTE)):
+            yield Finding("sheet_cryptomatte", NOTE, where, shown, "", why)
+
+
+def _shown(layer: bpy.types.ViewLayer, passes: dict[str, str]) -> str:
+    """Which of these passes a view layer has, in words; empty if none."""
+    names = [label for name, label in passes.items() if getattr(layer, name, False)]
+    several = f"passes {', '.join(names[:3])}{' and others' * (len(names) > 3)}"
+    return several if len(names) > 1 else "".join(f"pass {name}" for name in names)
 
 
 def _is_behind(lamp: bpy.types.Object, shown: list[bpy.types.Object], scene: bpy.types.Scene) -> bool:

@@ -315,5 +315,5 @@ def ground_catches(caught: bool) -> Change:
     return apply
 
 
-def layer_shows(name: str, shown: bool) -> Change:
+def layer_shows(name: str, shown: bool | float) -> Change:
     return lambda scene: setattr(scene.scene.view_layers[0], name, shown)

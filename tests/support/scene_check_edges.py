@@ -193,6 +193,16 @@ EDGES = [
     Edge("transparent_glass", film(True, True), film(False, True), sheet=True),
     Edge("sheet_catcher", ground_catches(True), ground_catches(False), sheet=True),
     Edge("sheet_passes", layer_shows("use_pass_z", True), layer_shows("use_pass_z", False), sheet=True),
+    Edge(
+        "sheet_passes",
+        both(layer_shows("use_pass_normal", True), layer_shows("pass_alpha_threshold", 1e-3)),
+        both(layer_shows("use_pass_normal", True), layer_shows("pass_alpha_threshold", 0.0)),
+        sheet=True,
+    ),
+    *(
+        Edge("sheet_cryptomatte", layer_shows(name, True), layer_shows(name, False), sheet=True)
+        for name in ("use_pass_cryptomatte_object", "use_pass_cryptomatte_material")
+    ),
 ]
 # A switch has no value between: a scene that is as it should be is the other side, which every case starts from.
 SWITCHES = {
