@@ -68,6 +68,7 @@ BENCHES = (
     "fig4",
     "parallax",
     "normals",
+    "softbox",
     "mitsuba",
     "engine",
     "arc",

@@ -5,6 +5,14 @@ from __future__ import annotations
 # Bench, text and page.
 LIGHT = (
     (
+        "softbox",
+        "under lamps of edge 0.1, 0.3, 1 and 2.5 at a distance of 2, noise was {0.1, noise, median|1}, "
+        "{0.3, noise, median|1}, {1, noise, median|1} and {2.5, noise, median|1} times as large before in the median, "
+        "and {0.1, noise, most|1}, {0.3, noise, most|1}, {1, noise, most|1} and {2.5, noise, most|1} times at most "
+        "(`./run bench softbox`)",
+        "addon/docs/method.md",
+    ),
+    (
         "behind",
         "beside a quadrature of their files: the RMS of the difference is {mecho shade, RMS|1%} and "
         "{2011-SA1, RMS|1%} % of the picture's, all of it noise; all light together is off by "
