@@ -99,7 +99,7 @@ def aimed_inputs_of_sheet(inputs: Mapping[str, Any], parts: Sequence[str], light
 
     Parameters
     ----------
-    parts : what stands before the names of their parameters
+    parts : what stands before the names of their parameters, one or two
     """
     count = min(lights.lamps.size[1], MAX_SLOTS)
     told = dict(zip(_lamp_parameters(count), call(_lamps_group(lights.lamps, count))))
@@ -123,8 +123,7 @@ def aimed_inputs_of_sheet(inputs: Mapping[str, Any], parts: Sequence[str], light
         if around is not None:
             drawn[f"{part}Around"] = call(around, output(aim, "Picture"))
     if around is not None:
-        # Without a sampler: what it draws towards the world is no part's.
-        aim = script_node(AIM_SHADER, source, seen)
+        # What any of them draws towards the world is the same, whatever the part.
         texel, _ = call(_world_group(world), output(aim, "WorldPlace"))
         drawn |= {"Lit": lit["Lit"], "WorldDirection": output(aim, "WorldDirection"), "WorldDrawn": texel}
         drawn["WorldAround"] = call(around, output(aim, "WorldPicture"))
