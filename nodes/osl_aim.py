@@ -20,6 +20,7 @@ from .aimed_light_group import MAX_SLOTS, world_texel
 from .group import call, node_group
 from .light_images import world_table
 from .osl_parameters import CELLS
+from .osl_parts import PREFIXES
 from .osl_script import output, script_node, shader_source
 from .world_picture import LIT, Surroundings, lit_group, picture_group
 
@@ -54,67 +55,30 @@ class Lights:
         return cls(lamps, lights, surroundings, points) if lights is not None else cls(lamps, None, None, 0)
 
 
-def aimed_inputs(
-    inputs: Mapping[str, Any],
-    lamps: bpy.types.Image,
-    lights: bpy.types.Image | None,
-    surroundings: Surroundings | None = None,
-) -> dict[str, Any]:
-    """The direction that `AIM_SHADER` draws, and lamps and world as far as the shader itself asks for them.
+def aimed_inputs(inputs: Mapping[str, Any], lights: Lights, parts: Sequence[str] | None = None) -> dict[str, Any]:
+    """The directions that `AIM_SHADER` draws, and lamps and world as far as the shader itself asks for them.
 
     Parameters
     ----------
-    inputs : of the shader, among which are those of the sampler
-    lights : where the shader samples lamps; it then aims at the world alone
-    surroundings : where it also samples the world's picture; used with `lights` only
-    """
-    count = min(lamps.size[1], MAX_SLOTS)
-    told = dict(zip(_lamp_parameters(count), call(_lamps_group(lamps, count))))
-    sky, towards, strongest = (told.pop(name) for name in _SCENE)
-    world, seen = world_table(), {name: inputs[name] for name in (*_PLACED, *_SAMPLER) if name in inputs}
-    alias, acceptance = _drawn_cell(world, inputs["Lens"])
-    seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
-    seen |= {"Lamps": count} | told if lights is None else {}
-    sampled = surroundings is not None and lights is not None
-    lit = dict(zip(LIT, call(lit_group(surroundings.table)))) if sampled else {}
-    lit.pop("Rays", None)  # of sheets, which this shader does not hold
-    aim = script_node(AIM_SHADER, shader_source(AIM_SHADER), seen | lit)
-    texel, _ = call(_world_group(world), output(aim, "Place"))
-    drawn = {name: output(aim, name) for name in ("Direction", "Densities")} | {"WorldTexel": texel}
-    if sampled:
-        texel, _ = call(_world_group(world), output(aim, "WorldPlace"))
-        around = picture_group(surroundings)
-        drawn |= {"Lit": lit["Lit"], "WorldDirection": output(aim, "WorldDirection"), "WorldDrawn": texel}
-        drawn |= {"Around": call(around, output(aim, "Picture"))}
-        drawn |= {"WorldAround": call(around, output(aim, "WorldPicture"))}
-    if lights is None:
-        told = {"Centre1": told["Centre1"]}  # of the mirror's share under one lamp
-    else:
-        told |= dict(zip(_light_parameters(count), call(_lights_group(lights, count))))
-    return {"Lamps": count, "Sky": sky, "Strongest": strongest} | drawn | told
-
-
-def aimed_inputs_of_sheet(inputs: Mapping[str, Any], parts: Sequence[str], lights: Lights) -> dict[str, Any]:
-    """The same of a sheet's side, where each of the parts that have a mirror draws a direction of its own.
-
-    Parameters
-    ----------
-    parts : what stands before the names of their parameters, one or two
+    inputs : of the shader, among which are those of the sampler, or of each part's
+    lights : where its shader samples lamps it aims at the world alone
+    parts : of a sheet's side, what stands before the names of their parameters, one or two: each draws a direction of
+        its own. By default it is a BRDF
     """
     count = min(lights.lamps.size[1], MAX_SLOTS)
     told = dict(zip(_lamp_parameters(count), call(_lamps_group(lights.lamps, count))))
     sky, towards, strongest = (told.pop(name) for name in _SCENE)
-    world, around, lit = world_table(), None, {}
-    alias, acceptance = _drawn_cell(world, inputs["Lens"])
-    drawn: dict[str, Any] = {}
+    world, around, lit, rays = world_table(), None, {}, None
     if lights.surroundings is not None:
         around, lit = picture_group(lights.surroundings), dict(zip(LIT, call(lit_group(lights.surroundings.table))))
-        drawn["WorldRays"] = lit.pop("Rays")
+        rays = lit.pop("Rays")
+    alias, acceptance = _drawn_cell(world, inputs["Lens"])
     seen = {name: inputs[name] for name in _PLACED if name in inputs} | lit
     seen |= {"Sky": sky, "World": towards, "Alias": alias, "Acceptance": acceptance}
     seen |= {"Lamps": count} | told if lights.lights is None else {}
     source = shader_source(AIM_SHADER)
-    for part in parts:
+    drawn: dict[str, Any] = {}
+    for part in parts or PREFIXES[:1]:
         sampler = {name: inputs[part + name] for name in _SAMPLER if part + name in inputs}
         aim = script_node(AIM_SHADER, source, seen | sampler | {"Through": int(part != "")})
         texel, _ = call(_world_group(world), output(aim, "Place"))
@@ -130,9 +94,11 @@ def aimed_inputs_of_sheet(inputs: Mapping[str, Any], parts: Sequence[str], light
     if lights.lights is None:
         told = {"Centre1": told["Centre1"]}  # of the mirrors' shares under one lamp
     else:
-        names = _light_parameters(count, rays=True)
-        told |= dict(zip(names, call(_lights_group(lights.lights, count, rays=True))))
-    scene = {"Lamps": count, "Points": lights.points, "Sky": sky, "World": towards, "Strongest": strongest}
+        names = _light_parameters(count, rays=parts is not None)
+        told |= dict(zip(names, call(_lights_group(lights.lights, count, rays=parts is not None))))
+    scene = {"Lamps": count, "Points": lights.points, "Sky": sky, "Strongest": strongest}
+    if parts is not None:
+        scene |= {"World": towards} | ({} if rays is None else {"WorldRays": rays})
     return scene | drawn | told
 
 

@@ -118,8 +118,7 @@ def _shader(constants: dict[str, Any], lights: Lights | None) -> Callable[[dict[
     def make(inputs: dict[str, Any]) -> Any:
         inputs = inputs | constants
         if lights is not None:
-            inputs |= aimed_inputs(inputs, lights.lamps, lights.lights, lights.surroundings)
-            inputs["Points"] = lights.points
+            inputs |= aimed_inputs(inputs, lights)
         return output(script_node(SHADER, shader_source(SHADER), inputs), "BSDF")
 
     return make

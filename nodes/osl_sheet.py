@@ -10,7 +10,7 @@ import bpy
 from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart
 from .data_image import of_part
-from .osl_aim import Lights, aimed_inputs_of_sheet
+from .osl_aim import Lights, aimed_inputs
 from .osl_parts import PREFIXES, Files, part_constants
 from .osl_script import output, script_node, shader_source
 from .sheet_build import needs_mirror, white_sky
@@ -40,7 +40,7 @@ def sheet_shader(
     def shown(constants: dict[str, Any], inputs: dict[str, Any]) -> Any:
         given = inputs | constants | {"Anisotropic": int(record.anisotropic)}
         if lights is not None and (parts := [part for part in PREFIXES if f"{part}Table" in constants]):
-            given |= aimed_inputs_of_sheet(given, parts, lights)
+            given |= aimed_inputs(given, lights, parts)
         return output(script_node(SHADER, source, given), "BSDF")
 
     def make(inputs: dict[str, Any]) -> Any:
