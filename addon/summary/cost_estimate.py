@@ -7,11 +7,11 @@ from .text import capital
 
 # Processor time of a camera sample, Principled BSDF = 1: median over 12 materials in 4 lightings
 # (`./run bench engine`), and of the filters beside trilinear (`./run bench speed`).
-MODE_TIME = {"preview": 1.1, "balanced": 1.6, "exact": 1.6, "reference": 2.2}
+MODE_TIME = {"preview": 1.1, "balanced": 1.6, "exact": 1.6, "reference": 2.3}
 # By what samples lamps: one script of OSL, in the same bench; nodes, on Blender 5.2 under a world of one picture
 # (`tests/real_blender/noise.py`, median of five materials); of nodes that ask a script what is seen, it is not known.
 SCRIPT, NODES, RAY_SCRIPT = "script", "nodes", "ray script"
-SAMPLED_TIME = {SCRIPT: 3.7, NODES: 3.0}
+SAMPLED_TIME = {SCRIPT: 3.6, NODES: 3.0}
 FILTER_TIME = {"nearest": 0.98, "trilinear": 1.0, "bspline": 1.1}
 
 
