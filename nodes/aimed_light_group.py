@@ -29,6 +29,8 @@ WORLD_KEY = "measured_materials_world"
 INSTEAD_KEY = "measured_materials_instead"
 # Lamps that are aimed at. The first takes 155 nodes of the compiled shader, each other about 120, the world 53.
 MAX_SLOTS = 4
+# Of a sheet, whose two sides aim by two mirrors each: with more Cycles' stack has no room, and the sheet is black.
+ON_SHEET = 2
 _SWITCHED = "mute extension"
 _REVISION = 2
 _INPUTS = {"Position": "vector", "Normal": "vector", "wi": "vector"}
@@ -38,7 +40,7 @@ _AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f
 
 
 def aimed_light_group(
-    lamps: bpy.types.Image, slots: int | None = None, world: bpy.types.Image | None = None
+    lamps: bpy.types.Image, slots: int | None = None, world: bpy.types.Image | None = None, most: int = MAX_SLOTS
 ) -> bpy.types.ShaderNodeTree:
     """Exchange a drawn direction for one towards a light, now and then; world space.
 
@@ -53,21 +55,25 @@ def aimed_light_group(
     slots : lamps to aim at, the first of the table; by default as many as the group does already, a new one at none
     world : the table of `bake.sampling.world.world_texels` to aim at too; by default as the group does already, a new
         one not, with the file's own table
+    most : lamps that there is room for, `MAX_SLOTS` or `ON_SHEET`
     """
     columns, rows = lamps.size[0], lamps.size[1]
-    room = min(MAX_SLOTS, rows)
+    room = min(most, rows)
     if columns != TEXELS or not 0 <= (slots or 0) <= room or (world is not None and rows < 2):
         raise ValueError(
-            f"{slots} lamps of {columns} texels; a lamp has {TEXELS}, at most {MAX_SLOTS} are aimed at, and a world "
+            f"{slots} lamps of {columns} texels; a lamp has {TEXELS}, at most {most} are aimed at, and a world "
             "takes a second row"
         )
-    group = made_before(_family(lamps, world or world_table())) or _new_group(lamps, world or world_table(), room)
+    table = world or world_table()
+    group = made_before(_family(lamps, table, NAME, room)) or _new_group(lamps, table, room)
     if slots is not None or world is not None:
         aim_by(group, slots or 0, world is not None)
     return group
 
 
-def aimed_instead_group(lamps: bpy.types.Image, pictured: bool, scripted: bool = False) -> bpy.types.ShaderNodeTree:
+def aimed_instead_group(
+    lamps: bpy.types.Image, pictured: bool, scripted: bool = False, most: int = MAX_SLOTS
+) -> bpy.types.ShaderNodeTree:
     """`aimed_light_group` of materials that sample lamps and, if `pictured`, a world: at what they cannot sample now.
 
     An output more is 1 where it aims, and 0 as a constant where all is sampled. Those that sample by `scripted` rays
@@ -76,7 +82,8 @@ def aimed_instead_group(lamps: bpy.types.Image, pictured: bool, scripted: bool =
     world = world_table()
     name = f"{NAME} Instead of Picture" if pictured else f"{NAME} Instead"
     name += ", OSL" * scripted
-    group = made_before(_family(lamps, world, name)) or _new_group(lamps, world, min(MAX_SLOTS, lamps.size[1]), name)
+    room = min(most, lamps.size[1])
+    group = made_before(_family(lamps, world, name, room)) or _new_group(lamps, world, room, name)
     group[INSTEAD_KEY] = pictured
     if scripted:
         group[SCRIPTED_KEY] = True
@@ -121,9 +128,10 @@ def made_before(family: str) -> bpy.types.ShaderNodeTree | None:
     return next((t for t in own if content_hash(t) == t[HASH_KEY]), None)
 
 
-def _family(lamps: bpy.types.Image, world: bpy.types.Image, name: str = NAME) -> str:
+def _family(lamps: bpy.types.Image, world: bpy.types.Image, name: str, room: int) -> str:
     # Groups of versions before, of other sockets, stay in what was built with them; they can be switched too.
-    return f"{name}, {_REVISION}, by {lamps.name_full}" + f" and {world.name_full}" * (world.name_full != WORLD)
+    of_world = f" and {world.name_full}" * (world.name_full != WORLD)
+    return f"{name}, {_REVISION}, of {room} by {lamps.name_full}{of_world}"
 
 
 def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int, name: str = NAME) -> bpy.types.ShaderNodeTree:
@@ -144,7 +152,7 @@ def _new_group(lamps: bpy.types.Image, world: bpy.types.Image, room: int, name: 
     group = node_group(name, _INPUTS, outputs, build, switched=_SWITCHED)
     nothing = active_output(group)
     nothing[SLOTS_KEY], nothing[WORLD_KEY], nothing.label = 0, False, "Aim at nothing"
-    group[FAMILY_KEY] = _family(lamps, world, name)
+    group[FAMILY_KEY] = _family(lamps, world, name, room)
     aim_by(group, 0, False)
     return group
 

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from . import expr
-from .aimed_light_group import aimed_light_group
+from .aimed_light_group import MAX_SLOTS, aimed_light_group
 from .gloss_group import seen_above, seen_from_table, seen_in_table
 from .group import call
 from .lens_group import lens_group
@@ -60,6 +60,7 @@ def drawn_direction(
     gloss: Any = None,
     through: bool = False,
     concentration: float = 0.0,
+    most_lamps: int = MAX_SLOTS,
 ) -> DrawnDirection:
     """Draw a direction.
 
@@ -73,6 +74,7 @@ def drawn_direction(
     gloss : factor of the half vector's slopes, see `bake.sampling.gloss`; by default none
     through : of light from the far side of a sheet
     concentration : of the sampler, by which lamps that are wider than its lobes are aimed at less often
+    most_lamps : that there is room to aim at, see `aimed_light_group`
     """
     geometry = expr.node("ShaderNodeNewGeometry", {}, {})
     incoming = expr.Vector(geometry.outputs["Incoming"])
@@ -88,7 +90,9 @@ def drawn_direction(
         position = expr.Vector(geometry.outputs["Position"])
         more = call(more_random_numbers_group())
         # A draw takes either the material's direction or the lamp's: the same two numbers may place both.
-        world, aimed, rest = call(aimed_light_group(lamps), position, up, world, *more[:2], u[0], u[1], concentration)
+        world, aimed, rest = call(
+            aimed_light_group(lamps, most=most_lamps), position, up, world, *more[:2], u[0], u[1], concentration
+        )
         roulette = more[2]
         wi = seen = expr.vec(*(expr.dot(world, axis) for axis in (along, across, up)))
         if gloss is not None:

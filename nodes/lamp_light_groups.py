@@ -31,6 +31,7 @@ from ..bake.source import LUMINANCE
 from . import expr
 from .aimed_light_group import (
     MAX_SLOTS,
+    ON_SHEET,
     SLOTS_KEY,
     WORLD_KEY,
     aim_by,
@@ -52,9 +53,6 @@ SAMPLED_KEY = "measured_materials_sampled"
 _BEHIND = 0.01
 # Of radiances: a lamp's over the sky's from which on less than a hundredth of its light is lost with what is behind.
 _FAR_BRIGHTER = 100.0
-# Lamps sampled on a sheet: with three and the world one of differing sides leaves no room on SVM's stack, and one float
-# more shows it black (tests/real_blender/stack.py).
-_ON_SHEET = 2
 _SWITCHED = "mute extension"
 _AIM = {f.name: "float" if f.name in ("kind", "fourth", "m") else "vector" for f in fields(Aim)}
 _SEEN = _AIM | {"Light": "float", "Radiance": "vector", "Beam": "vector", "Facing": "float"}
@@ -76,6 +74,11 @@ class LightTables:
     around: Surroundings | None = None
     scripted: bool = False
     sheet: bool = False
+
+    @property
+    def most_aimed(self) -> int:
+        """Lamps that there is room to aim at instead."""
+        return ON_SHEET if self.sheet else MAX_SLOTS
 
     @property
     def place(self) -> dict[str, str]:
@@ -274,7 +277,7 @@ def _switched_group(
     its inputs."""
 
     def build(*arguments: Any) -> tuple[Any, ...]:
-        for slots in range(min(_ON_SHEET if tables.sheet else MAX_SLOTS, tables.lamps.size[1]) + 1):
+        for slots in range(min(ON_SHEET if tables.sheet else MAX_SLOTS, tables.lamps.size[1]) + 1):
             for world in (False, True) if tables.around else (False,):
                 if slots or world:
                     found = results(slots, world, *arguments)

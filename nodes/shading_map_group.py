@@ -22,7 +22,7 @@ from .group import call, node_group
 from .map_lighting import TEXTURED, Lighting, MapGroups, Parts, Place, times
 from .map_models import piecewise_linear
 from .native_closure import add_closures, choose_closure, native_closure, translucent_closure, viewport_closures
-from .sampled_map import MIN_CHOICE, sampled_map
+from .sampled_map import MIN_CHOICE, MapSide, sampled_map, sampled_swatch
 from .surface_marker import MATTE, roughness_of, with_marker
 from .swatch_frame_group import ALONG_U, ALONG_V
 
@@ -55,7 +55,7 @@ def shading_map_group(
 
     Parameters
     ----------
-    transmitted : of a swatch that was photographed against the light too; no lamps are sampled then
+    transmitted : of a swatch that was photographed against the light too
     """
     technique = lighting.settings.technique
     turned = groups.turned or (transmitted is not None and transmitted.groups.turned)
@@ -132,6 +132,16 @@ def _both_in_mode(
     preview = add_closures([_preview(*side, normal, adjustments, place) for side in sides])
     if mode == "preview":
         return preview
+    if lighting.sampled:
+        traced = sampled_swatch(
+            MapSide(groups, lighting),
+            MapSide(transmitted.groups, transmitted.lighting),
+            transmitted.share,
+            normal,
+            adjustments,
+            place,
+        )
+        return choose_closure(after_diffuse(), traced, preview) if mode == "balanced" else traced
     added = all(light.lamps is None for _, light in sides)
     share = min(max(transmitted.share, _LEAST), 1 - _LEAST)
     drawn, native = [], []

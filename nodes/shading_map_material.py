@@ -75,9 +75,6 @@ def build_shading_map(
     scripted : a script of OSL asks what rays meet. All else is nodes, whose textures have to be packed where Open
         Shading Language is on; where it is off no light is sampled
 
-    A swatch that lets light through samples no lamps: `lights`, `surroundings` and `scripted` are of no matter to it,
-    which is aimed at `lamps` instead.
-
     Raises
     ------
     BakeError : the bundle does not describe a shading map this version knows, or this Blender has no OSL for a script
@@ -90,12 +87,12 @@ def build_shading_map(
     for part in [record] if behind is None else [record, behind]:
         for name in {part.map.image, "envelope", "curves"} & set(part.images):
             check_image(part.files(), name)
-    if behind is not None:
-        lights, scripted = None, False
     if scripted:
         require_osl()
 
-    tables = LightTables(lamps, lights, surroundings, scripted) if lamps is not None and lights is not None else None
+    tables = None
+    if lamps is not None and lights is not None:
+        tables = LightTables(lamps, lights, surroundings, scripted, sheet=behind is not None)
     asked = {"lamps": lamps, "lights": tables, "features": features, "normals": normals}
     lighting = replace(lighting_of(record, settings), **asked)
 
@@ -148,7 +145,7 @@ def _group(
     transmitted = None
     if behind is not None:
         lit = lighting_of(behind, settings.of_transmission(behind.map.a_max is not None))
-        lit = replace(lit, lamps=lighting.lamps, through=True)
+        lit = replace(lit, lamps=lighting.lamps, lights=lighting.lights, through=True)
         groups = _map_groups(behind, lit, f"{name} through", of_part(textures, "through"), reduce, texels)
         skies = [float(luminance(np.array(part.albedo.white_sky))) for part in (record, behind)]
         transmitted = Transmitted(groups, lit, skies[0] / max(sum(skies), 1e-9))

@@ -10,6 +10,7 @@ import numpy as np
 from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart, luminance
+from .aimed_light_group import ON_SHEET
 from .brdf_group import BrdfParts
 from .checked_pixels import check_closures, check_shares
 from .data_image import Images, of_part
@@ -28,6 +29,7 @@ class SheetBuild:
     ----------
     residual : whether parts get a mirror, of which those do whose native closures leave something
     lights : tables of the lamps and the world that the shader is to sample; None where it is not
+    alike : whether both sides are; a sheet's own record decides
     """
 
     mode: str
@@ -37,10 +39,13 @@ class SheetBuild:
     lamps: bpy.types.Image | None
     lamp_share: bool = False
     lights: LightTables | None = None
+    alike: bool = True
 
     def group(self, record: BrdfRecord, name: str, images: Images, *, normals: bool) -> bpy.types.ShaderNodeTree:
         """The group. Raises BakeError where a part does not hold what the mode needs."""
         assert record.sheet is not None
+        if self.alike != record.sheet.alike:
+            return replace(self, alike=record.sheet.alike).group(record, name, images, normals=normals)
         front = self._side(record, record.part("through"), name, images, ("", "through"))
         back = None
         if not record.sheet.alike:
@@ -85,6 +90,8 @@ class SheetBuild:
             chosen = self.stochastic and part == "table"
             aimed = self.lamps is not None
             table = table_groups(record.baked(part), name, images, self.filter, chosen, aimed=aimed)
+            # What it takes to ask how wide lamps are is what four mirrors have not left on Cycles' stack.
+            table = replace(table, most_lamps=ON_SHEET, concentration=table.concentration if self.alike else 0.0)
         envelope = closures_of(record, "envelope", images) if self.mode in ("exact", "balanced") else None
         preview = closures_of(record, "preview_weights", images)
         lamps = self.lamps if table is not None else None

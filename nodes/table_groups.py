@@ -12,6 +12,7 @@ from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
 from ..bake.brdf.samplers import Layout, kind_of_layout
 from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
+from .aimed_light_group import MAX_SLOTS
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .checked_pixels import check_table, concentration_of
 from .data_image import Images
@@ -35,6 +36,7 @@ class TableGroups:
     gloss : by which it is seen sharper or softer, see `bake.sampling.gloss`; None as it is
     through : of a sheet's transmission, mirrored
     concentration : of the sampler, `bake.sampling.concentration`
+    most_lamps : that there is room to aim at
     """
 
     lookup: bpy.types.ShaderNodeTree
@@ -44,6 +46,7 @@ class TableGroups:
     gloss: Any = None
     through: bool = False
     concentration: float = 0.0
+    most_lamps: int = MAX_SLOTS
 
     def draw(self, normal: Any, lamps: bpy.types.Image | None) -> DrawnDirection:
         """A direction from the sampler or, with `density`, towards the lamps of a table."""
@@ -56,6 +59,7 @@ class TableGroups:
             self.gloss,
             self.through,
             self.concentration,
+            self.most_lamps,
         )
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image
 from measured_materials.bake import xp_numpy
 from measured_materials.bake.brdf.bake import bake_source
 from measured_materials.bake.brdf.modes import TABLE_OF
@@ -18,14 +20,17 @@ from measured_materials.bake.lobes.lobe_sampling import sample
 from measured_materials.bake.lobes.lobes import Lobe
 from measured_materials.bake.sampling.concentration import concentration
 from measured_materials.bake.sampling.lamps import ELLIPSE, SPHERE, SUN, Lamp, aim_numpy, aimed_part, lamp_table
+from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.sources import analytic
 from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import trees_below
 from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
+from measured_materials.nodes.shading_map_material import build_shading_map
 from numpy.typing import NDArray
 from support.coarse_bakes import coarse_bakes
 from support.osl import skip_without_osl
+from support.swatches import identity_map, map_bundle
 from test_light_sampling import LAMPS
 
 Array = NDArray[np.float64]
@@ -78,6 +83,18 @@ def test_of_lamps() -> None:
     )
 
 
+def test_viewers_along_and_across_the_brushing_are_asked() -> None:
+    asked: list[Array] = []
+
+    def draw(wo: Array, u: Array) -> tuple[Array, Array]:
+        asked.append(wo)
+        return cosine(wo, u)
+
+    concentration(draw, anisotropic=True)
+    (wo,) = asked
+    assert all((np.abs(wo[..., axis]) < 1e-9).any() for axis in (0, 1)) and len(np.unique(wo[:, 0], axis=0)) == 32
+
+
 def test_an_even_sampler_aims_as_often_as_may_be() -> None:
     assert aimed_part(xp_numpy, aim_numpy(lamp_table([LAMPS["rectangle"]], 4)[0], np.zeros(3)), 0.0) == 1
 
@@ -90,20 +107,35 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
         return read_bundle(bake_source(source, tmp_path_factory.mktemp("glossy") / "glossy", BakeSettings()).path)
 
 
+def told_to_aims(material: bpy.types.Material) -> list[float]:
+    """By the nodes that aim."""
+    nodes = (node for tree in trees_below(material.node_tree) for node in tree.nodes)
+    groups = [node for node in nodes if node.bl_idname == "ShaderNodeGroup" and SLOTS_KEY in (node.node_tree or {})]
+    return [node.inputs["Concentration"].default_value for node in groups if "Concentration" in node.inputs]
+
+
 @pytest.mark.parametrize("mode", ["exact", "reference"])
 def test_materials_tell_it_to_what_aims(bundle: Bundle, mode: str) -> None:
+    """Aimed, sampled with what is aimed at instead, and as OSL; each of its own table."""
     table = BrdfRecord.of(bundle).baked(TABLE_OF[mode])
-    expected = concentration(table.load_sampler().sample)
-    assert expected > 1
-    made = build_material(bundle, mode=mode, lamps=lamp_image())
-    aims = [
-        node.inputs["Concentration"].default_value
-        for tree in trees_below(made.node_tree)
-        for node in tree.nodes
-        if node.bl_idname == "ShaderNodeGroup" and SLOTS_KEY in (node.node_tree or {})
-    ]
-    assert aims == [pytest.approx(expected)]
+    expected = pytest.approx(concentration(table.load_sampler().sample))
+    assert concentration(table.load_sampler().sample) > 1
+    assert told_to_aims(build_material(bundle, mode=mode, lamps=lamp_image())) == [expected]
     skip_without_osl()
+    if mode == "exact":
+        sampling = build_material(bundle, mode=mode, lamps=lamp_image(), lights=lamp_light_image(), scripted=True)
+        assert told_to_aims(sampling) == [expected]
     made = build_osl_material(bundle, mode=mode, lamps=lamp_image())
     scripts = [node for tree in trees_below(made.node_tree) for node in tree.nodes if "Direction" in node.outputs]
-    assert [node.inputs["Concentration"].default_value for node in scripts] == [pytest.approx(expected)]
+    assert [node.inputs["Concentration"].default_value for node in scripts] == [expected]
+
+
+def test_swatches_tell_it(tmp_path: Path) -> None:
+    """Of their lobe."""
+    lobe = Lobe("phong", 100.0, 0.1)
+    expected = pytest.approx(concentration(lambda wo, u: sample(lobe, wo, u[..., :3])))
+    swatch = map_bundle(tmp_path / "swatch", identity_map(), RenderSettings(lobe, sigma=0.5))
+    assert told_to_aims(build_shading_map(swatch, lamps=lamp_image())) == [expected]
+    skip_without_osl()
+    sampling = build_shading_map(swatch, lamps=lamp_image(), lights=lamp_light_image(), scripted=True)
+    assert told_to_aims(sampling) == [expected]

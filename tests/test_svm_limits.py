@@ -33,6 +33,7 @@ from measured_materials.nodes.shading_map_material import build_shading_map
 from support.azimuth import clamped_basis, write_azimuth_bundle
 from support.coarse_bakes import coarse_bakes
 from support.gloss import link_socket
+from support.sheet_scenes import GLAZED, SETTINGS
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with, room_on_stack
 from support.swatches import map_bundle, rough_map
 
@@ -201,6 +202,26 @@ def test_shading_maps_leave_room(paint: Bundle, tmp_path: Path, name: str) -> No
     material = map_material(paint, tmp_path, name)
     assert fits_with(material, ROOM)
     assert closures_in(material) <= CLOSURES // 4
+
+
+@pytest.mark.parametrize("sides, room", [("alike", ROOM), ("differ", 15)])
+def test_aimed_sheets_leave_room(tmp_path: Path, sides: str, room: int) -> None:
+    """Two mirrors of each side, B-splines, as many lamps as a sheet aims at and the world; and Gloss linked.
+
+    Of sides that differ little is left; with four lamps, or two that are asked how wide they are, they were black.
+    """
+    sheet = GLAZED if sides == "alike" else type(GLAZED)((0.3, 0.2, 0.1), (0.1,) * 3, (0.1,) * 3, (0.15,) * 3, 8.0)
+    with coarse_bakes():
+        bundle = read_bundle(bake_source(sheet, tmp_path / sides, replace(SETTINGS, filter="bspline")).path)
+    material = build_material(
+        bundle, mode="balanced", filter="bspline", lamps=lamp_image(), features=True, normals=True, lamp_share=True
+    )
+    aim_at_everything()
+    assert fits_with(material, room)
+    assert closures_in(material) <= CLOSURES // 2
+    inputs = next(node.inputs for node in material.node_tree.nodes if "Gloss" in node.inputs)
+    link_socket(material, inputs["Gloss"], 0.5, 1.5)
+    assert fits_with(material, 3)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from measured_materials.addon.lights.light_tables import lamp_image
+from measured_materials.addon.lights.light_tables import lamp_image, lamp_light_image, update_scene
+from measured_materials.addon.lights.seen_world import surroundings_of
 from measured_materials.bake.bundle.bundle import read_bundle
 from measured_materials.bake.images.storage import Storage
 from measured_materials.bake.lobes.lobes import Lobe
@@ -22,14 +23,18 @@ from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.source import Array
 from measured_materials.nodes import compat
+from measured_materials.nodes.osl_script import use_osl
 from measured_materials.nodes.shading_map_material import build_shading_map
 from support.clean_blend import clean_blend  # noqa: F401
-from support.scenes import add_lamp
+from support.direct_light import environment
+from support.osl import skip_without_osl
+from support.scenes import add_lamp, diffuse_material
 from support.sheet_scenes import (
     BEFORE,
     BEHIND,
     BELOW,
     TURNED,
+    assert_mean,
     assert_shows,
     set_sky,
     sheet_scene,
@@ -39,6 +44,7 @@ from support.sheet_scenes import (
     viewer,
 )
 from test_denoiser_passes import denoiser_input
+from test_sampled_sheets import add_room
 
 LEVELS = np.array([0.1, 0.25, 0.4, 0.6, 0.8, 1.0])
 # Light that is let through reddens as it grows, what is reflected turns blue: neither map is linear in any channel.
@@ -76,7 +82,9 @@ def looks(record: ShadingMapRecord, render: RenderSettings) -> Callable[[Array, 
     return look
 
 
-def truth_under_sky(record: ShadingMapRecord, render: RenderSettings, theta: float) -> Array:
+def truth_under_sky(
+    record: ShadingMapRecord, render: RenderSettings, theta: float, radiance: Callable[[Array], Array] = sky
+) -> Array:
     """Radiance (3,) by quadrature; seen from either side the swatch looks alike."""
     turn = np.ones(3) if theta < 90 else TURNED
     wi, wo = upper_hemisphere(), (viewer(theta) * turn)[None]
@@ -84,7 +92,7 @@ def truth_under_sky(record: ShadingMapRecord, render: RenderSettings, theta: flo
     assert behind is not None
     reflected, through = looks(record, render), looks(behind, render.of_transmission(True))
     cosine = wi[:, 2:]
-    light = reflected(wi, wo) * sky(wi * turn) + through(wi, wo) * sky(wi * BELOW * turn)
+    light = reflected(wi, wo) * radiance(wi * turn) + through(wi, wo) * radiance(wi * BELOW * turn)
     return math.pi * (light / cosine).mean(0)
 
 
@@ -149,6 +157,63 @@ def test_a_lamp_behind_and_before(tmp_path: Path, theta: float, place: tuple[flo
         lamp = add_lamp(scene, "AREA", place, energy=300, size=3.0)
         lamp.visible_camera = True
         assert_shows(scene, truth_by_lamp(record, LAMBERT, theta, lamp), samples=128 if aimed else 384)
+
+
+@pytest.fixture
+def sharp_bounces() -> Iterator[None]:
+    """The scene that Blender starts with would not let any lamp be sampled."""
+    cycles = bpy.context.scene.cycles
+    before, cycles.blur_glossy = cycles.blur_glossy, 0.0
+    yield
+    cycles.blur_glossy = before
+
+
+def by_scripts(record: ShadingMapRecord, **options: Any) -> bpy.types.Material:
+    """One that samples lamps, whose rays are OSL, as in every Blender."""
+    skip_without_osl()
+    options |= {"lamps": lamp_image(), "lights": lamp_light_image(), "scripted": True, "pack": True}
+    return build_shading_map(record, **options)
+
+
+@pytest.mark.parametrize(
+    ("theta", "place", "size", "render"),
+    [
+        (20.0, BEHIND, 3.0, SHEER),
+        (20.0, BEFORE, 1.0, SHEER),
+        pytest.param(75.0, BEHIND, 1.0, LAMBERT, marks=pytest.mark.slow),
+        pytest.param(75.0, BEFORE, 3.0, SHEER, marks=pytest.mark.slow),
+    ],
+)
+def test_a_lamp_on_either_side_is_sampled(
+    tmp_path: Path,
+    sharp_bounces: None,
+    theta: float,
+    place: tuple[float, float, float],
+    size: float,
+    render: RenderSettings,
+) -> None:
+    """Also one that the camera does not see. Of an aimed mirror's noise a seventh is left at most."""
+    record = bake(tmp_path, render)
+    with sheet_scene(by_scripts(record), theta) as scene:
+        use_osl(scene.scene)
+        lamp = add_lamp(scene, "AREA", place, energy=300, size=size)
+        lamp.visible_camera = False
+        assert not update_scene(scene.scene).inexact
+        assert_mean(scene, truth_by_lamp(record, render, theta, lamp), samples=256)
+        assert spread(scene) < 0.1
+
+
+def test_the_world_is_sampled_on_both_sides(tmp_path: Path, sharp_bounces: None) -> None:
+    record = bake(tmp_path, SHEER)
+    with sheet_scene(diffuse_material(), 50.0) as scene:
+        pixels = add_room(scene)
+        around = surroundings_of(update_scene(scene.scene))
+        assert around is not None
+        scene.show(by_scripts(record, surroundings=around))
+        use_osl(scene.scene)
+        update_scene(scene.scene)
+        truth = truth_under_sky(record, SHEER, 50.0, environment(pixels))
+        assert_mean(scene, truth, samples=256, tolerance=5e-3)
 
 
 def test_preview_lets_as_much_through(tmp_path: Path) -> None:

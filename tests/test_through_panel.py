@@ -28,6 +28,7 @@ from measured_materials.bake.shading_maps.against_light import ThroughSettings
 from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.nodes.osl_script import is_scripted
 from measured_materials.nodes.through_closure import PORTAL
+from support.osl import skip_without_osl
 from support.scenes import lit_sphere
 from support.stacks import ELEVATIONS, frame, write_frame, write_stack
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
@@ -74,8 +75,8 @@ def test_a_second_folder_is_imported(felt: Any, stacks: tuple[Path, Path], tmp_p
     assert kept == ThroughSettings(stacks[1], None, TRANSMITTANCE)
     effects = {effect.name: effect for effect in rebuild.effects_of(felt)}
     assert effects["Light through the sheet"].kept
-    assert "aimed at lamps instead" in effects["Lamps sampled in the shader"].why
-    assert not {"sample", "shader"} & set(SHADING_MAP.effective(felt))
+    assert not effects["Lamps sampled in the shader"].kept
+    assert {"sample", "shader"} <= set(SHADING_MAP.effective(felt))
 
 
 def test_a_loaded_bundle_is_baked_again_with_both_folders(
@@ -117,23 +118,23 @@ def test_the_window_offers_a_diffuser(felt: Any) -> None:
     assert kept is not None and kept.diffuser == (1, 2, 3, 4) and kept.transmittance is None
 
 
-def test_what_only_other_swatches_are_offered_is_of_no_matter(felt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was set before stays set, and the scene check asks for no sampling where nodes could."""
-    for name, value in (("sample", "always"), ("shader", "osl")):
-        setattr(felt.measured_quality, name, value)
-        assert not felt.measured_quality.problem and getattr(rebuild.current_choices(felt), name) == value
-    felt.measured_lighting.sigma = 0.5
-    assert not felt.measured_lighting.problem and not is_scripted(felt)
-    felt.measured_quality.sample = "auto"
-    monkeypatch.setattr(aim_targets, "can_raycast", lambda: True)
+def test_lamps_are_sampled_on_both_sides_where_they_can_be(felt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a script in every Blender, as *Shade by OSL* asks for; where nodes can the scene check asks for it."""
+    skip_without_osl()
     with lit_sphere(felt, 16, resolution=8) as scene:
         scene.leave_terminator()
+        felt.measured_quality.shader = "osl"
+        SHADING_MAP.refit(felt, scene.scene)
+        effects = {effect.name: effect for effect in rebuild.effects_of(felt)}
+        assert effects["Lamps sampled in the shader"].kept and is_scripted(felt)
+        assert "Light through the sheet" not in effects and felt.cycles.emission_sampling == "NONE"
+        felt.measured_quality.shader = "nodes"
+        SHADING_MAP.refit(felt, scene.scene)
+        assert not is_scripted(felt)
+        monkeypatch.setattr(aim_targets, "can_raycast", lambda: True)
         update_scene(scene.scene)
-        for shader in ("nodes", "osl"):
-            felt.measured_quality.shader = shader
-            SHADING_MAP.refit(felt, scene.scene)
-            found = check_scene(scene.scene)
-            assert found is not None and "not_sampled" not in {finding.rule for finding in found}
+        found = check_scene(scene.scene)
+        assert found is not None and "not_sampled" in {finding.rule for finding in found}
 
 
 def test_another_transmission_takes_no_bake(felt: Any, tmp_path: Path) -> None:

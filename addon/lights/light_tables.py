@@ -23,6 +23,8 @@ from bpy.app.handlers import persistent
 from ...bake.sampling.lamp_light import LIGHT_TEXELS, lamp_light_table
 from ...bake.sampling.lamps import TEXELS, lamp_table
 from ...nodes.aimed_light_group import INSTEAD_KEY, SLOTS_KEY, aim_by, aimed_light_group, can_switch
+from ...nodes.exchanged_group import exchange_group
+from ...nodes.group import HASH_KEY, content_hash
 from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.light_images import new_table, world_table
 from ...nodes.light_ray import can_raycast
@@ -109,9 +111,13 @@ def make_ready() -> None:
     own = [tree for tree in bpy.data.node_groups if tree.library is None]
     aiming = [node for tree in own for node in tree.nodes if _is_fixed(getattr(node, "node_tree", None))]
     replaced = {node.node_tree for node in aiming}
+    # What nobody has edited stays so.
+    own_content = {tree for tree in {node.id_data for node in aiming} if tree.get(HASH_KEY) == content_hash(tree)}
     for node in aiming:
         tables = [n.image for n in node.node_tree.nodes if _is_table(getattr(n, "image", None))]
-        node.node_tree = aimed_light_group(tables[0] if tables else lamp_image())
+        exchange_group(node.id_data, node, aimed_light_group(tables[0] if tables else lamp_image()))
+    for tree in own_content:
+        tree[HASH_KEY] = content_hash(tree)
     for old in replaced:
         if not old.users and old.library is None:
             bpy.data.node_groups.remove(old)

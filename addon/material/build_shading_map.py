@@ -22,7 +22,7 @@ from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
 from ..lights.seen_world import surroundings_of
-from .choices import AUTO, NODES, OF_MAP, OSL, Choices, choices_of
+from .choices import OF_MAP, OSL, Choices, choices_of
 from .lighting import uses_mode
 from .scene_fit import (
     NO_PASSES,
@@ -43,11 +43,6 @@ from .scene_fit import (
 from .texel_footprint import texel_footprint, texel_scale, units_seen
 from .textures.packed import pack_textures
 
-# Of swatches that let light through, in any scene.
-_AIMED_ONLY = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
-# What the panel does not offer for these, whatever was set before.
-_NOT_OF_THROUGH = {"sample": AUTO, "shader": NODES}
-
 
 def build_map(
     source: Bundle | ShadingMapRecord,
@@ -63,9 +58,8 @@ def build_map(
     The scene is by default the current one, and the material is then prepared for lamps added later. Raises BakeError.
     """
     ready, scene = scene is None, scene or bpy.context.scene
-    report, chosen = surveyed(scene), choices_of(material.measured_quality)
+    report, choices = surveyed(scene), choices_of(material.measured_quality)
     record = ShadingMapRecord.of(source)
-    choices = chosen if record.through is None else replace(chosen, **_NOT_OF_THROUGH)
     stored, layout = record.map, record.map.layout
     per_uv = texels_per_uv(material, layout.width, layout.height)
     footprint = texel_footprint(material, scene, per_uv)
@@ -75,9 +69,9 @@ def build_map(
     effects = [detail, levels]
     if stored.model == "azimuth":
         effects.append(plan_azimuth(settings, layout.tiles))
-    light = plan_map_light(settings, choices, report, ready=ready, through=record.through is not None)
+    light = plan_map_light(settings, choices, report, ready=ready)
     effects += light.effects
-    if record.through is not None and settings.mode != "preview":
+    if record.through is not None and settings.mode != "preview" and not light.sample:
         effects.append(THROUGH)
     passes = asks_for_passes(scene)
     build_lit_map(
@@ -96,7 +90,7 @@ def build_map(
     if passes and settings.mode != "preview":
         why = NO_PASSES if light.scripted else "a view layer asks for them"
         effects.append(Effect("Denoiser's passes", not light.scripted, why))
-    kept = {name: getattr(chosen, name) for name in OF_MAP}
+    kept = {name: getattr(choices, name) for name in OF_MAP}
     scale: dict[str, Any] = {"pixels": texel_scale(scene, per_uv)} if levels.kept else {}
     if reduce > 1 and per_uv is not None:
         scale["joined"] = UNSEEN / reduce
@@ -147,18 +141,10 @@ class MapLight:
     effects: tuple[Effect, ...]
 
 
-def plan_map_light(
-    settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool, through: bool = False
-) -> MapLight:
+def plan_map_light(settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool) -> MapLight:
     """The least that the mode needs, as `scene_fit.plan_brdf` has it.
 
-    Parameters
-    ----------
-    through : the swatch lets light through, and is aimed at lamps instead of sampling them
-
-    Raises
-    ------
-    BakeError : lamps are to be sampled, which would bias the picture here
+    Raises BakeError where lamps are to be sampled, which would bias the picture here.
     """
     script = choices.shader == OSL
     by_nodes = (Effect(OSL_EFFECT, False, NO_RAYS),) if script else ()
@@ -166,7 +152,7 @@ def plan_map_light(
         return MapLight(False, False, False, by_nodes)
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = sampling_for_map(choices, report, through=through)
+        sampling = sampling_for_map(choices, report)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
@@ -177,9 +163,9 @@ def plan_map_light(
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
 
 
-def sampling_for_map(choices: Choices, report: LampReport, *, through: bool) -> Sampling:
-    """What a swatch can sample in a scene of which this is the report; one that lets light `through`, nothing."""
-    return _AIMED_ONLY if through else sampling_of(report, scripted=choices.shader == OSL, gain=GAIN_OF_SWATCH)
+def sampling_for_map(choices: Choices, report: LampReport) -> Sampling:
+    """What a swatch can sample in a scene of which this is the report."""
+    return sampling_of(report, scripted=choices.shader == OSL, gain=GAIN_OF_SWATCH)
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

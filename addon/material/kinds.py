@@ -229,7 +229,7 @@ class _ShadingMap(Kind):
     def effective(self, material: bpy.types.Material) -> tuple[str, ...]:
         if not uses_mode(material.measured_lighting.technique):
             return ("aim", "detail")
-        traced = material.measured_quality.mode in ("exact", "balanced") and not lets_light_through(material)
+        traced = material.measured_quality.mode in ("exact", "balanced")
         sampled = ("sample", "shader") if traced else ()
         return ("mode", "aim", *sampled, "detail")
 

@@ -271,6 +271,21 @@ def swatch_on_a_ball(scene: bpy.types.Scene) -> Dress:
     return on(ball(scene), name="swatch")
 
 
+def against_the_light(scene: bpy.types.Scene) -> Dress:
+    """A swatch that lets light through, leant, between a lamp behind it, half hidden by a card, and one before it."""
+    behind = Vector((0.8, -0.6, -2.6))
+    add_lamp(
+        scene, "AREA", behind, energy=80, size=0.6
+    ).visible_camera = True  # for the mirror, whose rays it hides from
+    plane(scene, 0.5, 0.5 * behind + Vector((0.2, 0.1, 0)), behind)
+    add_lamp(scene, "POINT", energy=40, shadow_soft_size=0.3)
+    sky(scene, 0.06)
+    curtain = plane(scene, 2.0, (0, 0, 0), (0.3, 0.2, 1))
+    curtain.data.uv_layers.new()
+    curtain.visible_camera = True
+    return on(curtain, name="swatch")
+
+
 _AREA = {"energy": 80, "size": 0.3}
 CASES = {
     "point": Case(lit_by("POINT", energy=60, shadow_soft_size=0.3)),
@@ -292,6 +307,8 @@ CASES = {
     "swatch": Case(swatch_on_a_ball, swatch="swatch_none"),
     "swatch over azimuth": Case(swatch_on_a_ball, swatch="swatch_azimuth", samples=128),
     "swatch, measured": Case(swatch_on_a_ball, swatch="swatch_measured"),
+    "swatch against the light": Case(against_the_light, swatch="swatch_none_through", samples=128),
+    "swatch against the light, measured": Case(against_the_light, swatch="swatch_measured_through", samples=128),
 }
 
 

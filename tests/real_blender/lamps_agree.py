@@ -12,6 +12,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +46,8 @@ def prepare(share: Path) -> None:
 
 
 def swatches(share: Path) -> None:
-    """A rough canvas lit beyond its brightest photograph, in each model, one over azimuth of the most curves, and one
-    whose f_r is measured."""
+    """A rough canvas lit beyond its brightest photograph, in each model, one over azimuth of the most curves, one whose
+    f_r is measured, and those that may let light through too."""
     render = RenderSettings(Lobe("ggx", 0.4), sigma=0.8, above="scale", a_max=0.3)
     for compression in ("none", "power", "basis"):
         map_bundle(share / f"swatch_{compression}", rough_map(), render, compression=compression)
@@ -61,6 +62,13 @@ def swatches(share: Path) -> None:
         slices=6, storage=Storage.FLOAT32, brdf=measured.path, render=RenderSettings(None, sigma=1.3)
     )
     bake_stack(stack, share / "swatch_measured", settings)
+    # What they let through glitters too, so that both maps need a mirror.
+    lit = replace(render, transmission=Lobe("phong", 12.0, 0.4), transmission_sigma=0.4)
+    for compression in ("none", "power", "basis"):
+        settings = ArcSettings(slices=6, storage=Storage.FLOAT32, compression=compression, render=lit)
+        bake_stack(stack, share / f"swatch_{compression}_through", settings, through=stack)
+    settings = replace(settings, compression="none", brdf=measured.path, render=replace(lit, lobe=None, a_max=None))
+    bake_stack(stack, share / "swatch_measured_through", settings, through=stack)
 
 
 def case_names() -> list[str]:
