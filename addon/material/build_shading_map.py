@@ -45,8 +45,6 @@ from .textures.packed import pack_textures
 
 # Of swatches that let light through, in any scene.
 _AIMED_ONLY = Sampling(impossible="a swatch that lets light through is aimed at lamps instead")
-# What the panel does not offer for these, whatever was set before.
-_NOT_OF_THROUGH = {"sample": AUTO, "shader": NODES}
 
 
 def build_map(
@@ -65,7 +63,8 @@ def build_map(
     ready, scene = scene is None, scene or bpy.context.scene
     report, chosen = surveyed(scene), choices_of(material.measured_quality)
     record = ShadingMapRecord.of(source)
-    choices = chosen if record.through is None else replace(chosen, **_NOT_OF_THROUGH)
+    # What the panel does not offer for light through counts as never set.
+    choices = chosen if record.through is None else replace(chosen, sample=AUTO, shader=NODES)
     stored, layout = record.map, record.map.layout
     per_uv = texels_per_uv(material, layout.width, layout.height)
     footprint = texel_footprint(material, scene, per_uv)
