@@ -283,10 +283,11 @@ def world_draw_group(world: bpy.types.Image) -> bpy.types.ShaderNodeTree:
     """(two random numbers, that which has decided to aim, the share of draws to aim) to a direction."""
 
     def build(u1: Any, u2: Any, u_aim: Any, share: Any) -> Any:
-        at, cell, place = choose_cell(expr, *world.size, u1, u2)
+        columns, rows = world.size
+        at, cell, place = choose_cell(expr, columns, rows, u1, u2)
         alias, acceptance = world_texel(world, at)
         # Below the share u_aim is even from 0 to it: it may decide about the alias too.
-        return draw_in_world(expr, *world.size, cell, alias, u_aim < share * acceptance, place)
+        return draw_in_world(expr, columns, rows, cell, alias, u_aim < share * acceptance, place)
 
     inputs = dict.fromkeys(("Random 1", "Random 2", "Random Aim", "Share"), "float")
     return node_group("MM Draw Towards World", inputs, {"wi": "vector"}, build, switched=_SWITCHED)

@@ -53,11 +53,12 @@ class BrdfParts:
 
     def placed(self, gloss: Any, tangent: Any = None) -> BrdfParts:
         """The same parts under a gloss, and in the frame of this tangent, in world space."""
-        table, envelope, preview = (
-            None if part is None else replace(part, gloss=gloss, tangent=tangent)
-            for part in (self.table, self.envelope, self.preview)
+        return replace(
+            self,
+            table=None if self.table is None else replace(self.table, gloss=gloss, tangent=tangent),
+            envelope=None if self.envelope is None else replace(self.envelope, gloss=gloss, tangent=tangent),
+            preview=None if self.preview is None else replace(self.preview, gloss=gloss, tangent=tangent),
         )
-        return replace(self, table=table, envelope=envelope, preview=preview)
 
     def traced(self, normal: Any, adjustments: Adjustments) -> Any:
         """Closure that is as good as the table."""

@@ -19,8 +19,7 @@ def exchange_group(tree: bpy.types.NodeTree, node: bpy.types.Node, group: bpy.ty
     numbers.
     """
     before = [socket.name for socket in node.inputs]
-    kept = {s.name: (getattr(s, "default_value", None), [k.from_socket for k in s.links]) for s in node.inputs}
-    kept = {name: (tuple(v) if hasattr(v, "__len__") else v, links) for name, (v, links) in kept.items()}
+    kept = {s.name: (_kept_value(s), [k.from_socket for k in s.links]) for s in node.inputs}
     targets = [(s.name, [k.to_socket for k in s.links]) for s in node.outputs]
     # By itself Blender would give links and values to whatever stands in the new group where they stood in the old one.
     for link in [link for socket in (*node.inputs, *node.outputs) for link in socket.links]:
@@ -43,6 +42,12 @@ def exchange_group(tree: bpy.types.NodeTree, node: bpy.types.Node, group: bpy.ty
 
 def _is_input(item: Any) -> bool:
     return item.item_type == "SOCKET" and item.in_out == "INPUT"
+
+
+def _kept_value(socket: Any) -> Any:
+    """An input's value, a copy where it is several numbers; None of a shader."""
+    value: Any = getattr(socket, "default_value", None)
+    return tuple(value) if hasattr(value, "__len__") else value
 
 
 def _fitted(value: Any, socket: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from . import expr
@@ -10,7 +10,7 @@ from .drawn_direction import DrawnDirection
 from .native_closure import add_closures, choose_closure
 
 
-def one_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[Any], Any]]) -> Any:
+def one_of(drawn: Sequence[tuple[DrawnDirection, Any, Any]], native: Sequence[Callable[[Any], Any]]) -> Any:
     """One of the mirrors, each with its probability, or else all native closures."""
     if not drawn:
         return add_closures([closure(1.0) for closure in native])
@@ -27,7 +27,7 @@ def one_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[
     return chosen
 
 
-def all_of(drawn: list[tuple[DrawnDirection, Any, Any]], native: list[Callable[[Any], Any]]) -> Any:
+def all_of(drawn: Sequence[tuple[DrawnDirection, Any, Any]], native: Sequence[Callable[[Any], Any]]) -> Any:
     """All mirrors, each drawn with probability 1, and all native closures, between which Cycles chooses.
 
     It does so by numbers that are spread more evenly than White Noise, for the time of all mirrors. That pays where

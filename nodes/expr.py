@@ -109,6 +109,8 @@ class Vector:
 
 
 Value = Any  # Scalar | Vector | float
+# What a node's inputs are fed, by name or by place. A mapping's keys are invariant: one of names is none of both kinds.
+Inputs = Mapping[str, Value] | Mapping[int, Value] | Mapping[int | str, Value]
 
 
 def _is(value: Value, number: float) -> bool:
@@ -136,7 +138,7 @@ def feed(tree: Any, socket: Any, value: Value) -> None:
         socket.default_value = value
 
 
-def node(kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Value]) -> Any:
+def node(kind: str, properties: Mapping[str, Any], inputs: Inputs) -> Any:
     """A node of this bl_idname with properties set and inputs fed; an equal one is made only once."""
     builder = _stack[-1]
     settings = sorted(properties.items(), key=itemgetter(0)) if len(properties) > 1 else properties.items()
@@ -149,7 +151,7 @@ def node(kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Va
     return builder.made[key]
 
 
-def _made(tree: Any, kind: str, properties: Mapping[str, Any], inputs: Mapping[int | str, Value]) -> Any:
+def _made(tree: Any, kind: str, properties: Mapping[str, Any], inputs: Inputs) -> Any:
     made = tree.nodes.new(kind)
     for name, value in properties.items():
         setattr(made, name, value)
@@ -282,7 +284,8 @@ def components(v: Vector) -> tuple[Any, Any, Any]:
 
 def scale(v: Vector, factor: Value) -> Vector:
     """Vector times scalar."""
-    made = node("ShaderNodeVectorMath", {"operation": "SCALE"}, {0: v, "Scale": factor})
+    inputs: dict[int | str, Value] = {0: v, "Scale": factor}
+    made = node("ShaderNodeVectorMath", {"operation": "SCALE"}, inputs)
     return Vector(made.outputs["Vector"])
 
 

@@ -62,5 +62,5 @@ def _set_constant(socket: Any, value: Any) -> None:
         return
     # Colour sockets have an alpha.
     wanted = (*value[1:], 1.0) if socket.type == "RGBA" else value[1:]
-    if tuple(socket.default_value) != tuple(map(float, np.float32(wanted))):
+    if tuple(socket.default_value) != tuple(np.array(wanted, np.float32).tolist()):
         socket.default_value = wanted

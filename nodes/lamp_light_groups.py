@@ -189,7 +189,10 @@ def light_met_group(tables: LightTables) -> bpy.types.ShaderNodeTree:
             light.append(call(_world_light_group(tables), *lit))
             rays.append(call(lit_group(_around(tables).table))[-1])
         total = sum(light[1:], start=light[0])
-        clear, distance = light_ray(position, wi, ENDLESS, tables.scripted) if world else (None, None)
+        clear: Any = None
+        distance: Any = None
+        if world:  # without one each lamp has a ray of its own
+            clear, distance = light_ray(position, wi, ENDLESS, tables.scripted)
         leaves = _leaves(wi, lit[0] if tables.sheet else None) if world or tables.sheet else 1.0
         out: Any = 0.0
         every: list[Any] = []

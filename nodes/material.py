@@ -8,6 +8,7 @@ from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import Bundle
 from ..bake.errors import BakeError
+from ..bake.tables.table import Filter
 from .brdf_group import BrdfParts, brdf_group
 from .checked_pixels import check_shares
 from .data_image import Images, bundle_images
@@ -25,7 +26,7 @@ def build_material(
     source: Bundle | BrdfRecord,
     material: bpy.types.Material | None = None,
     *,
-    filter: str | None = None,
+    filter: Filter | None = None,
     stochastic: bool = True,
     images: Images | None = None,
     pack: bool = False,

@@ -182,7 +182,8 @@ def _fresh_tree(tree: bpy.types.ShaderNodeTree, albedo: Colour | None) -> bpy.ty
 
 def remove_unused(group: bpy.types.ShaderNodeTree) -> None:
     """Remove a group that nothing uses, and with it the groups and textures that only it used."""
-    pending, images = {group.session_uid: group}, {}
+    pending = {group.session_uid: group}
+    images: dict[int, bpy.types.Image] = {}
     while pending:
         _, tree = pending.popitem()
         if tree.users:

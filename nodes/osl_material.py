@@ -18,6 +18,7 @@ from ..bake.brdf.modes import MODES
 from ..bake.brdf.record import BrdfRecord
 from ..bake.bundle.bundle import MATERIAL, Bundle
 from ..bake.errors import BakeError
+from ..bake.tables.table import Filter
 from . import expr
 from .adjustments import LIMITS, NEUTRAL
 from .brdf_group import brdf_inputs
@@ -45,7 +46,7 @@ def build_osl_material(
     lights: bpy.types.Image | None = None,
     surroundings: Surroundings | None = None,
     points: int = 1,
-    filter: str | None = None,
+    filter: Filter | None = None,
     stochastic: bool = True,
     files: Files | None = None,
     images: Images | None = None,
@@ -125,7 +126,7 @@ def _shader(constants: dict[str, Any], lights: Lights | None) -> Callable[[dict[
 
 
 def shader_constants(
-    record: BrdfRecord, mode: str, filter: str | None = None, stochastic: bool = True, files: Files | None = None
+    record: BrdfRecord, mode: str, filter: Filter | None = None, stochastic: bool = True, files: Files | None = None
 ) -> dict[str, Any]:
     """Parameters of the shader that describe the bundle, its pixels read and checked. Raises BakeError."""
     files = files or record.files().image_path

@@ -13,7 +13,7 @@ from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
 from ..bake.envelope.viewers import ViewerGrid
 from ..bake.errors import BakeError
-from ..bake.tables.table import FILTERS
+from ..bake.tables.table import FILTERS, Filter
 from .checked_pixels import check_table, concentration_of
 from .osl_parameters import cell_constants, grid_constants, share_constants, texel_constants, texture_file
 
@@ -28,7 +28,7 @@ Files = Callable[[str], Path]
 def part_constants(
     record: BrdfRecord,
     mode: str,
-    filter: str | None,
+    filter: Filter | None,
     stochastic: bool,
     files: Files,
     *,
@@ -58,7 +58,7 @@ def part_constants(
 
 
 def table_constants(
-    table: BakedTable, filter: str | None = None, stochastic: bool = True, files: Files | None = None
+    table: BakedTable, filter: Filter | None = None, stochastic: bool = True, files: Files | None = None
 ) -> dict[str, Any]:
     """Those of `measured_lookup.osl`. Raises BakeError."""
     table.bundle.load(table.part)

@@ -9,6 +9,7 @@ import bpy
 
 from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart
+from ..bake.tables.table import Filter
 from .data_image import of_part
 from .osl_aim import Lights, aimed_inputs
 from .osl_parts import PREFIXES, Files, part_constants
@@ -20,7 +21,7 @@ SHADER, SIDES = "measured_sheet.osl", "measured_sides.osl"
 
 
 def sheet_shader(
-    record: BrdfRecord, mode: str, filter: str | None, files: Files | None, lights: Lights | None
+    record: BrdfRecord, mode: str, filter: Filter | None, files: Files | None, lights: Lights | None
 ) -> Callable[[dict[str, Any]], Any]:
     """What makes the sheet's closure, of the sockets of its group and what else both sides share. Raises BakeError.
 
@@ -63,7 +64,7 @@ def _side(
     reflected: BrdfRecord | None,
     through: BrdfRecord | None,
     mode: str,
-    filter: str | None,
+    filter: Filter | None,
     files: Files,
     names: tuple[SheetPart | str, SheetPart],
 ) -> dict[str, Any]:

@@ -70,23 +70,19 @@ def shading_map_group(
             closure = builders.get(technique, _in_mode)(groups, lighting, normal, adjustments, place)
         else:
             closure = _both_in_mode(groups, lighting, transmitted, normal, adjustments, place)
-        behind: list[Any] = []
-        if transmitted is not None:
-            behind = [transmitted.groups, transmitted.lighting]
-            if technique in builders:
-                closure = add_closures([closure, _preview(*behind, normal, adjustments, place)])
+        behind = None if transmitted is None else (transmitted.groups, transmitted.lighting)
+        if behind is not None and technique in builders:
+            closure = add_closures([closure, _preview(*behind, normal, adjustments, place)])
         if not lighting.preview:
             roughness = MATTE if lighting.measured else (roughness_of(lighting.lobe) or MATTE)
             closure = with_marker(closure, normal, roughness, always=lighting.normals)
             if lighting.features:
                 albedo = lighting.measured.albedo if lighting.measured else 1.0
                 texture = expr.scale(_texture(groups, lighting, adjustments, place), albedo)
-                if behind:
+                if behind is not None:
                     texture = texture + _texture(*behind, adjustments, place)
                 write_features(normal, clamped(texture))
-        shown = [(groups, lighting)]
-        if transmitted is not None:
-            shown.append((transmitted.groups, transmitted.lighting))
+        shown = [(groups, lighting)] if behind is None else [(groups, lighting), behind]
         seen = [_viewport(*side, normal, adjustments, place, named["Light Level"]) for side in shown]
         return closure, add_closures(seen)
 

@@ -93,8 +93,8 @@ def build_shading_map(
     tables = None
     if lamps is not None and lights is not None:
         tables = LightTables(lamps, lights, surroundings, scripted, sheet=behind is not None)
-    asked = {"lamps": lamps, "lights": tables, "features": features, "normals": normals}
-    lighting = replace(lighting_of(record, settings), **asked)
+    lighting = lighting_of(record, settings)
+    lighting = replace(lighting, lamps=lamps, lights=tables, features=features, normals=normals)
 
     def make(name: str) -> bpy.types.ShaderNodeTree:
         textures = images or bundle_images(record.files(), name, pack=pack)
@@ -199,7 +199,7 @@ def _reduced(record: ShadingMapRecord, images: SliceImages, name: str, factor: i
     told = {part: f"{record.images[part].sha256} in {facts.layout} / {factor}" for part in sources}
     made = {part: made_image(told[part], half=half) for part, half in sources.items()}
     if None in made.values():
-        pixels = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
+        *pixels, _ = reduced_slices(bundle.load(facts.image), bundle.load("envelope"), facts.layout, factor)
         for (part, half), values in zip(sources.items(), pixels):
             made[part] = made[part] or new_data_image(
                 f"{name} {part} / {factor}", values, half=half, made_of=told[part]

@@ -10,6 +10,7 @@ import numpy as np
 from ..bake.brdf.modes import TABLE_OF
 from ..bake.brdf.record import BrdfRecord
 from ..bake.source import SheetPart, luminance
+from ..bake.tables.table import Filter
 from .aimed_light_group import ON_SHEET
 from .brdf_group import BrdfParts
 from .checked_pixels import check_closures, check_shares
@@ -33,7 +34,7 @@ class SheetBuild:
     """
 
     mode: str
-    filter: str | None
+    filter: Filter | None
     stochastic: bool
     residual: bool
     lamps: bpy.types.Image | None
@@ -115,10 +116,12 @@ def white_sky(record: BrdfRecord) -> float:
 
 def _through(parts: BrdfParts) -> BrdfParts:
     """The same for light from the far side."""
-    table, envelope, preview = (
-        None if part is None else replace(part, through=True) for part in (parts.table, parts.envelope, parts.preview)
+    return replace(
+        parts,
+        table=None if parts.table is None else replace(parts.table, through=True),
+        envelope=None if parts.envelope is None else replace(parts.envelope, through=True),
+        preview=None if parts.preview is None else replace(parts.preview, through=True),
     )
-    return replace(parts, table=table, envelope=envelope, preview=preview)
 
 
 def closures_of(record: BrdfRecord, part: str, images: Images) -> WeightedClosures:

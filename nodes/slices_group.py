@@ -120,7 +120,7 @@ def inside(uv: Any, layout: SliceLayout, tiling: str) -> tuple[Any, Any]:
         # Across, the image repeats by itself; a fraction taken here would show as a line in real-time viewports.
         return u, v - expr.floor(v)
     half_u, half_v = 0.5 / layout.width, 0.5 / layout.height
-    return tuple(expr.minimum(expr.maximum(c, half), 1 - half) for c, half in ((u, half_u), (v, half_v)))  # type: ignore[return-value]
+    return tuple(expr.minimum(expr.maximum(c, half), 1 - half) for c, half in ((u, half_u), (v, half_v)))
 
 
 def tapper(images: SliceImages, u: Any, v: Any, interpolation: str) -> Tap:

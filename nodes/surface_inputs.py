@@ -94,7 +94,8 @@ def _frame_for(tree: bpy.types.NodeTree, node: bpy.types.Node, source: bpy.types
 
 def _readers(frame: bpy.types.Node) -> set[bpy.types.Node]:
     """Nodes that are given what a frame finds, past reroutes."""
-    pending, found = [*frame.outputs], set()
+    pending = [*frame.outputs]
+    found: set[bpy.types.Node] = set()
     while pending and len(found) < _MOST_REROUTES:
         for reader in (link.to_node for link in pending.pop().links):
             if reader not in found and reader.bl_idname == "NodeReroute":

@@ -12,6 +12,7 @@ from ..bake.brdf.baked_table import BakedTable
 from ..bake.brdf.grids import is_anisotropic
 from ..bake.brdf.samplers import Layout, kind_of_layout
 from ..bake.tables.grids.anisotropic_grids import AnisotropicNormalGrid
+from ..bake.tables.table import Filter
 from .aimed_light_group import MAX_SLOTS
 from .alias_sampler_group import alias_pdf_group, alias_sampler_group
 from .checked_pixels import check_table, concentration_of
@@ -64,7 +65,7 @@ class TableGroups:
 
 
 def table_groups(
-    table: BakedTable, name: str, images: Images, filter: str | None, stochastic: bool, *, aimed: bool
+    table: BakedTable, name: str, images: Images, filter: Filter | None, stochastic: bool, *, aimed: bool
 ) -> TableGroups:
     """Groups of a table, of its textures; of an anisotropic one without a tangent yet. Raises BakeError.
 

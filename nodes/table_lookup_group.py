@@ -15,12 +15,12 @@ import bpy
 from ..bake.tables.atlas import AtlasLayout, atlas_uv
 from ..bake.tables.grids.grid import Grid, IsotropicGrid
 from ..bake.tables.log_codes import LogCodes
-from ..bake.tables.table import bspline_weights
+from ..bake.tables.table import Filter, bspline_weights
 from . import expr
 from .group import call, node_group
 
 # Blender's "Cubic" is the uniform B-spline, in two dimensions; the slice axes are ours.
-_INTERPOLATION = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
+_INTERPOLATION: dict[Filter, str] = {"nearest": "Closest", "trilinear": "Linear", "bspline": "Cubic"}
 
 
 def coordinates_group(grid: IsotropicGrid) -> bpy.types.ShaderNodeTree:
@@ -37,7 +37,7 @@ def table_lookup_group(
     name: str,
     image: bpy.types.Image,
     grid: Grid,
-    filter: str,
+    filter: Filter,
     scale: float = 1.0,
     stochastic: bool = False,
     offset: float = 0.0,
@@ -105,7 +105,7 @@ def _slice_index(grid: Grid, slices: Sequence[Any]) -> Any:
     return azimuth * (grid.shape[1] + 1) + polar
 
 
-def _across_slices(tap: Callable[..., Any], position: tuple[Any, ...], last: int, filter: str, random: Any) -> Any:
+def _across_slices(tap: Callable[..., Any], position: tuple[Any, ...], last: int, filter: Filter, random: Any) -> Any:
     """Reconstruct along the axes that choose slices: blend the filter's taps, or choose one by `random`.
 
     `last` is the last whole index of the last of these axes; an azimuth before it goes round.
@@ -141,7 +141,7 @@ def _held(index: Any, step: int, last: int) -> Any:
     return expr.minimum(index, float(last)) if step > 1 else index
 
 
-def _weights(t: Any, filter: str) -> tuple[Any, ...]:
+def _weights(t: Any, filter: Filter) -> tuple[Any, ...]:
     return (1 - t, t) if filter == "trilinear" else bspline_weights(expr, t)
 
 

@@ -137,7 +137,8 @@ def survey(*depsgraphs: bpy.types.Depsgraph, for_render: bool = False) -> LampRe
     left_out += [f"{name}: only the {CAPACITY} strongest are aimed at" for name, _, _ in named[CAPACITY:]]
     world = world_survey.world_light(depsgraphs[0].scene.world)
     sky = rest + (world.structure.background if world.aimed and world.structure else world.irradiance)
-    lamps, lights = ([entry[k] for entry in named[:CAPACITY]] for k in (1, 2))
+    lamps = [lamp for _, lamp, _ in named[:CAPACITY]]
+    lights = [light for _, _, light in named[:CAPACITY]]
     inexact += [f"{obj.name}: {reason}" for obj in to_come if (reason := why_not_exact(obj, obj.matrix_world))]
     volume = volume_in_file()
     everywhere = why_not_in(depsgraphs[0].scene, volume)
@@ -338,7 +339,8 @@ def _colour(data: Any) -> NDArray[np.float64]:
 
 def _lit_place(depsgraphs: Iterable[bpy.types.Depsgraph]) -> Vector:
     """Middle of the objects with measured materials, else of all that is solid."""
-    chosen, others = [], []
+    chosen: list[Vector] = []
+    others: list[Vector] = []
     known: dict[bpy.types.Material, bool] = {}
     for obj in (obj for depsgraph in depsgraphs for obj in depsgraph.objects):
         if obj.type in {"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT"}:

@@ -276,7 +276,11 @@ def _plain_background(surface: bpy.types.NodeSocket) -> float | None:
 def _picture(surface: bpy.types.NodeSocket) -> _Picture | None:
     """A world that is one equirectangular image, turned and scaled; None for all others."""
     found = _background(surface)
-    texture = _source(found[0]).node if found and _source(found[0]) else None
+    if found is None:
+        return None
+    colour, strength = found
+    source = _source(colour)
+    texture = None if source is None else source.node
     if texture is None or texture.bl_idname != "ShaderNodeTexEnvironment" or texture.mute:
         return None
     image, mapping, colours = texture.image, texture.texture_mapping, texture.color_mapping
@@ -294,8 +298,8 @@ def _picture(surface: bpy.types.NodeSocket) -> _Picture | None:
     changed = file.stat().st_mtime_ns if file and file.is_file() else 0
     about = (image.name_full, image.session_uid, str(file), changed, size, image.colorspace_settings.name)
     key = json.dumps([*about, [[round(x, 6) for x in row] for row in matrix]])
-    seen = WorldPicture(image.session_uid, texture.interpolation, tuple(map(tuple, matrix)), found[1])
-    return _Picture(key, lambda: _radiance(image), matrix.transposed(), found[1], seen)
+    seen = WorldPicture(image.session_uid, texture.interpolation, tuple(map(tuple, matrix)), strength)
+    return _Picture(key, lambda: _radiance(image), matrix.transposed(), strength, seen)
 
 
 def _to_picture(vector: bpy.types.NodeSocket | None) -> Matrix | None:
@@ -340,8 +344,10 @@ def _luminance(colour: Any) -> float:
 
 def _guess(world: bpy.types.World) -> float:
     """Luminance of all backgrounds together; what is not plain is taken for middle grey."""
+    tree = _tree(world)
+    assert tree is not None  # its surface was found there
     total = 0.0
-    for node in _tree(world).nodes:
+    for node in tree.nodes:
         if node.bl_idname == "ShaderNodeBackground":
             colour, strength = node.inputs["Color"], node.inputs["Strength"]
             grey = 0.5 if colour.is_linked else _luminance(colour.default_value)

@@ -155,4 +155,6 @@ def _brightened(record: BrdfRecord | None, mode: str) -> tuple[tuple[float, Rows
 
 def choices_from(known: Mapping[str, str]) -> Choices:
     """The choices that `account_of` kept, as far as a record's `rendering` holds them."""
-    return Choices(**{name: known[name] for name in NAMES if name in known})
+    # Any: that these texts are choices only whoever wrote them knows.
+    kept: dict[str, Any] = {name: known[name] for name in NAMES if name in known}
+    return Choices(**kept)

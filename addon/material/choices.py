@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Final, Literal
 
-AUTO, ALWAYS, NEVER = "auto", "always", "never"
+from ...bake.tables.table import Filter
+
+AUTO: Final = "auto"
+ALWAYS, NEVER = "always", "never"
 NODES, OSL = "nodes", "osl"
 
 
@@ -27,7 +30,7 @@ class Choices:
     aim: str = AUTO
     sample: str = AUTO
     residual: str = AUTO
-    filter: str = AUTO
+    filter: Filter | Literal["auto"] = AUTO
     detail: str = AUTO
     shader: str = NODES
 

@@ -18,7 +18,7 @@ from ...bake.shading_maps.reduced_map import SMALLEST, UNSEEN, detail_layout
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.slice_atlas import SliceLayout
 from ...bake.tables.grids.patch_grid import PatchGrid
-from ...bake.tables.table import FILTERS
+from ...bake.tables.table import FILTERS, Filter
 from ..lights.aim_targets import UNKNOWN, Sampling
 from .choices import ALWAYS, AUTO, NEVER, OSL, Choices
 from .texel_footprint import Footprint
@@ -65,7 +65,7 @@ class BrdfPlan:
     that a script tells which lamps are seen."""
 
     mode: str
-    filter: str | None
+    filter: Filter | None
     residual: bool
     aim: bool
     features: bool
@@ -108,7 +108,7 @@ def plan_brdf(
     if choices.mode == "preview":
         account = Effect("Mirror", False, "mode Preview: Cycles' own shaders fitted to the measurement, biased")
         return BrdfPlan("preview", record.table.filter, False, False, False, (account, *_language(choices, False)))
-    filter: str | None = record.table.filter
+    filter: Filter | None = record.table.filter
     residual = True
     effects: list[Effect] = []
     if choices.mode != "reference":
@@ -239,7 +239,7 @@ def plan_residual(record: BrdfRecord, choices: Choices) -> Effect:
     return Effect(name, True, carried)
 
 
-def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[str | None, Effect]:
+def plan_filter(record: BrdfRecord, choices: Choices) -> tuple[Filter | None, Effect]:
     """The simplest filter whose measured error is about that of the one the table was baked for: of a sheet, in each of
     its tables; None for each as it was baked.
 

@@ -21,7 +21,7 @@ from .log_codes import LogCodes
 from .padding import GUTTER, pad_slices
 
 Filter = Literal["nearest", "trilinear", "bspline"]
-FILTERS: tuple[str, ...] = get_args(Filter)
+FILTERS: tuple[Filter, ...] = get_args(Filter)
 
 _CHUNK = 1 << 17
 

@@ -114,6 +114,10 @@ class Grid(Protocol):
 class IsotropicGrid(ABC):
     """What the grids of isotropic materials share, of axes [slice, row, azimuth]; a base of frozen dataclasses."""
 
+    # As in `Grid`, but not as properties, which the dataclasses would take for defaults of their fields.
+    basis: ClassVar[str]
+    parameterization: str
+
     @abstractmethod
     def unit_coordinates(self, xp: Any, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
         """Coordinates of slices, rows and columns in [0, 1], in numpy or nodes."""
