@@ -36,7 +36,7 @@ _BESIDE = 0.05
 # Part of an extended lamp stands higher, or faces more, than its middle.
 _LEAST_COSINE = 0.05
 # Of the largest share, how often a lamp is aimed at that is far wider than the sampler's lobes; and how many times as
-# wide as these it is halfway to there (`./run bench softbox`).
+# wide as these it is halfway to there (what both are worth: `./run bench softbox`).
 _LEAST_AIMED, _LOBES_ACROSS = 0.5, 10.0
 
 

@@ -8,8 +8,10 @@ LIGHT = (
         "softbox",
         "under lamps of edge 0.1, 0.3, 1 and 2.5 at a distance of 2, noise was {0.1, noise, median|1}, "
         "{0.3, noise, median|1}, {1, noise, median|1} and {2.5, noise, median|1} times as large before in the median, "
-        "and {0.1, noise, most|1}, {0.3, noise, most|1}, {1, noise, most|1} and {2.5, noise, most|1} times at most "
-        "(`./run bench softbox`)",
+        "{0.1, noise, most|1}, {0.3, noise, most|1}, {1, noise, most|1} and {2.5, noise, most|1} times at most and "
+        "{0.1, noise, least|2}, {0.3, noise, least|2}, {1, noise, least|2} and {2.5, noise, least|2} times at least; "
+        "each pixel's in parts of its own brightness {0.1, by pixel, median|2}, {0.3, by pixel, median|2}, "
+        "{1, by pixel, median|2} and {2.5, by pixel, median|2} times in the median (`./run bench softbox`)",
         "addon/docs/method.md",
     ),
     (
