@@ -86,6 +86,7 @@ class Lighting:
     normals : a view layer shows the Normal pass, which mirrors would spoil
     lights : tables of lamps and of what they emit, where the shader is to sample them; used with `lamps` only
     through : of light from the far side, whose direction is mirrored in the swatch
+    concentrated : how often lamps are aimed at may follow how wide they are
     """
 
     settings: RenderSettings
@@ -99,6 +100,7 @@ class Lighting:
     normals: bool = False
     lights: LightTables | None = None
     through: bool = False
+    concentrated: bool = True
 
     @property
     def gain(self) -> float:
@@ -135,7 +137,9 @@ class Lighting:
 
     @property
     def concentration(self) -> float:
-        """Of what `sample` draws by, `bake.sampling.concentration`."""
+        """Of what `sample` draws by, `bake.sampling.concentration`; 0 where nothing may follow it."""
+        if not self.concentrated:
+            return 0.0
         if self.measured is not None:
             return self.measured.table.concentration
         return concentration(lambda wo, numbers: sample(self.lobe, wo, numbers[..., :3]))

@@ -141,15 +141,26 @@ def _group(
         table = table_groups(record.baked_lobe(), name, textures, None, False, aimed=lighting.lamps is not None)
         measured = MeasuredLobe(table, _f_r_albedo(record))
         lighting = replace(lighting, measured=measured)
+    if behind is not None and lighting.lights is None:
+        # Two mirrors that aim at four lamps leave no room on Cycles' stack for asking how wide these are.
+        lighting = _not_concentrated(lighting)
     front = _map_groups(record, lighting, name, textures, reduce, texels)
     transmitted = None
     if behind is not None:
         lit = lighting_of(behind, settings.of_transmission(behind.map.a_max is not None))
         lit = replace(lit, lamps=lighting.lamps, lights=lighting.lights, through=True)
+        lit = replace(lit, concentrated=lighting.concentrated)
         groups = _map_groups(behind, lit, f"{name} through", of_part(textures, "through"), reduce, texels)
         skies = [float(luminance(np.array(part.albedo.white_sky))) for part in (record, behind)]
         transmitted = Transmitted(groups, lit, skies[0] / max(sum(skies), 1e-9))
     return shading_map_group(f"Shading Map {name}", front, lighting, transmitted)
+
+
+def _not_concentrated(lighting: Lighting) -> Lighting:
+    measured = lighting.measured
+    if measured is not None:
+        measured = replace(measured, table=replace(measured.table, concentration=0.0))
+    return replace(lighting, measured=measured, concentrated=False)
 
 
 def _map_groups(

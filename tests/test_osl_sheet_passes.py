@@ -38,7 +38,7 @@ def glazed(sheet: Path) -> BrdfRecord:
     return BrdfRecord.read(read_bundle(sheet))
 
 
-@pytest.mark.parametrize("mode", ["exact", "reference"])
+@pytest.mark.parametrize("mode", ["exact", pytest.param("reference", marks=pytest.mark.slow)])
 def test_bakes_of_normal_and_roughness_are_those_of_the_nodes(
     glazed: BrdfRecord,
     plane: bpy.types.Object,
@@ -52,7 +52,7 @@ def test_bakes_of_normal_and_roughness_are_those_of_the_nodes(
     assert 0.2 < wanted.mean() and np.abs(baked(plane, material, "ROUGHNESS") - wanted).max() < 0.01
 
 
-@pytest.mark.parametrize("mode", ["exact", "reference"])
+@pytest.mark.parametrize("mode", [pytest.param("exact", marks=pytest.mark.slow), "reference"])
 def test_normal_pass(glazed: BrdfRecord, mode: str) -> None:
     """Of a sheet that is marked for it, with the Alpha Threshold that the scene check asks for: what a Ray Portal lets
     through is transparent to Cycles, and with the usual one the pass is of the ball's far side there."""

@@ -204,7 +204,7 @@ def test_shading_maps_leave_room(paint: Bundle, tmp_path: Path, name: str) -> No
     assert closures_in(material) <= CLOSURES // 4
 
 
-@pytest.mark.parametrize("sides, room", [("alike", ROOM), ("differ", 15)])
+@pytest.mark.parametrize("sides, room", [pytest.param("alike", ROOM, marks=pytest.mark.slow), ("differ", 15)])
 def test_aimed_sheets_leave_room(tmp_path: Path, sides: str, room: int) -> None:
     """Two mirrors of each side, B-splines, as many lamps as a sheet aims at and the world; and Gloss linked.
 

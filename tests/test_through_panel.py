@@ -29,11 +29,12 @@ from measured_materials.bake.shading_maps.record import ShadingMapRecord
 from measured_materials.nodes.osl_script import is_scripted
 from measured_materials.nodes.through_closure import PORTAL
 from support.osl import skip_without_osl
-from support.scenes import lit_sphere
+from support.scenes import add_lamp, lit_sphere
 from support.stacks import ELEVATIONS, frame, write_frame, write_stack
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
 from test_addon import Stage, registered  # noqa: F401
 from test_svm_limits import ROOM
+from test_through_map import sharp_bounces  # noqa: F401
 
 TRANSMITTANCE = 0.2
 
@@ -118,7 +119,11 @@ def test_the_window_offers_a_diffuser(felt: Any) -> None:
     assert kept is not None and kept.diffuser == (1, 2, 3, 4) and kept.transmittance is None
 
 
-def test_lamps_are_sampled_on_both_sides_where_they_can_be(felt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lamps_are_sampled_on_both_sides_where_they_can_be(
+    felt: Any,
+    sharp_bounces: None,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """By a script in every Blender, as *Shade by OSL* asks for; where nodes can the scene check asks for it."""
     skip_without_osl()
     with lit_sphere(felt, 16, resolution=8) as scene:
@@ -128,6 +133,20 @@ def test_lamps_are_sampled_on_both_sides_where_they_can_be(felt: Any, monkeypatc
         effects = {effect.name: effect for effect in rebuild.effects_of(felt)}
         assert effects["Lamps sampled in the shader"].kept and is_scripted(felt)
         assert "Light through the sheet" not in effects and felt.cycles.emission_sampling == "NONE"
+        update_scene(scene.scene)
+        told = {finding.rule for finding in check_scene(scene.scene) or ()}
+        # What it emits by kind of ray is what its own rays are spared.
+        assert not {"not_sampled", "emission_light_path", "lamp_camera"} & told
+        # Of more lamps it would sample two, and aims at all.
+        for place in ((1, 2, 3), (2, 1, 3)):
+            add_lamp(scene, "POINT", place, energy=50, shadow_soft_size=0.1).visible_camera = False
+        assert "lamp_camera" in {finding.rule for finding in check_scene(scene.scene) or ()}
+        SHADING_MAP.refit(felt, scene.scene)
+        effects = {effect.name: effect for effect in rebuild.effects_of(felt)}
+        assert not effects["Lamps sampled in the shader"].kept and effects["Light through the sheet"].kept
+        assert "of 3 lamps" in effects["Lamps sampled in the shader"].why
+        for lamp in [obj for obj in scene.scene.objects if obj.type == "LIGHT" and obj.data.type == "POINT"]:
+            bpy.data.objects.remove(lamp)
         felt.measured_quality.shader = "nodes"
         SHADING_MAP.refit(felt, scene.scene)
         assert not is_scripted(felt)

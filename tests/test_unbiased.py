@@ -339,6 +339,7 @@ def test_balanced_is_exact_on_the_first_bounce(stand_in: Bundles, material: str,
     np.testing.assert_allclose(pictures[1], pictures[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_osl_twin_is_unbiased(stand_in: Bundles) -> None:
     skip_without_osl()
     with stage("small lamp") as lit:

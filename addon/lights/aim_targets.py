@@ -43,6 +43,12 @@ GAIN_OF_BRDF = Gain(
 GAIN_OF_SWATCH = Gain(
     "about a fifth of the noise under a small lamp", "less noise under the world", "about twice the time of a sample"
 )
+# One that lets light through, on 5.2.2: `tests/real_blender/lamps_agree.py`, under two lamps and a sky.
+GAIN_OF_THROUGH = Gain(
+    "about two fifths of the noise under a lamp",
+    "less noise under the world",
+    "about one and a half times the time of a mirror that is aimed",
+)
 # `./run bench sheets`, nodes and scripts alike: of an aimed mirror's noise 0.06 under a lamp behind, 0.03 under one
 # before and 0.3 under a picture, in 0.8 to 3 times its time.
 GAIN_OF_SHEET = Gain(

@@ -12,12 +12,13 @@ from ...bake.shading_maps.record import ShadingMapRecord
 from ...bake.shading_maps.reduced_map import UNSEEN, reduced_size
 from ...bake.shading_maps.render_settings import RenderSettings
 from ...bake.shading_maps.slice_atlas import SliceLayout
+from ...nodes.aimed_light_group import ON_SHEET
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.shading_map_material import build_shading_map
 from ...nodes.surface_inputs import SWATCH_MAPPING
 from ...nodes.surface_marker import shows_normals
-from ..lights.aim_targets import GAIN_OF_SWATCH, Sampling, sampling_of, what_to_aim_at
+from ..lights.aim_targets import GAIN_OF_SWATCH, GAIN_OF_THROUGH, Sampling, sampling_of, what_to_aim_at
 from ..lights.kept_surveys import surveyed
 from ..lights.lamp_survey import LampReport
 from ..lights.light_tables import lamp_image, lamp_light_image
@@ -69,9 +70,10 @@ def build_map(
     effects = [detail, levels]
     if stored.model == "azimuth":
         effects.append(plan_azimuth(settings, layout.tiles))
-    light = plan_map_light(settings, choices, report, ready=ready)
+    through = record.through is not None
+    light = plan_map_light(settings, choices, report, ready=ready, through=through)
     effects += light.effects
-    if record.through is not None and settings.mode != "preview" and not light.sample:
+    if through and settings.mode != "preview" and not (light.sample and report.slots <= ON_SHEET):
         effects.append(THROUGH)
     passes = asks_for_passes(scene)
     build_lit_map(
@@ -141,10 +143,18 @@ class MapLight:
     effects: tuple[Effect, ...]
 
 
-def plan_map_light(settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool) -> MapLight:
+def plan_map_light(
+    settings: RenderSettings, choices: Choices, report: LampReport, *, ready: bool, through: bool
+) -> MapLight:
     """The least that the mode needs, as `scene_fit.plan_brdf` has it.
 
-    Raises BakeError where lamps are to be sampled, which would bias the picture here.
+    Parameters
+    ----------
+    through : whether the swatch lets light through
+
+    Raises
+    ------
+    BakeError : lamps are to be sampled, which would bias the picture here
     """
     script = choices.shader == OSL
     by_nodes = (Effect(OSL_EFFECT, False, NO_RAYS),) if script else ()
@@ -152,7 +162,7 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
         return MapLight(False, False, False, by_nodes)
     sampled = Effect(SAMPLED_EFFECT, False, "of this technique Cycles' own shaders and a mirror are all")
     if uses_mode(settings.technique):
-        sampling = sampling_for_map(choices, report)
+        sampling = sampling_for_map(choices, report, through=through)
         sampled = plan_sampling(replace(choices, mode=settings.mode), sampling)
         if sampled.kept:
             beside = (Effect("Aimed light", True, sampling.beside),) if sampling.beside else ()
@@ -163,9 +173,14 @@ def plan_map_light(settings: RenderSettings, choices: Choices, report: LampRepor
     return MapLight(aim.kept or is_ready(choices, ready), False, False, effects)
 
 
-def sampling_for_map(choices: Choices, report: LampReport) -> Sampling:
-    """What a swatch can sample in a scene of which this is the report."""
-    return sampling_of(report, scripted=choices.shader == OSL, gain=GAIN_OF_SWATCH)
+def sampling_for_map(choices: Choices, report: LampReport, *, through: bool) -> Sampling:
+    """What a swatch, which may let light through, can sample in a scene of which this is the report."""
+    gain = GAIN_OF_THROUGH if through else GAIN_OF_SWATCH
+    found = sampling_of(report, scripted=choices.shader == OSL, gain=gain)
+    if through and report.slots > ON_SHEET and not found.impossible:
+        # Of lamps that are neither sampled nor aimed at each is met by chance.
+        return replace(found, needless=f"of {report.slots} lamps two could be, and all are aimed at")
+    return found
 
 
 def texels_per_uv(material: bpy.types.Material, width: int, height: int) -> tuple[float, float] | None:

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
+from ...nodes.group import HASH_KEY
+
 Outputs = frozenset[str]
 _NONE: Outputs = frozenset()
 _Groups = tuple[bpy.types.Node, ...]
@@ -80,7 +82,9 @@ class _Walk:
     def _output(self, socket: bpy.types.NodeSocket, groups: _Groups) -> Outputs:
         node = socket.node
         if node.bl_idname == "ShaderNodeLightPath":
-            return frozenset({socket.name})
+            # What a measured group emits of the light that it samples is what its rays are then spared.
+            measured = any(HASH_KEY in group.node_tree for group in groups)
+            return _NONE if measured else frozenset({socket.name})
         # The node's outputs are taken for one.
         key = (node, groups)
         if key not in self._values:

@@ -295,7 +295,7 @@ def _sampling(material: bpy.types.Material, choices: Choices, report: LampReport
     except BakeError:
         return aim_targets.sampling_of(report, osl=choices.shader == OSL)
     if swatch:
-        return sampling_for_map(choices, report)
+        return sampling_for_map(choices, report, through=record.through is not None)
     return sampling_for(record, choices, report)
 
 

@@ -14,11 +14,11 @@ import bpy
 import numpy as np
 
 from ...bake.source import Array
-from ...nodes.aimed_light_group import SLOTS_KEY, WORLD_KEY
+from ...nodes.aimed_light_group import ON_SHEET, SLOTS_KEY, WORLD_KEY
 from ...nodes.lamp_light_groups import SAMPLED_KEY
 from ...nodes.osl_sheet import leads_through
 from ...nodes.through_closure import PORTAL
-from ..lights.lamp_survey import LampReport, survey_scene
+from ..lights.lamp_survey import CAPACITY, LampReport, survey_scene
 from ..lights.seen_world import world_light_table
 from ..material.rebuild import effects_of
 from ..material.scene_fit import SAMPLED_EFFECT
@@ -85,6 +85,11 @@ def _fitted(material: bpy.types.Material, what: str) -> bool:
     return sampled and (what == SLOTS_KEY or any(pictures))
 
 
+def _most_sampled(material: bpy.types.Material) -> int:
+    """Lamps that it samples where there are as many."""
+    return CAPACITY if any(map(leads_through, _nodes(material))) else ON_SHEET
+
+
 def _nodes(material: bpy.types.Material) -> Iterator[bpy.types.Node]:
     return (node for tree in measured_trees(material) for node in tree.nodes)
 
@@ -93,8 +98,8 @@ def lamps(subject: Subject) -> Iterator[Finding]:
     """Lamps that neither kind of ray may meet."""
     worn = sheets(subject)
     shown = list(dict.fromkeys(obj for objects in worn.values() for obj in objects))
-    # What samples lamps itself needs no ray to meet them.
-    sampling = _sampling(subject, SLOTS_KEY)
+    # What samples all lamps itself needs no ray to meet them.
+    sampling = {found for found in _sampling(subject, SLOTS_KEY) if len(subject.lamps) <= _most_sampled(found)}
     mirrors = [objects for material, objects in worn.items() if material not in sampling]
     aimed = list(dict.fromkeys(obj for objects in mirrors for obj in objects))
     for obj in subject.lamps if shown else ():

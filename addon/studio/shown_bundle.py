@@ -50,7 +50,7 @@ def build_for(
     """
     if isinstance(record, ShadingMapRecord):
         settings, report = settings or record.render, surveyed(scene)
-        light = plan_map_light(settings, choices, report, ready=False)
+        light = plan_map_light(settings, choices, report, ready=False, through=record.through is not None)
         if light.scripted:
             use_osl(scene)
         passes = asks_for_passes(scene) and not light.scripted
