@@ -155,6 +155,19 @@ def test_a_sheet_of_nodes_samples_two_lamps_of_four_and_is_up_to_date(
     assert "lamp_table" not in rules(scene)
 
 
+def test_a_sheet_tells_at_how_many_lamps_it_aims(cloth: bpy.types.Material, scene: TestScene) -> None:
+    """Of nodes at two; a script at all."""
+    skip_without_osl()
+    places = ((1, 2, 3), (2, 1, 3))
+    lamps = [add_lamp(scene, "POINT", place, energy=50, shadow_soft_size=0.1) for place in places]
+    for shader, told in (("nodes", True), ("osl", False)):
+        rebuild_brdf(cloth, Choices(mode="reference", shader=shader), scene.scene)
+        (aimed,) = (effect for effect in effects_of(cloth) if effect.name == "Aimed light")
+        assert "3 lamps" in aimed.why and ("of the lamps at the 2 that light most" in aimed.why) == told
+    for lamp in lamps:
+        bpy.data.objects.remove(lamp)
+
+
 def test_a_sheet_is_a_script_also_where_there_is_nothing_to_sample(cloth: bpy.types.Material, scene: TestScene) -> None:
     """Under a world of no picture and no lamp; what it costs was not measured."""
     skip_without_osl()

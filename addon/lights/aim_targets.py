@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...nodes.aimed_light_group import MAX_SLOTS
 from ...nodes.light_ray import can_raycast
 from .lamp_survey import LampReport
 
@@ -75,14 +76,19 @@ class Sampling:
 UNKNOWN = Sampling("nothing is known of its lamps")
 
 
-def what_to_aim_at(report: LampReport) -> str:
-    """Describe what is aimed at and why it pays; empty if there is nothing. The report is `survey_scene`'s for a
-    render.
+def what_to_aim_at(report: LampReport, most: int = MAX_SLOTS) -> str:
+    """Describe what is aimed at and why it pays; empty if there is nothing.
+
+    Parameters
+    ----------
+    report : `survey_scene`'s for a render
+    most : lamps that the material has room for
     """
     if not report.slots and not report.world.aimed:
         return ""
     words = report.words()[0]
-    return words[:1].lower() + words[1:]
+    fewer = f"; of the lamps at the {most} that light most, for more there is no room" * (report.slots > most)
+    return f"{words[:1].lower()}{words[1:]}{fewer}"
 
 
 def sampling_of(

@@ -11,6 +11,7 @@ import bpy
 from ...bake.brdf.record import BrdfRecord
 from ...bake.bundle.bundle import Bundle
 from ...bake.envelope.gloss_energy import Rows, brightened_by_gloss
+from ...nodes.aimed_light_group import MAX_SLOTS, ON_SHEET
 from ...nodes.data_image import Images
 from ...nodes.feature_passes import asks_for_passes
 from ...nodes.material import build_material, usual_mode
@@ -60,7 +61,8 @@ def build_brdf(
     choices = choices or usual_choices(record)
     ready, scene = scene is None, scene or bpy.context.scene
     report, passes = surveyed(scene), asks_for_passes(scene)
-    targets, sampling = what_to_aim_at(report), sampling_for(record, choices, report)
+    most = ON_SHEET if record.sheet is not None and choices.shader != OSL else MAX_SLOTS
+    targets, sampling = what_to_aim_at(report, most), sampling_for(record, choices, report)
     plan = plan_brdf(
         record,
         choices,
