@@ -27,6 +27,7 @@ from measured_materials.bake.shading_maps.azimuth.azimuth_basis import AzimuthBa
 from measured_materials.bake.shading_maps.render_settings import RenderSettings
 from measured_materials.bake.source import luminance
 from measured_materials.nodes import compat
+from measured_materials.nodes.aimed_light_group import SLOTS_KEY
 from measured_materials.nodes.group import content_hash
 from measured_materials.nodes.lamp_light_groups import SAMPLED_KEY
 from measured_materials.nodes.material_tree import measured_nodes
@@ -40,6 +41,7 @@ from support.eevee import eevee_pictures
 from support.monte_carlo import assert_same
 from support.osl import skip_without_osl
 from support.scenes import TestScene, lit_sphere
+from support.sharp_bounces import sharp_bounces  # noqa: F401
 from support.swatches import map_bundle, rough_map
 from test_addon import registered  # noqa: F401
 
@@ -65,7 +67,8 @@ def agrees(path: Path, settings: RenderSettings, layout: str, samples: int, **bu
         if build.get("scripted"):
             use_osl(gantry.scene)
         update_scene(gantry.scene)
-        assert any(SAMPLED_KEY in tree for tree in bpy.data.node_groups) == ("lights" in build)
+        sampled = [tree[SLOTS_KEY] for tree in bpy.data.node_groups if SAMPLED_KEY in tree]
+        assert all(sampled) and bool(sampled) == ("lights" in build)
         found = np.stack([gantry.render(seed) for seed in range(8)])
     mask = np.ones(expected.shape[:2], bool)
     assert_same(np.stack([expected] * 3), found, mask, 0.0, FINDS)
@@ -99,7 +102,12 @@ def test_aimed_mirror_is_what_quadrature_says(
         ("mirrored and sheared", replace(LIT, lobe=Lobe("ggx", 0.4))),
     ],
 )
-def test_sampled_lamps_are_what_quadrature_says(tmp_path: Path, layout: str, settings: RenderSettings) -> None:
+def test_sampled_lamps_are_what_quadrature_says(
+    tmp_path: Path,
+    sharp_bounces: None,  # noqa: F811
+    layout: str,
+    settings: RenderSettings,
+) -> None:
     """By a script's rays, as nodes' of Blender 5.1; all else is nodes that Open Shading Language runs."""
     skip_without_osl()
     agrees(tmp_path, settings, layout, 160, lamps=lamp_image(), lights=lamp_light_image(), scripted=True, pack=True)

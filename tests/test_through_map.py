@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from support.clean_blend import clean_blend  # noqa: F401
 from support.direct_light import environment
 from support.osl import skip_without_osl
 from support.scenes import add_lamp, diffuse_material
+from support.sharp_bounces import sharp_bounces  # noqa: F401
 from support.sheet_scenes import (
     BEFORE,
     BEHIND,
@@ -160,15 +161,6 @@ def test_a_lamp_behind_and_before(tmp_path: Path, theta: float, place: tuple[flo
         assert_shows(scene, truth_by_lamp(record, LAMBERT, theta, lamp), samples=128 if aimed else 384)
 
 
-@pytest.fixture
-def sharp_bounces() -> Iterator[None]:
-    """The scene that Blender starts with would not let any lamp be sampled."""
-    cycles = bpy.context.scene.cycles
-    before, cycles.blur_glossy = cycles.blur_glossy, 0.0
-    yield
-    cycles.blur_glossy = before
-
-
 def by_scripts(record: ShadingMapRecord, **options: Any) -> bpy.types.Material:
     """One that samples lamps, whose rays are OSL, as in every Blender."""
     skip_without_osl()
@@ -188,7 +180,7 @@ def by_scripts(record: ShadingMapRecord, **options: Any) -> bpy.types.Material:
 )
 def test_a_lamp_on_either_side_is_sampled(
     tmp_path: Path,
-    sharp_bounces: None,
+    sharp_bounces: None,  # noqa: F811
     theta: float,
     place: tuple[float, float, float],
     size: float,
@@ -205,7 +197,10 @@ def test_a_lamp_on_either_side_is_sampled(
 
 
 @pytest.mark.slow
-def test_the_world_is_sampled_on_both_sides(tmp_path: Path, sharp_bounces: None) -> None:
+def test_the_world_is_sampled_on_both_sides(
+    tmp_path: Path,
+    sharp_bounces: None,  # noqa: F811
+) -> None:
     record = bake(tmp_path, SHEER)
     with sheet_scene(diffuse_material(), 50.0) as scene:
         pixels = add_room(scene)

@@ -30,11 +30,11 @@ from measured_materials.nodes.osl_script import is_scripted
 from measured_materials.nodes.through_closure import PORTAL
 from support.osl import skip_without_osl
 from support.scenes import add_lamp, lit_sphere
+from support.sharp_bounces import sharp_bounces  # noqa: F401
 from support.stacks import ELEVATIONS, frame, write_frame, write_stack
 from support.svm_stack import CLOSURES, aim_at_everything, closures_in, fits_with
 from test_addon import Stage, registered  # noqa: F401
 from test_svm_limits import ROOM
-from test_through_map import sharp_bounces  # noqa: F401
 
 TRANSMITTANCE = 0.2
 

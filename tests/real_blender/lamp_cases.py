@@ -308,7 +308,7 @@ CASES = {
     "swatch over azimuth": Case(swatch_on_a_ball, swatch="swatch_azimuth", samples=128),
     "swatch, measured": Case(swatch_on_a_ball, swatch="swatch_measured"),
     "swatch against the light": Case(against_the_light, swatch="swatch_none_through", samples=128),
-    "swatch against the light, measured": Case(against_the_light, swatch="swatch_measured_through", samples=128),
+    "swatch against the light, measured": Case(against_the_light, swatch="swatch_measured_through", samples=256),
 }
 
 
