@@ -30,7 +30,6 @@ class SheetBuild:
     ----------
     residual : whether parts get a mirror, of which those do whose native closures leave something
     lights : tables of the lamps and the world that the shader is to sample; None where it is not
-    alike : whether both sides are; a sheet's own record decides
     """
 
     mode: str
@@ -40,18 +39,20 @@ class SheetBuild:
     lamps: bpy.types.Image | None
     lamp_share: bool = False
     lights: LightTables | None = None
-    alike: bool = True
 
     def group(self, record: BrdfRecord, name: str, images: Images, *, normals: bool) -> bpy.types.ShaderNodeTree:
         """The group. Raises BakeError where a part does not hold what the mode needs."""
         assert record.sheet is not None
-        if self.alike != record.sheet.alike:
-            return replace(self, alike=record.sheet.alike).group(record, name, images, normals=normals)
         front = self._side(record, record.part("through"), name, images, ("", "through"))
         back = None
         if not record.sheet.alike:
             behind = record.part("behind"), record.part("through_behind")
             back = self._side(*behind, name, images, ("behind", "through_behind"))
+            # What it takes to ask how wide lamps are is what four mirrors have not left on Cycles' stack.
+            front, back = (
+                replace(side, reflected=_not_concentrated(side.reflected), through=_not_concentrated(side.through))
+                for side in (front, back)
+            )
         return sheet_group(
             f"Measured {name}",
             self.mode,
@@ -91,8 +92,7 @@ class SheetBuild:
             chosen = self.stochastic and part == "table"
             aimed = self.lamps is not None
             table = table_groups(record.baked(part), name, images, self.filter, chosen, aimed=aimed)
-            # What it takes to ask how wide lamps are is what four mirrors have not left on Cycles' stack.
-            table = replace(table, most_lamps=ON_SHEET, concentration=table.concentration if self.alike else 0.0)
+            table = replace(table, most_lamps=ON_SHEET)
         envelope = closures_of(record, "envelope", images) if self.mode in ("exact", "balanced") else None
         preview = closures_of(record, "preview_weights", images)
         lamps = self.lamps if table is not None else None
@@ -112,6 +112,12 @@ def needs_mirror(record: BrdfRecord) -> bool:
 def white_sky(record: BrdfRecord) -> float:
     """Luminance of what a part shows of an even light, averaged over the viewers."""
     return float(luminance(np.array(record.albedo.white_sky)))
+
+
+def _not_concentrated(parts: BrdfParts | None) -> BrdfParts | None:
+    if parts is None or parts.table is None:
+        return parts
+    return replace(parts, table=replace(parts.table, concentration=0.0))
 
 
 def _through(parts: BrdfParts) -> BrdfParts:
