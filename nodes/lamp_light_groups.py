@@ -76,8 +76,8 @@ class LightTables:
     sheet: bool = False
 
     @property
-    def most_aimed(self) -> int:
-        """Lamps that there is room to aim at instead."""
+    def most_lamps(self) -> int:
+        """That there is room to sample, or to aim at instead."""
         return ON_SHEET if self.sheet else MAX_SLOTS
 
     @property
@@ -280,7 +280,7 @@ def _switched_group(
     its inputs."""
 
     def build(*arguments: Any) -> tuple[Any, ...]:
-        for slots in range(min(ON_SHEET if tables.sheet else MAX_SLOTS, tables.lamps.size[1]) + 1):
+        for slots in range(min(tables.most_lamps, tables.lamps.size[1]) + 1):
             for world in (False, True) if tables.around else (False,):
                 if slots or world:
                     found = results(slots, world, *arguments)

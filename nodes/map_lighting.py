@@ -137,8 +137,8 @@ class Lighting:
 
     @property
     def concentration(self) -> float:
-        """Of what `sample` draws by, `bake.sampling.concentration`; 0 where nothing may follow it."""
-        if not self.concentrated:
+        """Of what `sample` draws by, `bake.sampling.concentration`; 0 where nothing follows it."""
+        if self.lamps is None or not self.concentrated:
             return 0.0
         if self.measured is not None:
             return self.measured.table.concentration

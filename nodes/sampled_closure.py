@@ -85,7 +85,7 @@ def draw_ahead(table: TableGroups, up: Any, frame: tuple[Any, Any, Any], numbers
     drawn, of_drawn = call(table.sampler, frame[0], *u[:4])
     seen, narrowed = (drawn, 1.0) if table.gloss is None else seen_from_table(drawn, frame[0], table.gloss)
     # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
-    instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted, tables.most_aimed)
+    instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted, tables.most_lamps)
     ahead = to_world(seen, *frame[1:], up)
     wi_world, aimed, unaimed, aims = call(instead, position, up, ahead, *more[:2], *u[:2], table.concentration)
     turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (*frame[1:], up)))

@@ -160,7 +160,7 @@ def _draw_ahead(
     lighting = side.lighting
     drawn, of_drawn = lighting.sample(wo, *u[:4])
     # What cannot be sampled now is aimed at instead, as another mirror does; else all of this is left out by Cycles.
-    instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted, tables.most_aimed)
+    instead = aimed_instead_group(tables.lamps, tables.around is not None, tables.scripted, tables.most_lamps)
     straight = to_world(drawn, along, across, up)
     wi_world, aimed, unaimed, aims = call(instead, position, up, straight, *more[:2], *u[:2], lighting.concentration)
     turned = expr.vec(*(expr.dot(wi_world, axis) for axis in (along, across, up)))

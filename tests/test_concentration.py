@@ -28,6 +28,7 @@ from measured_materials.nodes.material import build_material
 from measured_materials.nodes.osl_material import build_osl_material
 from measured_materials.nodes.shading_map_material import build_shading_map
 from numpy.typing import NDArray
+from support.clean_blend import clean_blend  # noqa: F401
 from support.coarse_bakes import coarse_bakes
 from support.osl import skip_without_osl
 from support.swatches import identity_map, map_bundle
